@@ -99,7 +99,7 @@ def carry(
     fed: bool = True,
 ) -> Carried:
     """
-    Carry one object along a random path.
+    Carry one object along a random path; one that leaves as it is released is drawn anew.
 
     :param kind: of the object.
     :param seed: of everything that is drawn.
@@ -111,15 +111,18 @@ def carry(
     believed = soften(round_robot(), stiffness * (1.0 + MEASURED * rng.normal()))
     zeros = ZEROS * rng.normal(size=len(believed.roller_names))
     true = Robot(move_home(soften(round_robot(), stiffness), zeros))
-    grip, target, legs = _draw_task(true, kind, rng)
-    angle = grip.body.pose.angle
-    body = place_between(true.home, grip.members, grip.body.shape, angle, BEGIN).body
-    body = replace(body, mass=0.5, friction=FRICTION)
-    plant = MujocoPlant(true, [body], PlantOptions(friction=FRICTION, module_mass=1.0))
-    plant.hold_object(body.pose)
-    plant.settle(1.0)
-    plant.release_object()
-    plant.settle(1.0)
+    while True:
+        grip, target, legs = _draw_task(true, kind, rng)
+        angle = grip.body.pose.angle
+        body = place_between(true.home, grip.members, grip.body.shape, angle, BEGIN).body
+        body = replace(body, mass=0.5, friction=FRICTION)
+        plant = MujocoPlant(true, [body], PlantOptions(friction=FRICTION, module_mass=1.0))
+        plant.hold_object(body.pose)
+        plant.settle(1.0)
+        plant.release_object()
+        plant.settle(1.0)
+        if _squeeze_in(plant):  # it may leave at so small a depth, before there is a loop
+            break
     servo = TwistServo(believed, '', 1.0, 1.0 / RATE, 0.5)
     servo.members, servo.body, servo.friction = grip.members, body, FRICTION
     servo.squeeze = SqueezeControl(SqueezeSettings(target, FRICTION))
@@ -209,7 +212,7 @@ class _Loop:
         decision = servo.decide(now)
         plant.advance(1.0 / RATE, (1.0 - SLIP) * decision.command.roller_velocities)
         if self.moving:
-            self.squeezes.append(self.squeeze)
+            self.squeezes.append(_squeeze_in(self.plant))
 
     def _measure(self, now: float, pose: Pose) -> None:
         """Tell the estimator pose and markers."""
@@ -227,16 +230,9 @@ class _Loop:
             self.estimator.take_markers(now, seen, MARKER)
             self.times.append(time.thread_time() - begin)
 
-    @property
-    def squeeze(self) -> float:
-        """Return the mean normal force in MuJoCo [N]."""
-        forces = [force.normal for force in self.plant.contact_forces().values()]
-        pressing = [force for force in forces if force > 0.1]
-        return float(np.mean(pressing)) if len(pressing) > 1 else 0.0
-
     def judge(self) -> Carried:
         """Return how far everything is off."""
-        found, truth, count = self.estimator.estimate(), self.squeeze, len(self.joints)
+        found, truth, count = self.estimator.estimate(), _squeeze_in(self.plant), len(self.joints)
         target = self.servo.squeeze.settings.force
         joints = self.plant.nodes[:count]
         blind = self.robot.home.moved_to(self.plant.travel / (1.0 - SLIP)).nodes[:count]
@@ -256,6 +252,13 @@ class _Loop:
             float(np.median(self.times)),
             tuple(sorted(self.slips)),
         )
+
+
+def _squeeze_in(plant: MujocoPlant) -> float:
+    """Return the mean normal force in MuJoCo [N]."""
+    forces = [force.normal for force in plant.contact_forces().values()]
+    pressing = [force for force in forces if force > 0.1]
+    return float(np.mean(pressing)) if len(pressing) > 1 else 0.0
 
 
 def _spread() -> Array:
