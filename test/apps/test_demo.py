@@ -316,7 +316,15 @@ def test_the_table_of_the_truth_has_the_errors_of_squeeze_joints_and_pose():
         snapshots=[Snapshot(1.0, rollers, None)],
         squeezes=[20.0, 14.0, 25.0, 22.0],
         joints=[joints],
-        estimates=[StateEstimate(joints=places, held=True, squeeze=21.0)],
+        estimates=[
+            StateEstimate(
+                joints=places,
+                held=True,
+                squeeze=21.0,
+                travel=(rollers + 0.002).tolist(),
+                offsets=[0.002] * len(rollers),
+            )
+        ],
     )
     table = truth_table([record], ROBOT, 20.0)
     cells = [next(iter(column.cells)) for column in table.columns]

@@ -25,7 +25,8 @@ import numpy as np
 
 #: An object that is off its model by more than this [m] for as long as this [s] has slipped.
 SLIP, SLIP_TIME = 0.005, 2.0
-#: A pose that departs from the model evenly, as the members carry the object, by as much [m].
+#: A pose that departs from the model evenly, as the members carry the object, by as much more than
+#: the expected load explains [m].
 LIE = 0.006
 #: That is compared over these steps of the way that twists ask for, as many at most [m].
 STEP, STEPS = 0.0025, 30
@@ -133,12 +134,12 @@ class GripWatch:
         self._departures.append(self._apart - self._begun)
         longest = EVEN * self._travelled
         self._begun, self._travelled = self._apart, 0.0
-        departed = np.zeros(3)
+        departed, explained = np.zeros(3), math.hypot(*(poses.apart - poses.unexplained))
         for each in reversed(self._departures):
             if math.hypot(*each) > longest or each @ self._departures[-1] <= 0.0:
                 return False
             departed = departed + each
-            if math.hypot(*departed) > LIE:
+            if math.hypot(*departed) > LIE + explained:
                 return True
         return False
 

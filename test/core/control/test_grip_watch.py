@@ -70,6 +70,11 @@ def test_a_load_that_comes_on_the_way_is_no_lie(asked):
     assert fault is None
 
 
+def test_what_an_expected_load_explains_is_no_lie():
+    fault, _ = watch(lambda t: 0.015 * t, asked=0.03, explained=0.9, duration=3.0)
+    assert fault is None
+
+
 @pytest.mark.parametrize('rate', [0.0, 0.5])
 def test_swings_that_do_not_decay_are_an_oscillation(rate):
     fault, time = watch(error=lambda t: 0.004 * np.exp(rate * t) * np.sin(10.0 * t))
