@@ -125,15 +125,21 @@ class Client:
 
     def until_stage(self, goal, stage, progress=0.0):
         """Send a goal, and return its handle in a stage, with so much of it done."""
+        handle, ended = self._begin_stage(goal, stage, progress)
+        assert not ended.done(), ended.result().result.message
+        return handle
+
+    def _begin_stage(self, goal, stage, progress):
+        """Send a goal; return its handle and the future of its end, one of which comes first."""
         handle = self.begin(goal)
         ended = handle.get_result_async()
-
-        def reached():
-            assert not ended.done(), ended.result().result.message
-            return any(m.stage == stage and m.progress >= progress for m in self.feedback)
-
-        self._until(reached)
-        return handle
+        self._until(
+            lambda: (
+                ended.done()
+                or any(m.stage == stage and m.progress >= progress for m in self.feedback)
+            )
+        )
+        return handle, ended
 
     def until_searching(self):
         """Send a goal, and return its handle once the planner searches."""
@@ -144,8 +150,14 @@ class Client:
         return handle
 
     def until_approaching(self):
-        """Send a goal, and return its handle once the rollers move."""
-        return self.until_stage(PICK, PickObject.Feedback.APPROACHING, BEGUN)
+        """Send a goal, and return its handle once the rollers move; again if they were near."""
+        for _ in range(3):
+            handle, ended = self._begin_stage(PICK, PickObject.Feedback.APPROACHING, BEGUN)
+            if not ended.done():
+                return handle
+            self.hold()
+            self.let_go()
+        raise AssertionError(ended.result().result.message)
 
     def cancel_in_stage(self, goal, stage, back, progress):
         """Cancel a goal in a stage, in which no other is accepted; again where that was over."""
