@@ -19,8 +19,8 @@ ROOT = Path(__file__).parents[2]
 #: Largest numbers of files and of moves between them.
 BOUNDS = {
     'twist to roller command': (20, 96),
-    'closure by (10)': (22, 132),
-    'flag of the node: held': (40, 290),
+    'closure by (10)': (23, 134),
+    'flag of the node: held': (41, 294),
 }
 
 
