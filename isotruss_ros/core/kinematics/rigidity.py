@@ -123,6 +123,7 @@ class RigidityIndex:
 
 
 @functools.lru_cache(maxsize=16)
+@single_threaded
 def rigidity_index(robot: Robot) -> RigidityIndex:
     """
     Return what measures the rigidity of a robot's shapes; made once for each robot.
