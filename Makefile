@@ -41,7 +41,7 @@ help:
 	@echo 'make view     watch and drag the robot in a browser; PLANT=elastic, kinematic or mujoco'
 	@echo 'make test     style and tests; those of ament run with make colcon'
 	@echo 'make noble    some tests with the versions of Ubuntu 24.04, in .noble'
-	@echo 'make nightly  what takes long: all tests, demo and paper as in make noble; soak, calls and plant'
+	@echo 'make nightly  what takes long: all tests, demo and paper as in make noble; soak, calls, plant, demo in MuJoCo'
 	@echo 'make paper    compute and draw what the paper shows: docs/paper.md'
 	@echo 'make plant    compare our model with MuJoCo: docs/plant.md'
 	@echo 'make docs     build the documentation site: docs/_build/html/index.html'
@@ -80,6 +80,8 @@ nightly: venv
 	+$(MAKE) soak
 	+$(MAKE) calls
 	+$(MAKE) plant
+	+$(MAKE) demo PLANT=mujoco
+	+$(MAKE) demo PLANT=mujoco SENSORS=real
 
 noble-venv:
 	+$(MAKE) venv $(NOBLE)

@@ -25,13 +25,14 @@ import numpy as np
 
 #: An object that is off its model by more than this [m] for as long as this [s] has slipped.
 SLIP, SLIP_TIME = 0.005, 2.0
-#: A pose that departs from the model evenly, as the members carry the object, by as much more than
-#: the expected load explains [m].
+#: A pose lies that departs from the model by so much more than the expected load explains [m] ...
 LIE = 0.006
-#: That is compared over these steps of the way that twists ask for, as many at most [m].
-STEP, STEPS = 0.0025, 30
-#: A load moves the object by more than this many times a step.
-EVEN = 2.0
+#: ... on a way of so many steps at most [m] ...
+STEP, STEPS = 0.001, 75
+#: ... and goes as twists ask for, as closely as this [m].
+LED = 0.002
+#: A pose lies that does not move by this [m] where members and twists move the object by that [m].
+STUCK, MOVED = 0.0002, 0.006
 #: Half-swings of the pose error from this size on count [m] ...
 SWING = 0.003
 #: ... where they take less than so many times pi / omega, or this time if that is not known [s].
@@ -59,16 +60,18 @@ class PoseComparison(NamedTuple):
     :ivar unexplained: what the expected load leaves of it.
     :ivar error: what is missing to the reference.
     :ivar asked: motion that the twist of the last cycle asked for.
+    :ivar moved: motion of the measured pose since the last cycle.
     """
 
     apart: Array
     unexplained: Array
     error: Array
     asked: Array
+    moved: Array
 
 
 #: A pose that is that of its model.
-NOTHING_APART = PoseComparison(*np.zeros((4, 3)))
+NOTHING_APART = PoseComparison(*np.zeros((5, 3)))
 
 
 class GripWatch:
@@ -76,8 +79,8 @@ class GripWatch:
     Compares the measured pose of a held object with the model, and looks for oscillations.
 
     - An object that slipped stays off the model; a short load does not.
-    - A pose that lies departs from the model evenly on its way: it stands still, or goes as twists
-      ask for, and the members do not. A load moves the object at once.
+    - A pose that lies stands still, or goes as twists ask for, and the members do not. A load
+      moves the object off both.
     - An oscillation that grows, or does not decay, has half-swings that do not.
 
     :param frequency: lowest natural frequency of the held object; None if not known [rad/s].
@@ -90,8 +93,9 @@ class GripWatch:
         self._first, self._frequency = first, frequency
         self._apart, self._unexplained, self._error = np.zeros((3, 3))
         self._slipped_for = 0.0
-        self._begun, self._travelled = np.zeros(3), 0.0
-        self._departures: deque[Array] = deque(maxlen=STEPS)
+        self._asked, self._measured, self._travelled = np.zeros(3), np.zeros(3), 0.0
+        # Where twists led and the measured pose went, and how far that was off the model.
+        self._places: deque[tuple[Array, Array, Array]] = deque(maxlen=STEPS)
         # Noise is quicker than what grows, which is the lowest mode and slower.
         self._swing_filter = 1.0 / frequency if frequency else FILTER_TIME
         self.forget_swings()
@@ -127,21 +131,28 @@ class GripWatch:
         return GripFault.OSCILLATES if any(grown) else None
 
     def _departs(self, poses: PoseComparison) -> bool:
-        """Return whether the pose departs from the model evenly, as the object is moved."""
-        self._travelled += math.hypot(*poses.asked)
+        """Return whether the pose departs from the model, and stands still or goes as asked."""
+        way = math.hypot(*poses.asked)
+        if way == 0.0:
+            self._places.clear()
+            self._travelled = 0.0
+            return False
+        if self._travelled == 0.0:
+            self._places.append((self._asked, self._measured, self._apart))
+        self._asked, self._measured = self._asked + poses.asked, self._measured + poses.moved
+        self._travelled += way
         if self._travelled < STEP:
             return False
-        self._departures.append(self._apart - self._begun)
-        longest = EVEN * self._travelled
-        self._begun, self._travelled = self._apart, 0.0
-        departed, explained = np.zeros(3), math.hypot(*(poses.apart - poses.unexplained))
-        for each in reversed(self._departures):
-            if math.hypot(*each) > longest or each @ self._departures[-1] <= 0.0:
-                return False
-            departed = departed + each
-            if math.hypot(*departed) > LIE + explained:
-                return True
-        return False
+        self._travelled = 0.0
+        here = np.array((self._asked, self._measured, self._apart))
+        since = here - np.array(self._places)[::-1]
+        asked, moved, apart = np.linalg.norm(since, axis=2).T
+        stuck = np.logical_and.accumulate(moved < STUCK)
+        off_path = np.linalg.norm(since[:, 1] - since[:, 0], axis=1)
+        led = np.logical_and.accumulate(off_path < LED)
+        explained = math.hypot(*(poses.apart - poses.unexplained))
+        stands = stuck & (np.minimum(asked, apart) > MOVED)
+        return bool((stands | led & (apart > LIE + explained)).any())
 
 
 class _Swings:

@@ -139,6 +139,7 @@ class SqueezeControl:
         self._watch, self._rest = GripWatch(), 0.0
         self._velocity, self._asked, self._elapsed = np.zeros(3), np.zeros(3), 0.0
         self._pose, self._squeeze, self._slope = np.zeros(3), 0.0, 0.0
+        self._measured = np.zeros(3)
         self._rows, self._drift = np.zeros((4, 0)), np.zeros(4)
         self._estimate: EstimatedTravel | None = None
         self._offsets: Array | float | None = None
@@ -358,7 +359,8 @@ class SqueezeControl:
             return HoldStatus.UNSTABLE
         self._take(grasp, given, np.zeros(3))
         even, still = np.array([1.0, 1.0, grasp.arm]), np.zeros(3)
-        first = PoseComparison(even * self.load.offset, even * self.load.bias, still, still)
+        first = PoseComparison(even * self.load.offset, even * self.load.bias, still, still, still)
+        self._measured = np.array(grip.body.pose)
         self._watch = GripWatch(self.frequency, first)
         self._take_utilisation(grasp)
         rollers = len(config.roller_positions)
@@ -404,8 +406,10 @@ class SqueezeControl:
         even, error = np.array([1.0, 1.0, grasp.arm]), np.zeros(3)
         if self.reference is not None:
             error = _difference(self.reference, np.array(measured))
-        asked = elapsed * self._asked
-        poses = PoseComparison(*(even * each for each in (offset + moved, offset, error, asked)))
+        asked, went = elapsed * self._asked, _difference(np.array(measured), self._measured)
+        self._measured = np.array(measured)
+        lengths = (offset + moved, offset, error, asked, went)
+        poses = PoseComparison(*(even * each for each in lengths))
         self._look_for_faults(poses, elapsed)
 
     def _follow_estimate(self, elapsed: float) -> None:
