@@ -132,15 +132,10 @@ class GripWatch:
 
     def _departs(self, poses: PoseComparison) -> bool:
         """Return whether the pose departs from the model, and stands still or goes as asked."""
-        way = math.hypot(*poses.asked)
-        if way == 0.0:
-            self._places.clear()
-            self._travelled = 0.0
-            return False
-        if self._travelled == 0.0:
+        if self._travelled == 0.0 and poses.asked.any():
             self._places.append((self._asked, self._measured, self._apart))
         self._asked, self._measured = self._asked + poses.asked, self._measured + poses.moved
-        self._travelled += way
+        self._travelled += math.hypot(*poses.asked)
         if self._travelled < STEP:
             return False
         self._travelled = 0.0
