@@ -30,7 +30,7 @@ from isotruss_ros.nodes.conversions.grasp_messages import to_wrench_message
 from isotruss_ros.nodes.conversions.messages import read_stamp, to_pose_message
 from isotruss_ros.nodes.conversions.object_messages import to_object_message
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
-from manual_world import check_refused, world
+from manual_world import world
 import numpy as np
 from probe import DIAMETER, MODULE, N, overrides, ROBOT
 import pytest
@@ -38,7 +38,6 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from visualization_msgs.msg import Marker, MarkerArray
 
-NAMES = list(ROBOT.roller_names)
 SQUEEZED = tangent_center(ROBOT.home, MODULE, DIAMETER, indentation=0.01)
 #: In the middle of the triangle south, so wide that all three sides press on it.
 CAUGHT = {'center': (0.0, -0.8267), 'diameter': 0.65}
@@ -182,17 +181,7 @@ def test_an_external_wrench_counts_until_it_is_stale():
         w.until(balanced, send)
         state = w.until_code(GraspCode.STALE_EXTERNAL_WRENCH, feed(w), 'state')
         assert_no_answer(w, state)
-        for changes, words in (
-            ({'wrench': (math.nan, 0.0, 0.0)}, 'finite'),
-            ({'frame': 'truss'}, "must be in 'truss_object'"),
-            ({'age': -1.0}, 'future'),
-        ):
-            state = w.until_code(
-                GraspCode.INVALID_EXTERNAL_WRENCH, lambda changes=changes: send(**changes), 'state'
-            )
-            assert words in state.message
-            assert_no_answer(w, state)
-            w.until_code(GraspCode.OK, lambda: send(frame=''), 'state')
+        w.until_code(GraspCode.OK, lambda: send(frame=''), 'state')
 
 
 def test_runs_at_its_rate_at_most_and_computes_only_what_changes():
@@ -304,40 +293,13 @@ def test_the_service_answers_without_changing_the_state():
         assert after.contacts == live.contacts
 
 
-def test_the_service_needs_fresh_joint_states_or_roller_positions():
-    with world(node()) as w:
-        request = AnalyzeGrasp.Request(diameter=DIAMETER, friction=0.5)
-        request.center.x, request.center.y = SQUEEZED
-        for positions, code in (
-            ([], GraspState.NO_JOINT_STATES),
-            ([0.0] * N, GraspState.OK),
-        ):
-            request.roller_positions = positions
-            answer = w.call('analyze_grasp', request)
-            assert answer.state.code == code
-            assert answer.success == (code == GraspState.OK)
-
-
-def test_parameters_change_at_run_time_or_are_rejected_with_the_reason():
+def test_parameters_change_at_run_time():
     with world(node()) as w:
         analysis = w.nodes[1]
 
         def change(name, value):
             return analysis.set_parameters([Parameter(name, value=value)])[0]
 
-        for name, value, word in (
-            ('rate', 0.0, 'range'),
-            ('rate', 'fast', 'type'),
-            ('friction', -0.1, 'range'),
-            ('friction', math.nan, 'range'),
-            ('spacing', 0.0, 'range'),
-            ('command_timeout', -1.0, 'range'),
-            ('object_diameter', math.inf, 'range'),
-            ('robot', 'triangle', 'read-only'),
-        ):
-            result = change(name, value)
-            assert not result.successful, name
-            assert word in result.reason, result.reason
         before = until_ok(w)
         force = sum(c.normal_force for c in before.contacts)
         assert change('object_diameter', 0.31).successful
@@ -508,17 +470,6 @@ def test_the_service_refuses_two_objects_or_none(fields, words):
         assert not answer.success
         assert answer.state.code == GraspState.INVALID_REQUEST
         assert re.search(words, answer.message)
-
-
-@pytest.mark.parametrize(
-    ('value', 'words'),
-    [
-        ('{shape: disk, diameter: 0.1}', 'must be one of disc, polygon, ellipse'),
-        ('nowhere/box.yaml', r'box\.yaml: cannot be read'),
-    ],
-)
-def test_what_is_no_object_is_refused(value, words):
-    check_refused(node(object=value), words)
 
 
 def test_measured_pressures_count_and_are_not_relied_on_once_they_are_old():
