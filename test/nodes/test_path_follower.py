@@ -318,8 +318,10 @@ def test_waits_while_manipulation_halts_and_aborts_after_the_timeout(code, scale
         w.until(lambda: not client.moves(), halted)
         w.until(client.moves, fine)  # goes on by itself
         w.until(lambda: not client.moves(), halted)
+        began = w.now
         status, result = client.result(handle, halted)
         assert (status, result.code) == (GoalStatus.STATUS_ABORTED, Result.STOPPED)
+        assert w.now - began == pytest.approx(2.0, abs=0.2)
         assert 'no progress' in result.message
         assert 'manipulation: ' in result.message
         assert not client.moves()
