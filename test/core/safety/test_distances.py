@@ -153,12 +153,6 @@ def cross(one, other):
     return left(a, b, c) != left(a, b, d) and left(c, d, a) != left(c, d, b)
 
 
-@pytest.mark.parametrize('name', robots.PRESETS)
-def test_nothing_overlaps_at_home(name):
-    robot = load_robot(name)
-    assert collision_model(robot).distances(robot.home).min() > 0.12
-
-
 def test_modules_that_share_a_joint_are_as_far_apart_as_by_hand():
     # Rods of h at 120 degrees, discs of s/2 + tube radius at their ends.
     model = collision_model(ROBOT)
