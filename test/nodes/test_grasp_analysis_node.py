@@ -75,6 +75,23 @@ def assert_no_answer(w, state):
     assert not w.probe.last('closure').data
 
 
+def check_analysis(state, expected, settled=None):
+    """Check that a state has what an analysis of a grasp, and of its hold, says."""
+    for name in ('closure_residual', 'closure_tolerance', 'closure_margin', 'required_friction'):
+        assert getattr(state, name) == pytest.approx(getattr(expected, name), rel=1e-6), name
+    assert state.force_closure == expected.force_closure
+    wrench = state.normal_wrench
+    assert (wrench.force.x, wrench.force.y, wrench.torque.z) == pytest.approx(
+        expected.normal_wrench, rel=1e-6
+    )
+    touching = expected.normal_forces > 0.0
+    forces = [contact.normal_force for contact in state.contacts]
+    assert forces == pytest.approx(expected.normal_forces[touching], rel=1e-6)
+    if settled is not None:
+        assert (state.held, state.hold_message) == (settled.held, settled.reason)
+        assert state.slip_margin == pytest.approx(settled.slip_margin, rel=1e-4)
+
+
 def test_publishes_the_result_of_the_analysis():
     expected = analyze_grasp(ROBOT.home, ConvexObject.disc(SQUEEZED, DIAMETER), 0.5)
     touching = expected.normal_forces > 0.0
@@ -82,24 +99,12 @@ def test_publishes_the_result_of_the_analysis():
         state = until_ok(w)
         assert state.header.frame_id == 'truss'
         assert state.message == ''
-        assert state.force_closure == expected.force_closure
-        assert state.closure_residual == pytest.approx(expected.closure_residual)
-        assert state.closure_tolerance == pytest.approx(expected.closure_tolerance)
-        assert state.required_friction == pytest.approx(expected.required_friction)
-        assert state.closure_margin == pytest.approx(expected.closure_margin)
+        check_analysis(state, expected)
         assert np.reshape(state.stiffness, (3, 3)) == pytest.approx(expected.stiffness)
-        wrench = state.normal_wrench
-        assert (wrench.force.x, wrench.force.y, wrench.torque.z) == pytest.approx(
-            expected.normal_wrench
-        )
         lengths = dict(zip(state.contact_members, state.contact_lengths, strict=True))
         assert lengths == expected.contact_lengths
-        assert len(state.contacts) == touching.sum()
-        for key, array in (
-            ('normal_force', expected.normal_forces),
-            ('friction_force', expected.friction_forces),
-        ):
-            assert [getattr(c, key) for c in state.contacts] == pytest.approx(array[touching])
+        friction = [contact.friction_force for contact in state.contacts]
+        assert friction == pytest.approx(expected.friction_forces[touching])
         places = [(c.position.x, c.position.y) for c in state.contacts]
         assert np.array(places) == pytest.approx(expected.points[touching])
         assert all(abs(c.gap) < 1e-8 for c in state.contacts)
@@ -107,7 +112,7 @@ def test_publishes_the_result_of_the_analysis():
         w.until(lambda: w.probe.last('wrench') is not None, feed(w))
         published = w.probe.last('wrench')
         assert published.header.frame_id == 'truss_object'
-        assert published.wrench == wrench
+        assert published.wrench == state.normal_wrench
 
 
 def test_a_grasp_of_three_members_is_closed_and_its_answer_ends_with_the_inputs():
@@ -387,17 +392,8 @@ def test_an_object_of_any_shape_is_analysed_and_shown(tmp_path):
     with world(node(object=str(path))) as w:
         w.probe.listen(MarkerArray, 'markers', 'grasp/markers')
         state = w.until_code(GraspCode.OK, feed(w, center=pose[:2]), 'state')
-        wrench = state.normal_wrench
-        assert (wrench.force.x, wrench.force.y, wrench.torque.z) == pytest.approx(
-            expected.normal_wrench, rel=1e-6
-        )
-        assert state.required_friction == pytest.approx(expected.required_friction, rel=1e-6)
         # By its own friction, not by that of the parameter.
-        assert state.closure_margin == pytest.approx(expected.closure_margin, rel=1e-6)
-        settled = settle_grasp(ROBOT.home, read_object(BOX).moved_to(pose))
-        assert state.held == settled.held
-        assert state.hold_message == settled.reason
-        assert state.slip_margin == pytest.approx(settled.slip_margin, rel=1e-4)
+        check_analysis(state, expected, settle_grasp(ROBOT.home, read_object(BOX).moved_to(pose)))
         w.until(lambda: w.probe.seen['markers'], feed(w, center=pose[:2]))
         (thing,) = (m for m in w.probe.last('markers').markers if m.ns == 'object')
         assert thing.type == Marker.TRIANGLE_LIST
@@ -425,18 +421,7 @@ def test_the_service_analyses_any_object_in_its_pose(friction):
     with world(node()) as w:
         answer = ask_about(w, box, roller_positions=[0.0] * N, **own)
         assert answer.success, answer.message
-        state = answer.state
-        wrench = state.normal_wrench
-        assert (wrench.force.x, wrench.force.y, wrench.torque.z) == pytest.approx(
-            expected.normal_wrench, rel=1e-6
-        )
-        touching = expected.normal_forces > 0.0
-        forces = [contact.normal_force for contact in state.contacts]
-        assert forces == pytest.approx(expected.normal_forces[touching], rel=1e-6)
-        for name in ('closure_residual', 'closure_margin', 'required_friction'):
-            assert getattr(state, name) == pytest.approx(getattr(expected, name), rel=1e-6)
-        assert (state.held, state.hold_message) == (settled.held, settled.reason)
-        assert state.slip_margin == pytest.approx(settled.slip_margin, rel=1e-6)
+        check_analysis(answer.state, expected, settled)
 
 
 def test_a_disc_that_is_described_is_the_disc_of_a_diameter():
