@@ -39,7 +39,9 @@ def checking(**values):
     return lambda: CheckRollers(overrides(settle_time=0.5, speed=0.04, **values))
 
 
-@pytest.mark.parametrize('kind', ['kinematic', pytest.param('mujoco', marks=needs_mujoco)])
+@pytest.mark.parametrize(
+    'kind', ['kinematic', pytest.param('mujoco', marks=[needs_mujoco, pytest.mark.nightly])]
+)
 def test_all_rollers_of_a_good_robot_are_right(kind, tmp_path):
     output = tmp_path / 'mine.yaml'
     with world(plant(plant=kind), checking(output=str(output))) as w:
