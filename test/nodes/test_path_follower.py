@@ -246,14 +246,14 @@ BAD_GOALS = {
 }
 
 
-def fake(w, code=Status.OK, scale=1.0, center=CENTER):
+def fake(w, code=Status.OK, scale=1.0, center=CENTER, ages=(0.0, 0.0)):
     """Return a call that publishes the pose of an object at rest, and a status."""
     statuses = w.probe.create_publisher(ManipulationStatus, 'manipulation/status', 1)
 
     def send():
-        w.probe.send_pose(center=center)
+        w.probe.send_pose(age=ages[0], center=center)
         status = ManipulationStatus(code=int(code), scale=scale, message=str(code))
-        stamp_header(status.header, w.probe.past(0.0))
+        stamp_header(status.header, w.probe.past(ages[1]))
         statuses.publish(status)
 
     return send
@@ -327,17 +327,24 @@ def test_waits_while_manipulation_halts_and_aborts_after_the_timeout(code, scale
         assert not client.moves()
 
 
-@pytest.mark.parametrize('late', [False, True])
-def test_a_pose_that_is_late_or_off_the_path_ends_the_motion(late):
+#: What is published once the object moves, how the goal ends by it, and words of the result.
+ENDS = {
+    'old': ({'ages': (9.0, 0.0)}, Result.STOPPED, '^object pose: .* must be at most 1.0 s'),
+    'silent': (None, Result.STOPPED, '^object pose: .* must be at most 1.0 s'),
+    'off the path': ({'center': (CENTER[0] + 0.02, CENTER[1])}, Result.OFF_PATH, ''),
+}
+
+
+@pytest.mark.parametrize('case', ENDS)
+def test_a_pose_that_is_late_or_off_the_path_ends_the_motion(case):
+    published, code, words = ENDS[case]
     with world(node(command_timeout=1.0)) as w:
         client, handle = begin(w, fake(w))
-        off = fake(w, center=(CENTER[0] + 0.02, CENTER[1]))
-        status, result = client.result(handle, (lambda: None) if late else off)
-        code = Result.STOPPED if late else Result.OFF_PATH
+        each = (lambda: None) if published is None else fake(w, **published)
+        status, result = client.result(handle, each)
         assert (status, result.code) == (GoalStatus.STATUS_ABORTED, code)
-        if late:
-            assert re.search('^object pose: .* must be at most 1.0 s', result.message)
-        else:
+        assert re.search(words, result.message)
+        if code == Result.OFF_PATH:
             assert result.max_position_error == pytest.approx(0.02, abs=0.011)
         assert not client.moves()
 
