@@ -60,8 +60,9 @@ def test_rows_bound_rollers_and_members(robot, rng):
     assert limit.row_names(config) == robot.member_names
     assert RollerSpeedLimit(0.3).row_names(config) == robot.roller_names
     # Ten times a second where nothing else is said.
-    rows = MemberLengthLimit(0.5, 2.0).rows(config)
-    assert rows.upper == pytest.approx(10.0 * (2.0 - config.member_lengths))
+    longest = config.member_lengths.max()
+    rows = MemberLengthLimit(0.1, longest).rows(config)
+    assert rows.upper == pytest.approx(10.0 * (longest - config.member_lengths))
 
 
 def test_rows_of_limits_are_stacked_in_their_order():
