@@ -83,7 +83,8 @@ def since_jump(w, by):
     statuses = [m for _, m in w.probe.seen['status']]
     steps = np.diff([read_stamp(m.header) for m in statuses])
     jumps = 1 + np.flatnonzero(steps < 0.0 if by < 0.0 else steps > 0.5 * by)
-    return statuses[jumps[0] if len(jumps) else len(statuses) :]
+    first = jumps[0] if len(jumps) else len(statuses)
+    return statuses[first:]
 
 
 def test_runs_by_simulated_time():
