@@ -15,23 +15,9 @@ import signal
 from geometry_msgs.msg import Point
 from isotruss_msgs.msg import PlannedGrasp, StateEstimate
 from isotruss_ros.core import (
-    analyze_grasp,
-    ConvexObject,
-    ElasticObject,
-    GraspRequirements,
     load_robot,
-    plan_grasps,
     Pose,
-    RollerFaults,
-    settle_grasp,
-    SimulatedRobot,
-    Status,
-    TwistServo,
 )
-from isotruss_ros.core.control.inputs import RollerState, StampedInput
-from isotruss_ros.core.control.load_estimate import LoadSettings
-from isotruss_ros.core.control.roller_trajectory import RollerTrajectory, RollerTrajectoryServo
-from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
 from isotruss_ros.demo import processes
 from isotruss_ros.demo import run as demo
 from isotruss_ros.demo.figures import animate, draw_panels
@@ -39,14 +25,9 @@ from isotruss_ros.demo.gripping import is_sure, slow_down, SURE
 from isotruss_ros.demo.path import figure_9
 from isotruss_ros.demo.record import PhaseRecord, Snapshot
 from isotruss_ros.demo.run import (
-    FRICTION,
-    GRIP_MODULE,
-    LOAD,
     OBJECT_CENTER,
     OBJECT_DIAMETER,
-    OBJECT_MASS,
     PULL,
-    SQUEEZE,
 )
 from isotruss_ros.demo.sensors import sensor_faults, truth_table
 from isotruss_ros.nodes import simulator
@@ -91,119 +72,6 @@ def test_orientation_stays_normal_to_the_arc():
 def test_phases_begin_and_end_at_rest(phase):
     for time in (0.0, phase.duration, phase.duration + 1.0):
         assert phase.twist(time) == pytest.approx((0.0, 0.0, 0.0), abs=1e-12)
-
-
-def grip(simulated, period):
-    """Plan a grasp of the free object and move there; return the time of arrival."""
-    cylinder = ConvexObject.disc(OBJECT_CENTER, OBJECT_DIAMETER)
-    needs = GraspRequirements(friction=FRICTION, module=GRIP_MODULE, squeeze=SQUEEZE, count=3)
-    grasp = plan_grasps(ROBOT.home, cylinder, needs).grasps[0]
-    ways = np.abs(np.diff(grasp.path, axis=0)).max(axis=1)
-    times = np.append(0.0, np.cumsum(np.maximum(ways / ROBOT.description.max_speed, 1e-3)))
-    servo = RollerTrajectoryServo(ROBOT, timeout=0.2)
-    now = 0.0
-
-    def measure():
-        state = RollerState(simulated.roller_positions, simulated.roller_velocities)
-        servo.rollers = StampedInput(state, now)
-
-    measure()
-    servo.begin(RollerTrajectory(ROBOT, grasp.path, times), now)
-    while servo.busy:
-        step = servo.decide(now)
-        assert not step.failure
-        simulated.command(step.speeds)
-        simulated.advance(period)
-        now += period
-        measure()
-    return now
-
-
-def check_grasp(simulated):
-    """Check that the object is held, and that no tube is near to wrinkling."""
-    cylinder = ConvexObject.disc(simulated.object_pose[:2], OBJECT_DIAMETER)
-    assert settle_grasp(simulated.config, cylinder, FRICTION).held
-    analysis = analyze_grasp(simulated.config, cylinder)
-    assert max(analysis.utilisation.values()) < 0.8
-
-
-def play(rate):
-    """Grip the object and move it along the whole path; return records and the exact end."""
-    home, period = ROBOT.home, 1.0 / rate
-    lying = ElasticObject(ConvexObject.disc(OBJECT_CENTER, OBJECT_DIAMETER), FRICTION)
-    simulated = SimulatedRobot(home, lying, RollerFaults())
-    # At the nodes' rate: the squeeze depends by some per cent on the steps of the first touch.
-    now = grip(simulated, 0.01)
-    check_grasp(simulated)
-    assert lying.grasp.squeeze == pytest.approx(SQUEEZE, rel=0.02)
-    assert simulated.object_pose[:2] == pytest.approx(OBJECT_CENTER, abs=1e-3)
-    servo = TwistServo(ROBOT, GRIP_MODULE, OBJECT_DIAMETER, period, timeout=0.2)
-    servo.object_mass = OBJECT_MASS
-    servo.squeeze = SqueezeControl(SqueezeSettings(SQUEEZE, FRICTION, load=LoadSettings(LOAD)))
-    # The servo's inputs are one cycle old, as over a real transport.
-    config = simulated.config
-    seen = (config.roller_positions, simulated.roller_velocities, simulated.object_pose)
-    exact = np.array(simulated.object_pose)
-    records, margins = [], []
-    for phase in PHASES:
-        record = PhaseRecord(phase.name, pull=phase.pull)
-        for k in range(round(phase.duration * rate)):
-            twist, wrench = phase.twist(k * period), phase.wrench(k * period)
-            if any(wrench):
-                record.pulled = (min(record.pulled[0], now), now)
-            lying.external_wrench = wrench
-            servo.twist = StampedInput(twist, now)
-            servo.rollers = StampedInput(RollerState(seen[0], seen[1]), now - period)
-            servo.pose = StampedInput(seen[2], now - period)
-            config = simulated.config
-            seen = (config.roller_positions, simulated.roller_velocities, simulated.object_pose)
-            command = servo.decide(now).command
-            record.statuses.add(command.status)
-            # A load that comes or goes at once moves the tubes quicker than the servo may.
-            assert command.scale == 1.0 or (phase.pull is not None and command.scale > 0.5)
-            simulated.command(command.roller_velocities)
-            simulated.advance(period)
-            assert lying.grasp is not None
-            margins.append(lying.slip_margin)
-            exact += period * command.scale * np.array(twist)
-            now += period
-            record.snapshots.append(
-                Snapshot(now, simulated.config.roller_positions, simulated.object_pose)
-            )
-        records.append(record)
-        check_grasp(simulated)
-        assert lying.grasp.squeeze == pytest.approx(SQUEEZE, rel=2e-3)
-    # What it bears beside the pull is less by the pull, or less still.
-    assert 0.5 < min(margins) < max(margins) - 2.0
-    return simulated, records, exact
-
-
-@pytest.fixture(scope='module')
-def played():
-    """Play the path once; half of the nodes' rate is cheaper, and exact enough."""
-    return play(25.0)
-
-
-@pytest.mark.nightly
-def test_object_ends_where_the_commands_put_it(played):
-    simulated, records, exact = played
-    pose = simulated.object_pose
-    assert math.hypot(pose.x - exact[0], pose.y - exact[1]) < 1e-4
-    assert abs(math.remainder(pose.angle - exact[2], 2.0 * math.pi)) < math.radians(0.1)
-    odd = set().union(*(record.statuses for record in records)) - {Status.OK, Status.IDLE}
-    assert odd <= {Status.SLOWED_UTILISATION}
-
-
-@pytest.mark.nightly
-def test_constraints_hold_after_the_whole_path(played):
-    simulated, _, _ = played
-    config, home, topology = simulated.config, ROBOT.home, ROBOT.topology
-    assert np.abs(config.residual()).max() < 1e-9
-    for tube in range(len(topology.tube_names)):
-        on_tube = topology.tube == tube
-        assert config.member_lengths[on_tube].sum() == pytest.approx(
-            home.member_lengths[on_tube].sum(), abs=1e-9
-        )
 
 
 def test_pictures_are_written(tmp_path):

@@ -9,6 +9,7 @@
 
 """The loop in MuJoCo with zeros that are off and rollers that slip, by what is estimated."""
 
+from comparison import estimated_carries
 from comparison.estimated_carries import carry, SIX, THREE
 from comparison.random_carries import BOX, DISC
 from mujoco_worlds import needs_mujoco
@@ -25,7 +26,9 @@ CASES = [
 
 
 @pytest.mark.parametrize(('kind', 'names', 'stiffness'), some_now(CASES, 1))
-def test_the_squeeze_is_what_it_should_be(kind, names, stiffness):
+def test_the_squeeze_is_what_it_should_be(kind, names, stiffness, monkeypatch):
+    if (kind, names, stiffness) == CASES[0]:
+        monkeypatch.setattr(estimated_carries, 'LEGS', 1)  # half of the way in a third less time
     found = carry(kind, 2, names, stiffness)
     assert abs(found.squeeze) < 0.1
     assert found.worst < 0.2

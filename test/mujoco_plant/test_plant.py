@@ -178,16 +178,6 @@ def test_a_carried_object_follows_and_is_dropped_when_friction_is_too_low():
 
 
 @needs_mujoco
-def test_the_same_commands_lead_to_the_same_state():
-    ends = []
-    for _ in range(2):
-        plant, _, _ = press(PressedCase(40.0, 0.03))
-        release(plant, 0.6, 0.5)
-        ends.append(plant.data.qpos.copy())
-    np.testing.assert_array_equal(*ends)
-
-
-@needs_mujoco
 def test_several_objects_in_one_world():
     robot = load_robot('nine_member')
     plant = MujocoPlant(

@@ -78,6 +78,15 @@ def moved(w):
     return [i for i, (_, m) in enumerate(w.probe.seen['command']) if any(m.data)]
 
 
+def since_jump(w, by):
+    """Return the statuses since the clock was set by so much; those before may come late."""
+    statuses = [m for _, m in w.probe.seen['status']]
+    steps = np.diff([read_stamp(m.header) for m in statuses])
+    jumps = 1 + np.flatnonzero(steps < 0.0 if by < 0.0 else steps > 0.5 * by)
+    first = jumps[0] if len(jumps) else len(statuses)
+    return statuses[first:]
+
+
 def test_runs_by_simulated_time():
     with simulated(Simulator, Manipulation) as w:
         time = SimulatedTime(w)
@@ -128,16 +137,12 @@ def test_halts_when_the_clock_jumps_until_inputs_are_new(by):
         begin = time.now + by
         time.jump(begin)
 
-        def since():
-            """Return the statuses since the jump: those before may still be on their way."""
-            statuses = [m for _, m in w.probe.seen['status']]
-            steps = np.diff([read_stamp(m.header) for m in statuses])
-            jumps = 1 + np.flatnonzero(steps < 0.0 if by < 0.0 else steps > 0.5 * by)
-            first = jumps[0] if len(jumps) else len(statuses)
-            return statuses[first:]
+        def over():
+            told = since_jump(w, by)
+            return told and read_stamp(told[-1].header) >= begin + 0.1
 
-        w.until(lambda: since() and read_stamp(since()[-1].header) >= begin + 0.1, time.run())
-        assert all(m.code >= Status.HALT_NO_TWIST for m in since())
+        w.until(over, time.run())
+        assert all(m.code >= Status.HALT_NO_TWIST for m in since_jump(w, by))
         assert not w.command().any()
         w.until_code(Status.OK, time.run(w.probe.send_all))
 
@@ -239,16 +244,8 @@ def test_stamps_of_the_system_clock_that_jumps_back_are_not_relied_on(by):
         w.until_code(Status.OK, w.probe.send_all)
         del w.probe.seen['status'][:-1]
         w.shift = by
-
-        def since():
-            """Return the statuses since the clock was set."""
-            statuses = [m for _, m in w.probe.seen['status']]
-            back = 1 + np.flatnonzero(np.diff([read_stamp(m.header) for m in statuses]) < 0.0)
-            first = back[0] if len(back) else len(statuses)
-            return statuses[first:]
-
-        w.until(lambda: len(since()) > 3, w.probe.send_twist)
-        assert all(m.code >= Status.HALT_NO_TWIST for m in since())
+        w.until(lambda: len(since_jump(w, by)) > 3, w.probe.send_twist)
+        assert all(m.code >= Status.HALT_NO_TWIST for m in since_jump(w, by))
         assert not np.any(w.command())
         w.until_code(Status.OK, w.probe.send_all)
 

@@ -62,26 +62,6 @@ def test_stops_within_a_cycle_and_stays_stopped():
         assert_stays_stopped(w, 5)
 
 
-def test_stops_during_a_flood_of_other_messages():
-    with world(node()) as w:
-        w.until_code(Status.OK, w.probe.send_all)
-
-        def flood():
-            for _ in range(50):
-                w.probe.send_all()
-
-        press(w)
-        w.until(lambda: w.code() == Status.HALT_EMERGENCY_STOP, flood)
-
-
-def test_false_does_not_release():
-    with world(node()) as w:
-        until_stopped(w)
-        press(w, False)
-        w.until(lambda: 'message is false' in w.probe.last('status').message, w.probe.send_all)
-        assert_stays_stopped(w)
-
-
 def test_is_released_by_the_service_unless_the_last_message_is_true():
     with world(node(command_timeout=1.0)) as w:
         until_stopped(w)
@@ -91,6 +71,7 @@ def test_is_released_by_the_service_unless_the_last_message_is_true():
         assert_stays_stopped(w)
         press(w, False)
         w.until(lambda: 'message is false' in w.probe.last('status').message, w.probe.send_all)
+        assert_stays_stopped(w)
         assert w.release_stop().success
         # What was commanded before the release is no reason to move.
         w.until_code(Status.HALT_NO_TWIST, lambda: (w.probe.send_joints(), w.probe.send_pose()))
@@ -113,15 +94,6 @@ def test_nothing_to_release_is_no_error():
         assert 'nothing was stopped' in answer.message
 
 
-def test_a_short_press_stops():
-    with world(node(rate=10.0)) as w:
-        w.until_code(Status.OK, w.probe.send_all)
-        press(w, True)
-        press(w, False)
-        w.until_code(Status.HALT_EMERGENCY_STOP, w.probe.send_all)
-        assert_stays_stopped(w, 3)
-
-
 def burst(publisher, count):
     """Say true once, and then that often false, without a pause."""
     publisher.publish(Bool(data=True))
@@ -134,7 +106,7 @@ PLAIN = QoSProfile(depth=1000)
 
 
 @pytest.mark.parametrize('profile', [LONG, PLAIN], ids=['latched', 'volatile'])
-@pytest.mark.parametrize('count', [1, 100, 101, 500])
+@pytest.mark.parametrize('count', [1, 500])
 def test_a_stop_counts_however_many_messages_follow(count, profile):
     """All of it is received before the next cycle."""
     with world(node()) as w:
@@ -152,18 +124,6 @@ def test_a_late_joiner_receives_a_latched_stop():
         w.add(node()())
         w.until_code(Status.HALT_EMERGENCY_STOP, w.probe.send_all)
         assert_stays_stopped(w)
-
-
-def test_receives_publishers_that_do_not_latch():
-    with world(node()) as w:
-        plain = w.probe.create_publisher(Bool, 'emergency_stop', 1)
-        w.until_code(Status.OK, w.probe.send_all)
-
-        def again():
-            w.probe.send_all()
-            plain.publish(Bool(data=True))
-
-        w.until_code(Status.HALT_EMERGENCY_STOP, again)
 
 
 def test_the_service_stops_and_responds_with_the_reason():

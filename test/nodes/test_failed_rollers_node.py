@@ -270,14 +270,6 @@ def test_detected_rollers_are_dropped_by_a_robot_without_them():
             assert found(w) == set()
 
 
-def test_nothing_is_detected_while_detection_is_off():
-    with world(node(failure_time=0.0)) as w:
-        # Encoders that stand still whatever is commanded.
-        w.until(lambda: len(w.probe.seen['status']) > 400, w.probe.send_all)
-        assert not any(m.failed_rollers for _, m in w.probe.seen['status'])
-        assert w.call('reset_failed_rollers', Trigger.Request()).success
-
-
 def test_encoders_that_stand_still_stop_the_rollers():
     """Fresh stamps, old places: no time-out finds that, but rollers that do not move."""
     with world(node(failure_time=0.3)) as w:

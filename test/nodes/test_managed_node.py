@@ -105,14 +105,6 @@ def test_says_in_one_line_that_it_is_active_and_what_it_waits_for(capfd):
     assert line.startswith('[INFO]')
 
 
-def test_a_node_that_cannot_be_activated_does_not_say_that_it_is_active(waiting, capfd):
-    node, manager, _ = waiting
-    node.failures['activate'] = REFUSAL
-    manager.ask(Transition.TRANSITION_CONFIGURE)
-    manager.ask(Transition.TRANSITION_ACTIVATE)
-    assert 'waits for' not in capfd.readouterr().err
-
-
 def test_goes_through_the_life_cycle_repeatedly(waiting):
     node, manager, _ = waiting
     assert manager.state() == 'unconfigured'

@@ -63,14 +63,6 @@ def test_moves_the_box_and_halts_where_the_grip_is_another():
         assert '2 or 3 different' in refused.reason
 
 
-def test_says_that_the_nearest_twist_keeps_the_contacts():
-    names = ['south/P', 'south/Q', 'east/Q', 'east/R']
-    with world(node(failed_rollers=names)) as w:
-        status = w.until_code(Status.UNREACHABLE, send(w, (0.0, 0.0, 0.5)))
-        assert 'the closest one that keeps them' in status.message
-        assert 'of 3: twists' in w.nodes[1].details()['reachable twists']
-
-
 def test_squeezes_the_box_in_the_elastic_plant_and_turns_it():
     shared = {'object': BOX, 'grip': list(SIDES), 'rate': 20.0, 'command_timeout': 5.0}
     start = {'plant': 'elastic', 'object_angle': ANGLE, 'indentation': 0.02}

@@ -26,7 +26,6 @@ from probe import manipulation as node
 import pytest
 from rclpy.parameter import Parameter
 
-NAMES = list(ROBOT.roller_names)
 TIMEOUT = 0.2
 
 
@@ -50,18 +49,6 @@ def test_reports_every_cycle():
         times = [read_stamp(status.header) for _, status in w.probe.seen['status']]
         assert np.mean(np.diff(times)) > 0.014  # a busy machine is only slower
         assert abs(len(w.probe.seen['status']) - len(w.probe.seen['command'])) <= 1
-
-
-def test_zero_twist_is_idle():
-    with world(node()) as w:
-
-        def still():
-            w.probe.send_joints()
-            w.probe.send_pose()
-            w.probe.send_twist((0.0, 0.0, 0.0))
-
-        w.until_code(Status.IDLE, still)
-        assert not w.command().any()
 
 
 @pytest.mark.parametrize(
@@ -134,23 +121,6 @@ def test_halts_where_another_module_than_the_grip_holds_the_object(module):
         changed = w.nodes[1].set_parameters([Parameter('grip_module', value=module)])
         assert changed[0].successful
         w.until(lambda: w.command().any(), send)
-
-
-def test_goes_on_from_where_the_robot_is_now():
-    """A teleported robot and object are commanded from their new places, at once."""
-    with world(node()) as w:
-        w.until_code(Status.OK, w.probe.send_all)
-        elsewhere = ROBOT.configuration(np.linspace(-0.15, 0.1, N))
-
-        def send():
-            w.probe.send_joints(position=elsewhere.roller_positions.tolist())
-            w.probe.send_pose(center=tangent_center(elsewhere, MODULE, DIAMETER))
-            w.probe.send_twist()
-
-        before = w.command()
-        w.spin(0.5, send)
-        assert w.code() == Status.OK
-        assert np.abs(w.command() - before).max() > 1e-4
 
 
 def test_slows_along_the_twist_with_the_reason():

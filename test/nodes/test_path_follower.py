@@ -155,21 +155,6 @@ def test_a_path_of_one_pose_leads_there():
         assert np.abs(object_at(w) - there).max() < 0.01
 
 
-def test_feedback_reduces_the_error_of_slip():
-    errors = {}
-    for gain in (0.0, 2.0):
-        wide = {'position_tolerance': 0.1, 'angle_tolerance': 1.0}
-        with world(*real(slip=0.2, position_gain=gain, angle_gain=gain)) as w:
-            client = Client(w)
-            w.until(lambda: w.probe.last('pose') is not None)
-            status, result = client.follow(goal((0.0, 0.06, 0.0), **wide))
-            assert status == GoalStatus.STATUS_SUCCEEDED
-            errors[gain] = result.rms_position_error, result.position_error
-    assert errors[0.0][0] > 0.004
-    assert errors[2.0][0] < 0.5 * errors[0.0][0]
-    assert errors[2.0][1] < 0.5 * errors[0.0][1]
-
-
 def test_stops_at_once_when_cancelled():
     with world(*real()) as w:
         client = Client(w)
@@ -255,7 +240,6 @@ BAD_GOALS = {
     'a kilometre on': (goal((1000.0, 0.0, 0.0), begin=PROBED), 'pose 1 of the path: (1000'),
     'endless': (endless(goal(UP, begin=PROBED)), 'has 10001 poses; must be at most 10000'),
     'backward': (goal(UP, begin=PROBED, speed=-0.02), 'speed -0.02 m/s: must be positive'),
-    'speed nan': (goal(UP, begin=PROBED, speed=math.nan), 'speed nan'),
     'no turn rate': (goal(UP, begin=PROBED, turn_rate=0.0), 'turn rate 0.0'),
     'no tolerance': (goal(UP, begin=PROBED, position_tolerance=0.0), 'position_tolerance 0.0'),
     'tolerance inf': (goal(UP, begin=PROBED, angle_tolerance=math.inf), 'angle_tolerance inf'),
@@ -319,18 +303,6 @@ def test_does_not_move_without_the_object_pose():
         assert not client.twists().any()
 
 
-def test_does_not_move_without_manipulation():
-    with world(node(progress_timeout=0.5)) as w:
-        client = Client(w)
-        w.spin(0.2, w.probe.send_pose)
-        status, result = client.follow(goal(UP, begin=PROBED), w.probe.send_pose)
-        assert (status, result.code) == (GoalStatus.STATUS_ABORTED, Result.STOPPED)
-        assert 'no progress' in result.message
-        assert 'status: none received yet' in result.message
-        assert len(client.twists()) > 10
-        assert not client.twists().any()
-
-
 @pytest.mark.parametrize(
     ('code', 'scale'),
     [
@@ -346,8 +318,10 @@ def test_waits_while_manipulation_halts_and_aborts_after_the_timeout(code, scale
         w.until(lambda: not client.moves(), halted)
         w.until(client.moves, fine)  # goes on by itself
         w.until(lambda: not client.moves(), halted)
+        began = w.now
         status, result = client.result(handle, halted)
         assert (status, result.code) == (GoalStatus.STATUS_ABORTED, Result.STOPPED)
+        assert w.now - began == pytest.approx(2.0, abs=0.2)
         assert 'no progress' in result.message
         assert 'manipulation: ' in result.message
         assert not client.moves()
@@ -356,7 +330,6 @@ def test_waits_while_manipulation_halts_and_aborts_after_the_timeout(code, scale
 #: What is published once the object moves, how the goal ends by it, and words of the result.
 ENDS = {
     'old': ({'ages': (9.0, 0.0)}, Result.STOPPED, '^object pose: .* must be at most 1.0 s'),
-    'from ahead': ({'ages': (-9.0, 0.0)}, Result.STOPPED, '^object pose: .* in the future'),
     'silent': (None, Result.STOPPED, '^object pose: .* must be at most 1.0 s'),
     'off the path': ({'center': (CENTER[0] + 0.02, CENTER[1])}, Result.OFF_PATH, ''),
 }
@@ -373,18 +346,6 @@ def test_a_pose_that_is_late_or_off_the_path_ends_the_motion(case):
         assert re.search(words, result.message)
         if code == Result.OFF_PATH:
             assert result.max_position_error == pytest.approx(0.02, abs=0.011)
-        assert not client.moves()
-
-
-def test_aborts_on_an_object_that_does_not_follow_with_bounded_twists():
-    with world(node(progress_timeout=1.0)) as w:
-        client = Client(w)
-        tell = fake(w)
-        w.spin(0.2, tell)
-        status, result = client.follow(goal((0.0, 0.2, 0.0), begin=PROBED), tell)
-        assert (status, result.code) == (GoalStatus.STATUS_ABORTED, Result.STOPPED)
-        assert result.max_position_error < 0.01
-        assert np.hypot(*client.twists()[:, :2].T).max() < 1.5 * 0.03 + 1e-9
         assert not client.moves()
 
 

@@ -82,9 +82,14 @@ def solve(x):
     assert tags == {(7, 2, ''), (8, 0, 'solve'), (9, 1, 'solve'), (5, 0, 'solve')}
 
 
-def test_place_of_each_equation_is_a_definition():
-    core = TOP / 'isotruss_ros' / 'core'
-    for places in equations.equation_map(core).values():
+@pytest.fixture(scope='module')
+def computed():
+    """Return where each equation is computed."""
+    return equations.equation_map(TOP / 'isotruss_ros' / 'core')
+
+
+def test_place_of_each_equation_is_a_definition(computed):
+    for places in computed.values():
         for place in places:
             path = TOP.joinpath(*place.module.split('.')).with_suffix('.py')
             names = [name for name, _ in equations._definitions(ast.parse(path.read_text()), '')]
@@ -112,8 +117,8 @@ def test_names_of_the_core_in_pages_are_there(page):
         assert pydoc.locate(f'isotruss_ros.{name}') is not None, name
 
 
-def test_every_equation_of_the_paper_is_computed_somewhere():
-    assert list(equations.equation_map(TOP / 'isotruss_ros' / 'core')) == list(equations.EQUATIONS)
+def test_every_equation_of_the_paper_is_computed_somewhere(computed):
+    assert list(computed) == list(equations.EQUATIONS)
 
 
 def test_the_page_of_equations_states_all_of_them():

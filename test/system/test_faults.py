@@ -139,7 +139,7 @@ def test_a_stop_counts_however_many_messages_follow_from_another_process(r):
     latched = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     publisher = r.w.probe.create_publisher(Bool, 'emergency_stop', latched)
     r.w.until(lambda: publisher.get_subscription_count() == 2)
-    for count in (1, 100, 101, 500):
+    for count in (1, 500):
         r.until_moving()
         publisher.publish(Bool(data=True))
         for _ in range(count):

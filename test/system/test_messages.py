@@ -94,7 +94,7 @@ def test_floods_on_every_input_do_no_harm():
                 w.probe.commands.publish(Float64MultiArray(data=[0.01 * (-1) ** i] * N))
                 w.probe.stops.publish(Bool(data=False))
 
-        w.until(lambda: len(seen) > cycles + 100, flood)
+        w.until(lambda: len(seen) > cycles + 30, flood)
         w.probe.stops.publish(Bool(data=True))
         w.until_code(Status.HALT_EMERGENCY_STOP, lambda: [w.probe.send_all() for _ in range(100)])
         commands = np.array([m.data for _, m in w.probe.seen['command']])

@@ -58,20 +58,6 @@ def test_where_nothing_was_sent_speeds_count_that_were_measured():
     assert not sent.travel(2.0, 3.0, measured).any()
 
 
-def test_travel_by_hand_forward_and_back():
-    sent, before = CommandHistory(1), np.array([0.1])
-    for time, speed in ((2.0, 1.0), (3.0, -2.0), (5.0, 0.5)):
-        sent.record(time, np.array([speed]))
-    for begin, end, travel in (
-        (1.5, 4.0, 0.05 + 1.0 - 2.0),
-        (0.5, 1.5, 0.1),
-        (2.5, 3.5, 0.5 - 1.0),
-        (4.0, 8.0, -2.0 + 1.5),
-    ):
-        assert sent.travel(begin, end, before) == pytest.approx(travel)
-        assert sent.travel(end, begin, before) == pytest.approx(-travel)
-
-
 def test_stamps_are_at_most_the_present():
     """Those a little ahead; what is farther ahead is wrong, and what is old stays so."""
     ahead, near, old = (StampedInput('it', time) for time in (7.02, 7.005, 6.9))

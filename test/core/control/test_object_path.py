@@ -102,18 +102,6 @@ def test_smooth_path_leads_through_the_poses_and_has_no_corners():
     assert straight < path.length < 1.2 * straight
 
 
-def test_smooth_path_through_few_poses_of_a_circle_is_nearly_that_circle():
-    radius, few = 0.2, 16
-    smooth = ObjectPath(circle(few, radius), SPEED, TURN_RATE, smooth=True)
-    straight = ObjectPath(circle(few, radius), SPEED, TURN_RATE)
-    inner = slice(len(smooth.poses) // few, -len(smooth.poses) // few)
-    off = np.abs(np.hypot(*smooth.poses[inner, :2].T) - radius).max()
-    assert off < 5e-4
-    sagitta = radius * (1.0 - math.cos(math.pi / (few - 1)))
-    assert off < 0.1 * sagitta
-    assert smooth.length > straight.length
-
-
 def catmull_rom(poses, share):
     """Return the point in the middle span of four poses by the pyramid of Barry and Goldman."""
     steps = np.diff(poses, axis=0)

@@ -45,13 +45,6 @@ def test_time_left_is_that_of_the_quickest_motion(left, rate, ramp):
     assert found == pytest.approx(duration_of_the_rest(left, rate, ramp), rel=1e-4)
 
 
-def test_time_left_in_closed_form():
-    # From rest: the path and one ramp, or two halves of a ramp that meet at the peak.
-    assert clock(4.0).time_left == pytest.approx(4.0 + RAMP, rel=1e-12)
-    assert clock(0.2).time_left == pytest.approx(2.0 * (0.2 * RAMP) ** 0.5, rel=1e-12)
-    assert clock(4.0, 1.0, 1.0).time_left == pytest.approx(3.0 + 0.5 * RAMP, rel=1e-12)
-
-
 def test_it_starts_and_ends_by_the_ramp():
     moving = clock(2.0)
     rates, times = [], []

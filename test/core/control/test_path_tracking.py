@@ -98,12 +98,6 @@ def test_slip_leaves_an_error_that_does_not_grow(gain):
     assert steady < 0.2 * slip * LINE.length  # what is lost without feedback
 
 
-def test_without_feedback_what_slip_takes_is_lost():
-    settings = TrackingSettings(1.0, 1.0, position_gain=0.0, angle_gain=0.0)
-    _, said = follow(LINE, Object((0, 0, 0), slip=0.05), settings)
-    assert said[-1].position_error == pytest.approx(0.05 * LINE.length)
-
-
 def test_errors_decay_at_the_rate_of_the_gains():
     settings = TrackingSettings(position_gain=1.0, angle_gain=2.0)
     # 4 mm and 0.04 rad off across the path; nothing is bounded or slowed yet.
@@ -168,13 +162,6 @@ def test_converges_from_the_edge_of_the_tolerance_with_an_old_pose(delay):
     middle = len(said) // 2
     late = said[middle:]
     assert max(tracking.position_error for tracking in late) < 0.001
-
-
-def test_old_pose_is_compared_with_where_the_object_should_have_been_then():
-    # Without that, 0.1 s of delay would look like a lag of 2 mm, and the object would run ahead.
-    tracker, said = follow(LINE, Object((0, 0, 0), delay=10))
-    assert said[-1].phase is PathPhase.REACHED
-    assert tracker.max_position_error < 1e-12
 
 
 def test_a_robot_that_is_slowed_by_its_limits_gets_more_time():

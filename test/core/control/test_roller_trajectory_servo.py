@@ -118,11 +118,7 @@ def check_speeds(commands):
 
 
 FAULTS = {
-    'none': (PERFECT, 0),
-    'late': (PERFECT, 3),
-    'uneven': (RollerFaults(noise=0.005), 0),
     'very uneven': (RollerFaults(noise=0.01), 0),
-    'uneven and late': (RollerFaults(noise=0.002), 2),
     'slip': (RollerFaults(slip=0.1), 0),
     'slip, uneven and late': (RollerFaults(noise=0.002, slip=0.05), 1),
     'slow': (RollerFaults(speed_limit=0.02), 0),

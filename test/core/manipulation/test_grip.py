@@ -90,26 +90,6 @@ def test_a_grip_at_a_module_is_one_of_its_two_members(module):
             Grip.at_module(ROBOT, unknown, DISC)
 
 
-@robots.examples(30)
-@given(robots.robots(), robots.generators())
-def test_contacts_are_the_points_of_the_disc_nearest_to_the_members(robot, rng):
-    config, grip = random_grips.random_grip(robot, rng, 'module')
-    assume(grip is not None)
-    contacts = find_contacts(config, grip)
-    center = grip.body.center
-    for k, name in enumerate(grip.members):
-        start, end = random_grips.member_ends(config, name)
-        line = start + np.linspace(0.0, 1.0, 20001) * (end - start)
-        nearest = line[np.abs(line - center).argmin()]
-        toward = (nearest - center) / abs(nearest - center)
-        assert contacts.normals[k] == pytest.approx(toward, abs=1e-3)
-        assert contacts.points[k] == pytest.approx(
-            center + grip.body.arm * contacts.normals[k], abs=1e-12
-        )
-        left = ((end - start).conjugate() * (center - start)).imag > 0.0
-        assert contacts.sides[k] == (1.0 if left else -1.0)
-
-
 def test_a_member_that_does_not_touch_is_named():
     center = tangent_center(ROBOT.home, 'north/Z', 0.3)
     ahead, back = Grip.at_module(ROBOT, 'north/Z', DISC).members

@@ -12,7 +12,6 @@
 from grips import disc_grip
 from hypothesis import assume, given, strategies
 from isotruss_ros.core import (
-    Configuration,
     Disc,
     Ellipse,
     load_robot,
@@ -102,39 +101,6 @@ def test_what_does_not_fit_is_refused():
         place_between(NINE.home, ('south/P-Q', 'north/R-X'), BOX)
 
 
-def right_angle(clockwise):
-    """
-    Return a robot whose module t/A has its two sides at a right angle, posed by hand.
-
-    The side B -> B' runs along x, C -> C' along y, both from points 0.1 m off the corner.
-    """
-    document = robots.example()
-    document['joints'] = {'A': [0.0, 0.0], 'E': [2.0, 0.0], 'F': [0.0, 2.0]}
-    order = ['A', 'F', 'E'] if clockwise else ['A', 'E', 'F']
-    document['tubes'] = {'t': {'joints': order, 'passive': 'E'}}
-    document['supports'] = {'A': ['x', 'y'], 'E': ['y']}
-    robot = robots.load(document)
-    points = robot.home.points.copy()
-    place = {name: i for i, name in enumerate(robot.node_names)}
-    along_x, along_y = ('C', 'B') if clockwise else ('B', 'C')
-    points[place[f't/A/{along_x}']] = 0.1
-    points[place[f't/A/{along_y}']] = 0.1j
-    points[place[f't/E/{along_y}']] = 1.1
-    points[place[f't/F/{along_x}']] = 1.1j
-    return Configuration(robot, np.zeros(2), points), place
-
-
-@pytest.mark.parametrize('clockwise', [False, True])
-def test_tangent_object_at_a_right_angle_touches_both_tubes(clockwise):
-    config, _ = right_angle(clockwise)
-    reach = 0.5 * (0.25 + config.robot.description.tube_diameter)
-    assert tangent_center(config, 't/A', 0.25) == pytest.approx((reach, reach))
-    nearer = reach - 0.01 / np.sqrt(2.0)
-    assert tangent_center(config, 't/A', 0.25, indentation=0.01) == pytest.approx((nearer, nearer))
-    with pytest.raises(GraspError, match='indentation'):
-        tangent_center(config, 't/A', 0.25, indentation=np.nan)
-
-
 @robots.examples(60)
 @given(robots.robots(), robots.generators(), strategies.integers(0, 10**6))
 def test_tangent_object_touches_both_members(robot, rng, number):
@@ -147,6 +113,16 @@ def test_tangent_object_touches_both_members(robot, rng, number):
         arm = (center - start) * axis.conjugate()
         assert abs(arm.imag) == pytest.approx(0.5 * (diameter + robot.description.tube_diameter))
         assert -1e-9 < arm.real < abs(end - start) + 1e-9
+    # Pressed in, it is nearer to the corner by that, and as deep in both.
+    pressed = complex(*tangent_center(config, module, diameter, indentation=0.01))
+    assert abs(pressed - center) == pytest.approx(0.01)
+    depths = [
+        abs(((c - start) / (end - start)).imag) * abs(end - start)
+        for start, end in (ends[:2], ends[2:])
+        for c in (center, pressed)
+    ]
+    assert depths[0] - depths[1] == pytest.approx(depths[2] - depths[3])
+    assert depths[0] > depths[1]
 
 
 @pytest.mark.parametrize(
@@ -162,6 +138,8 @@ def test_object_that_does_not_fit_is_refused(module, diameter, message):
     config = load_robot('triangle').home
     with pytest.raises(GraspError, match=message):
         tangent_center(config, module, diameter)
+    with pytest.raises(GraspError, match='indentation'):
+        tangent_center(config, 'main/T', 0.2, indentation=np.nan)
 
 
 def test_a_member_is_touched_up_to_its_end():

@@ -17,7 +17,6 @@ import numpy as np
 import pytest
 from walls import Wall
 
-SLIDE = LimitHandling(slide_along_limits=True)
 ROBOT, NINE = load_robot('triangle'), load_robot('nine_member')
 MODULE = ROBOT.module_names[1]
 MAX_SPEED = ROBOT.description.max_speed
@@ -60,12 +59,6 @@ def test_progress_costs_roller_speed_as_in_closed_form(twist, speed, slide):
     progress = rho / (cost + 0.5 * rho * unit / asked)
     found = solved(wanted, weight, 1e-2, slide, [stop(len(free), 0, 0.9 * free[0])])
     assert found == pytest.approx(progress * unit * free / asked, rel=1e-9, abs=1e-12)
-
-
-def test_weights_where_nothing_else_is_said():
-    weights = LimitHandling()
-    assert (weights.progress_weight, weights.slide_weight) == (100.0, 0.01)
-    assert weights.reference_period == 0.01
 
 
 def test_the_weight_of_progress_falls_with_the_period_beyond_the_reference():

@@ -156,23 +156,6 @@ def test_rollers_are_those_of_the_full_program(robot, rng, number):
     assert moved == pytest.approx(velocity, abs=1e-5 * np.abs(velocity).max())
 
 
-@pytest.mark.parametrize('module', NINE.module_names)
-def test_nine_member_robot_follows_the_full_program_at_every_grip(module):
-    robot = NINE
-    config = robot.configuration([0.03, -0.02, 0.01, 0.04, -0.03, 0.02])
-    grasp = disc_grip(config, module, 0.3)
-    twist = np.array([0.01, 0.02, -0.05])
-    command = solve_twist(config, grasp, twist, limits=UNLIMITED)
-    # The south tube turns about X and has two rollers: three degrees for four conditions. A grip
-    # at Y, which is passive, slides along the ground and turns: two.
-    if module.startswith('south/') or module == 'east/Y':
-        assert command.status is Status.UNREACHABLE
-    else:
-        rollers, _ = full_program(config, grasp, robots.side_ends(config, module), twist)
-        assert command.status is Status.OK
-        assert command.roller_velocities == pytest.approx(rollers, abs=1e-7)
-
-
 @robots.examples(40)
 @given(robots.robots(), robots.generators(), NUMBERS, strategies.floats(-3.0, 4.0))
 def test_scale_is_the_largest_possible_and_its_cost_the_least(robot, rng, number, decades):

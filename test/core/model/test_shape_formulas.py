@@ -20,21 +20,6 @@ MIN_DIAMETER, MAX_DISTANCE = 1e-9, 1e9
 SIZES = (MIN_DIAMETER, 0.05, 1.0, MAX_DISTANCE)
 
 
-def test_a_disc():
-    disc = Disc(0.3)
-    assert disc.area == pytest.approx(np.pi * 0.15**2)
-    assert disc.perimeter == pytest.approx(np.pi * 0.3)
-    assert disc.gyration == pytest.approx(0.15 / np.sqrt(2.0))
-    assert disc.reach == 0.15
-    assert disc.support(TURN) == pytest.approx(0.15)
-    assert disc.support_points(TURN) == pytest.approx(0.15 * TURN)
-    found = disc.nearest(0.4 * TURN)
-    assert found.gaps == pytest.approx(0.25)
-    assert found.radii == pytest.approx(0.15)
-    assert found.normals == pytest.approx(TURN)
-    assert np.abs(disc.outline(0.01)) == pytest.approx(0.15)
-
-
 @pytest.mark.parametrize(('a', 'b'), [(0.3, 0.1), (0.1, 0.3)])
 def test_an_ellipse(a, b):
     ellipse = Ellipse((a, b))

@@ -139,32 +139,6 @@ def abs2(z):
     return np.abs(z) ** 2
 
 
-def test_a_square_by_hand():
-    square = Polygon(SQUARE)
-    found = square.nearest(np.array([0.3 + 0.02j, 0.13 + 0.14j, 0.08 + 0.01j]))
-    assert found.gaps == pytest.approx([0.2, 0.05, -0.02])
-    assert found.normals == pytest.approx([1.0, 0.6 + 0.8j, 1.0])
-    assert found.radii.tolist() == [np.inf, 0.0, np.inf]
-    assert square.support(np.array([1.0, np.exp(0.25j * np.pi)])) == pytest.approx(
-        [0.1, 0.1 * np.sqrt(2.0)]
-    )
-    rounded = Polygon(SQUARE, 0.05)
-    assert rounded.area == pytest.approx(0.04 - (4.0 - np.pi) * 0.05**2)
-    assert rounded.perimeter == pytest.approx(0.4 + 2.0 * np.pi * 0.05)
-    assert rounded.nearest(np.array([0.11 + 0.13j])).gaps == pytest.approx([0.05])
-
-
-def test_a_polygon_of_many_sides_is_a_disc():
-    angles = 2.0 * np.pi * np.arange(200) / 200
-    polygon = Polygon(0.1 * np.column_stack([np.cos(angles), np.sin(angles)]))
-    disc = Disc(0.2)
-    points = 0.3 * directions(np.random.default_rng(1), 200) * np.linspace(0.3, 1.0, 200)
-    many, one = polygon.nearest(points), disc.nearest(points)
-    assert many.gaps == pytest.approx(one.gaps, abs=0.1 * (np.pi / 200) ** 2)
-    assert polygon.perimeter == pytest.approx(disc.perimeter, rel=1e-4)
-    assert polygon.gyration == pytest.approx(disc.gyration, rel=1e-3)
-
-
 def test_feet_of_points_on_the_axes_of_an_ellipse():
     ellipse = Ellipse((0.3, 0.1))
     # Inside of the evolute, up to 0.27 m, the foot is off the axis; beyond, at the vertex.

@@ -153,21 +153,6 @@ def cross(one, other):
     return left(a, b, c) != left(a, b, d) and left(c, d, a) != left(c, d, b)
 
 
-@pytest.mark.parametrize('name', robots.PRESETS)
-def test_nothing_overlaps_at_home(name):
-    robot = load_robot(name)
-    assert collision_model(robot).distances(robot.home).min() > 0.12
-
-
-def test_modules_that_share_a_joint_are_as_far_apart_as_by_hand():
-    # Rods of h at 120 degrees, discs of s/2 + tube radius at their ends.
-    model = collision_model(ROBOT)
-    names = model.names(np.arange(len(model.distances(ROBOT.home))))
-    pair = names.index('module south/P and module north/P')
-    wanted = 0.2032 * np.sqrt(3.0) - 2.0 * (0.06 + 0.051)
-    assert model.distances(ROBOT.home)[pair] == pytest.approx(wanted, abs=1e-12)
-
-
 @robots.examples(25)
 @given(robots.robots(), robots.generators())
 def test_object_distances_are_those_of_points_along_the_parts(robot, rng):

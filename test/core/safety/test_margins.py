@@ -67,16 +67,6 @@ def test_rigidity_does_not_depend_on_the_size_of_the_robot():
     )
 
 
-def test_flat_triangle_is_not_rigid():
-    robot = load_robot('triangle')
-    rigidity = [
-        shape_margins(robot.configuration([travel, -travel])).rigidity
-        for travel in (0.0, 0.1, 0.2, 0.27, 0.285)
-    ]
-    assert (np.diff(rigidity) < 0.0).all()
-    assert rigidity[-1] < 0.25
-
-
 @pytest.mark.parametrize(('name', 'clearance'), [('nine_member', 0.1299), ('triangle', 0.825)])
 def test_presets_are_well_inside_at_home(name, clearance):
     robot = load_robot(name)
