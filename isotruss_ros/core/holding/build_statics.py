@@ -12,13 +12,13 @@
 
 from __future__ import annotations
 
-from isotruss_ros.core.holding.contact_statics import ContactStatics, TubeModel
-from isotruss_ros.core.holding.dents import (
+from isotruss_ros.core.contact.dents import (
     corner_dents,
     Indentation,
     skin_indentation,
     SkinIndentation,
 )
+from isotruss_ros.core.holding.contact_statics import ContactStatics, TubeModel
 from isotruss_ros.core.holding.pressed_contacts import PressedContacts
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject

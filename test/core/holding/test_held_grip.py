@@ -29,15 +29,14 @@ from isotruss_ros.core import (
     settle_grasp,
     solve_twist,
 )
+from isotruss_ros.core.contact.dents import corner_dents
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding import roll_grip as roll_grip_module
-from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.attach_grip import attach_grip, rest
 from isotruss_ros.core.holding.build_statics import build_statics
-from isotruss_ros.core.holding.contact_closures import rest, stick
 from isotruss_ros.core.holding.contact_statics import TubeModel
-from isotruss_ros.core.holding.dents import corner_dents
 from isotruss_ros.core.holding.pressed_contacts import find_pressed
-from isotruss_ros.core.holding.roll_grip import lay_down, roll_contacts, roll_grip
+from isotruss_ros.core.holding.roll_grip import lay_down, roll_contacts, roll_grip, stick
 from isotruss_ros.core.kinematics.depths import member_depths
 import numpy as np
 import pytest

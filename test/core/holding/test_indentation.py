@@ -11,18 +11,18 @@
 
 from hypothesis import given, strategies
 from isotruss_ros.core import Ellipse, load_robot
+from isotruss_ros.core.contact import dents
 from isotruss_ros.core.contact.contact import solve_contact
-from isotruss_ros.core.contact.flattening import flattening_of
-from isotruss_ros.core.contact.place_points import find_contact_points
-from isotruss_ros.core.contact.surfaces import RoundSurface
-from isotruss_ros.core.holding import dents
-from isotruss_ros.core.holding.dents import (
+from isotruss_ros.core.contact.contact_points import find_contact_points
+from isotruss_ros.core.contact.dents import (
     Indentation,
     POWER,
     Press,
     skin_indentation,
     SkinIndentation,
 )
+from isotruss_ros.core.contact.flattening import flattening_of
+from isotruss_ros.core.contact.surfaces import RoundSurface
 import numpy as np
 import pytest
 import robots
