@@ -52,7 +52,7 @@ def settle_grasp(
     The object is free, friction loads the tubes, and the contact history is unknown.
     Statics settles the place across the bisector of the two grasping members, and the friction
     forces; the place along the bisector, by which they press, is the measured one. What is known
-    of objects that are no discs, and of three members, is in `contact_closures.rest`.
+    of objects that are no discs, and of three members, is in `attach_grip.rest`.
 
     :param config: where the robot is; its rollers do not turn.
     :param body: the object, where it was measured.
