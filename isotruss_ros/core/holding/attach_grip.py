@@ -28,8 +28,13 @@ from isotruss_ros.core.holding.contact_statics import (
     SOFTNESS,
     TubeModel,
 )
-from isotruss_ros.core.holding.held_grip import HeldGrip, MOST, scaled_wrench, travel_into
-from isotruss_ros.core.holding.hold_status import HoldStatus
+from isotruss_ros.core.holding.held_grip import (
+    HeldGrip,
+    HoldStatus,
+    MOST,
+    scaled_wrench,
+    travel_into,
+)
 from isotruss_ros.core.holding.pressed_contacts import find_pressed, PressedContacts
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths

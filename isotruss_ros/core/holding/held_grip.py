@@ -13,6 +13,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+import enum
 import functools
 import math
 
@@ -23,7 +24,6 @@ from isotruss_ros.core.holding.contact_forces import (
     slip_margin,
 )
 from isotruss_ros.core.holding.contact_statics import ContactStatics, TubeModel
-from isotruss_ros.core.holding.hold_status import HoldStatus
 from isotruss_ros.core.holding.pressed_contacts import PressedContacts
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
@@ -38,6 +38,25 @@ MOST = 3
 LONGEST = 2.0
 #: This share of the squeeze is left of the slip margin where the object stands on its path [-].
 LEFT_MARGIN = 0.04
+
+
+class HoldStatus(enum.Enum):
+    """Whether an object is held; if not, which condition has no solution."""
+
+    HELD = 'held'
+    NO_CONTACT = 'fewer than two members press on the object'
+    NO_BALANCE = 'no pose near the given one balances the forces'
+    FAR = 'the pose that balances the forces is too far from the given one'
+    SLIPS = 'the balance needs more friction than there is'
+    UNSTABLE = 'the balance is unstable'
+    OFF_MEMBER = 'a contact is beyond the end of its member'
+    OTHER_CONTACT = 'another member presses on the object'
+    WRINKLES = 'a tube wrinkles, outside of the model'
+
+    @property
+    def at_rest(self) -> bool:
+        """Return whether the linear model holds the object, even if a tube wrinkles."""
+        return self in (HoldStatus.HELD, HoldStatus.WRINKLES)
 
 
 @dataclass(frozen=True, eq=False)
