@@ -123,7 +123,16 @@ def analyze_grasp(
         closure_margin=closure.margin,
         stiffness=_stiffness(contact_points, contact, body.center),
         solution=HeldFast(
-            structure, body, contact_points, kept, found, contact, sliding, margin, mu, wrench
+            structure=structure,
+            body=body,
+            points=contact_points,
+            kept=kept,
+            contact=found,
+            turned=contact,
+            sliding=sliding,
+            margin=margin,
+            friction=mu,
+            wrench=wrench,
         ),
         **assess_members(structure, contact_points, contact, extents),
     )

@@ -166,8 +166,7 @@ def _solve_nearby(
 
 def _choices(contacts: PressedContacts) -> list[PressedContacts]:
     """Return the contacts with faces on both ends first, then on one end of each."""
-    ends = [np.flatnonzero(contacts.owners == i).tolist() for i in range(contacts.owners[-1] + 1)]
-    faces = [own for own in ends if len(own) > 1]
+    faces = [own.tolist() for own in contacts.ends if len(own) > 1]
     found = []
     for dropped in itertools.product(*([None, *own] for own in faces)):
         chosen = contacts
@@ -191,16 +190,15 @@ def rest(statics: ContactStatics, center: complex, angle: float) -> Closure:
     :param angle: measured [rad].
     """
     owners, places, count = statics.contacts.owners, statics.places, len(statics.sides)
-    members = int(owners[-1]) + 1
-    ends = [np.flatnonzero(owners == i) for i in range(members)]
+    ends = statics.contacts.ends
     alike = [(own[:1], own[1:], -1.0) for own in ends if len(own) == 2]
-    faces, across = bool(alike), members == 2
+    faces, across = bool(alike), len(ends) == 2
     if faces and across:
         alike.append((ends[0], ends[1], 1.0))
-    # Of three members the friction of the first ones, or their differences, that is to be none.
-    signs = np.eye(members)[: count - len(alike) - (not faces)]
-    if not faces:
-        signs = signs - np.roll(signs, 1, axis=1)
+    if not across:
+        # The friction of the first members, or their differences, that is to be none.
+        signs = np.eye(len(ends))[: count - len(alike) - (not faces)]
+        signs = signs if faces else signs - np.roll(signs, 1, axis=1)
 
     def rows(unknowns: Array, normals: Points) -> tuple[Array, Array]:
         left, derivative = np.zeros(count), np.zeros((count, places.size))

@@ -54,14 +54,19 @@ def build_statics(
     compliance = MemberCompliance(structure, contacts.members, tubes.stiffness_scale)
     aside = (compliance.axis.conj() * (body.middle - compliance.start)).imag
     sides = np.where(aside > 0.0, -1.0, 1.0)
-    dents = Indentation()
+    tables: list[SkinIndentation] = []
     if tubes.flattening:
         pressures = None if tubes.pressure is None else structure.pressures
         bent = 1j * sides * compliance.axis if normals is None else normals
         tables = _dents(config, body, contacts, bent, pressures)
-        dents = Indentation(tables, tubes.stiffness_scale)
-    radius = 0.5 * config.robot.description.tube_diameter
-    return ContactStatics(compliance, body, contacts, radius, sides, dents)
+    return ContactStatics(
+        compliance=compliance,
+        body=body,
+        contacts=contacts,
+        tube_radius=0.5 * config.robot.description.tube_diameter,
+        sides=sides,
+        indentation=Indentation(tables, tubes.stiffness_scale),
+    )
 
 
 def start_at(statics: ContactStatics, body: ConvexObject) -> Array:
