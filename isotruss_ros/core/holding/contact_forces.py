@@ -219,11 +219,10 @@ def slip_margin(
     :param more: (3,) wrench (fx, fy, m / arm) that is added to that of the equilibrium [N].
     :return: negative where a member slips or a contact pulls already.
     """
-    rows = slip_conditions(response.owners, friction)
-    reserve, slope = rows @ forces_of(state), rows @ response.forces
+    reserve, slope, size = _conditions(state, response, friction)
     if more is not None:
         reserve = reserve + slope @ more
-    return float((reserve / _sizes(slope)).min())
+    return float((reserve / size).min())
 
 
 def weakest_direction(state: ContactForces, response: GripResponse, friction: float) -> Array:
@@ -234,16 +233,19 @@ def weakest_direction(state: ContactForces, response: GripResponse, friction: fl
     :param response: how its forces change with the wrench.
     :param friction: coefficient mu.
     """
-    rows = slip_conditions(response.owners, friction)
-    slope = rows @ response.forces
-    size = _sizes(slope)
-    nearest = int((rows @ forces_of(state) / size).argmin())
+    reserve, slope, size = _conditions(state, response, friction)
+    nearest = int((reserve / size).argmin())
     return -slope[nearest] / size[nearest]
 
 
-def _sizes(slope: Array) -> Array:
-    """Return the lengths of rows; of any friction, their squares may overflow."""
-    return np.hypot.reduce(slope, axis=1)
+def _conditions(
+    state: ContactForces, response: GripResponse, friction: float
+) -> tuple[Array, Array, Array]:
+    """Return what is left of each of `slip_conditions`, its slope by a wrench, and the size."""
+    rows = slip_conditions(response.owners, friction)
+    slope = rows @ response.forces
+    # Of any friction, squares may overflow.
+    return rows @ forces_of(state), slope, np.hypot.reduce(slope, axis=1)
 
 
 def forces_of(state: ContactForces) -> Array:
