@@ -7,7 +7,7 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Points of the tubes that an object could touch: how the robot gives there, and contact."""
+"""Points of the tubes that an object could touch, how the robot gives there, and contact."""
 
 from __future__ import annotations
 

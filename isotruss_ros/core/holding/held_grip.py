@@ -105,7 +105,7 @@ class HeldGrip:
         """Return the arm by which moments compare with forces, see `ConvexObject.arm` [m]."""
         return self.statics.arm
 
-    @property
+    @functools.cached_property
     def member_names(self) -> tuple[str, ...]:
         """Return the names of the grasping members."""
         return tuple(self.config.robot.member_names[i] for i in self.members)
