@@ -29,6 +29,8 @@ import numpy as np
 
 #: Tubes of the robot file, which flatten.
 AS_MODELLED = TubeModel()
+#: Tables of dents are for normals in steps of this [rad].
+ANGLE_STEP = 0.01
 #: Objects that only touch are taken to be this deep, as a share of their size.
 LEAST_DEPTH = 1e-3
 
@@ -101,22 +103,22 @@ def _dents(
     pressures: tuple[float, ...] | None,
 ) -> list[SkinIndentation]:
     """Return the dents at all contacts."""
-    own = normals * body.turn.conjugate()
     tubes = config.robot.topology.tube[contacts.members]
     if body.shape.is_round:
         radius = body.shape.reach
         return [skin_indentation(config.robot, int(tube), radius, pressures) for tube in tubes]
+    angles = ANGLE_STEP * np.round(np.angle(normals * body.turn.conjugate()) / ANGLE_STEP)
     return [
         corner_dents(
             config.robot,
             int(tube),
             body.shape,
-            complex(normal),
+            float(angle),
             int(corner),
             (float(cut[0]), float(cut[1])),
             pressures,
         )
-        for tube, normal, corner, cut in zip(
-            tubes, own, contacts.corners, contacts.cuts, strict=True
+        for tube, angle, corner, cut in zip(
+            tubes, angles, contacts.corners, contacts.cuts, strict=True
         )
     ]
