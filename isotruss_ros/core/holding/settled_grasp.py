@@ -12,7 +12,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 import math
 
@@ -43,7 +43,7 @@ class SettledGrasp:
     reason: str
     given: Pose
     friction: float
-    equilibrium: HeldGrip | None = None
+    equilibrium: HeldGrip | None = field(default=None, repr=False)
 
     @property
     def held(self) -> bool:
