@@ -27,7 +27,7 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.errors import ConfigurationError, StructureError
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.grip_response import weakest_direction
+from isotruss_ros.core.holding.contact_forces import weakest_direction
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.loaded_frame import held_utilisation
 from isotruss_ros.core.holding.roll_grip import roll_grip

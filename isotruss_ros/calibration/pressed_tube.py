@@ -20,7 +20,7 @@ from isotruss_ros.core.contact.flattening import flattening
 from isotruss_ros.core.contact.surfaces import RoundSurface
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.statics.beam import local_stiffness
-from isotruss_ros.core.statics.interior import InteriorPoints
+from isotruss_ros.core.statics.interior import points_on_beams
 from isotruss_ros.core.statics.tube_stiffness import TubeStiffness
 import numpy as np
 
@@ -96,7 +96,7 @@ def _contact_points(
     """Return points inside one member whose ends turn, if they are pinned, or stand still."""
     only, length = np.zeros(len(places), dtype=np.intp), np.array([tube.length])
     section = tube.stiffness.section_stiffness(length, pressure)
-    inside = InteriorPoints(only, places, length, *section, np.array([False]))
+    inside = points_on_beams(only, places, length, *section, np.array([False]))
     ends = np.zeros((6, 6))
     if tube.pinned:
         turns = np.ix_([2, 5], [2, 5])
@@ -118,8 +118,8 @@ def _contact_points(
         piece=only,
         spacing=SPACING,
         axis=np.ones(len(places), dtype=np.complex128),
-        inside=inside.compliance(),
-        spread=inside.shapes().swapaxes(0, 1),
+        inside=inside.compliance,
+        spread=inside.shapes.swapaxes(0, 1),
         ends=ends,
         dents=dents,
     )

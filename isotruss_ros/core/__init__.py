@@ -20,7 +20,7 @@ from isotruss_ros.core.control.path_tracking import PathTracker
 from isotruss_ros.core.control.twist_servo import TwistServo
 from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.holding.grasp_gradient import grasp_gradient
-from isotruss_ros.core.holding.hold_status import HoldStatus
+from isotruss_ros.core.holding.held_grip import HoldStatus
 from isotruss_ros.core.holding.settle_grasp import settle_grasp
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.robot import load_robot, Robot

@@ -15,7 +15,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from isotruss_ros.core import grasp_gradient, settle_grasp
-from isotruss_ros.core.holding.grip_response import slip_conditions
+from isotruss_ros.core.holding.contact_forces import slip_conditions
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.planning.grasp_plan import PlannedGrasp
 from isotruss_ros.mujoco_plant.plant import MujocoPlant

@@ -13,7 +13,6 @@ from types import SimpleNamespace
 
 from isotruss_ros.core.statics.beam import local_stiffness
 from isotruss_ros.core.statics.frame import Frame, Members
-from isotruss_ros.core.statics.structure import tube_pieces
 import numpy as np
 
 
@@ -54,7 +53,10 @@ def bare(starts, ends, axial, flexural, shear, held=None):
         n_modules=m, previous=np.roll(np.arange(m), 1), tube=np.zeros(m, dtype=int)
     )
     return SimpleNamespace(
-        frame=frame, config=SimpleNamespace(robot=SimpleNamespace(topology=topology))
+        frame=frame,
+        config=SimpleNamespace(robot=SimpleNamespace(topology=topology)),
+        pieces=np.arange(3 * m, 6 * m).reshape(3, -1),
+        owners=np.stack([np.arange(m), topology.previous, np.arange(m)]),
     )
 
 
@@ -122,19 +124,17 @@ def largest_utilisation(structure, pressure, ends, inside):
     :param ends: (k, 6) forces on the members of that frame, see `FrameState.end_forces`.
     :param inside: (c,) the members of the robot's own frame that have the points inside.
     """
-    topology, m = structure.config.robot.topology, len(structure.config.member_lengths)
+    m = len(structure.config.member_lengths)
     radius = 0.5 * structure.config.robot.description.tube_diameter
     cuts = 1 + np.bincount(inside, minlength=len(structure.frame.members.start))
     piece = np.repeat(np.arange(len(cuts)), cuts)
     largest = np.zeros(m)
-    owners = (np.arange(m), topology.previous, np.arange(m))
-    for kind, owner in zip(tube_pieces(m), owners, strict=True):
-        for number, member in zip(kind, owner, strict=True):
-            here = ends[piece == number]
-            pull = pressure[member] * np.pi * radius**2 - here[:, 0]
-            moment = np.abs(here[:, [2, 5]]).max(axis=1)
-            used = np.where(pull > 0.0, 2.0 * moment / radius / pull, np.inf)
-            largest[member] = max(largest[member], used.max())
+    for number, member in zip(structure.pieces.ravel(), structure.owners.ravel(), strict=True):
+        here = ends[piece == number]
+        pull = pressure[member] * np.pi * radius**2 - here[:, 0]
+        moment = np.abs(here[:, [2, 5]]).max(axis=1)
+        used = np.where(pull > 0.0, 2.0 * moment / radius / pull, np.inf)
+        largest[member] = max(largest[member], used.max())
     return largest
 
 
@@ -188,9 +188,8 @@ def joined(structure, first, second):
         members.pinned_end,
     )
     names = [str(i) for i in number]
-    return SimpleNamespace(
-        frame=Frame(frame.points, members, held, names), config=structure.config
-    )
+    changed = vars(structure) | {'frame': Frame(frame.points, members, held, names)}
+    return SimpleNamespace(**changed)
 
 
 def plane_compliance(contact_points):

@@ -12,7 +12,7 @@
 from types import SimpleNamespace
 
 from geometry_msgs.msg import PoseStamped
-from isotruss_ros.core.holding.hold_status import HoldStatus
+from isotruss_ros.core.holding.held_grip import HoldStatus
 from isotruss_ros.nodes.simulator import Simulator
 from manual_world import world
 import numpy as np

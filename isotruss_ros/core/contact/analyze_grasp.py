@@ -11,34 +11,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Any, Literal
+from typing import Literal
 
-from isotruss_ros.core.contact.contact import solve_contact
-from isotruss_ros.core.contact.contact_points import ContactGuess, ContactPoints, ContactState
-from isotruss_ros.core.contact.contact_regions import (
-    contact_extents,
-    contact_regions,
-    ContactExtents,
-    find_wrinkling,
+from isotruss_ros.core.contact.contact import relax_contact, solve_contact
+from isotruss_ros.core.contact.contact_points import (
+    ContactGuess,
+    ContactPoints,
+    ContactState,
+    find_contact_points,
 )
+from isotruss_ros.core.contact.contact_regions import assess_members, contact_extents
 from isotruss_ros.core.contact.flattening import flattening_of
 from isotruss_ros.core.contact.force_closure import check_force_closure
 from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis, HeldFast
-from isotruss_ros.core.contact.place_points import find_contact_points
 from isotruss_ros.core.contact.refinement import (
     ContactSolver,
     PreviousContact,
     refine_contact,
     SolvedContact,
 )
-from isotruss_ros.core.contact.relaxation import relax_contact
 from isotruss_ros.core.contact.sliding_contact import solve_sliding_contact, turn_at_corners
 from isotruss_ros.core.contact.surfaces import Surface, surface_of
 from isotruss_ros.core.errors import GraspError, SolverError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.numerics.arrays import Array, as_xy, finite_array
+from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.statics.section import Pressure
 from isotruss_ros.core.statics.structure import Structure, structure_of
@@ -104,13 +101,13 @@ def analyze_grasp(
     sliding = flattening and not round_
     # Of corners, which sliding tubes fold over.
     contact = turn_at_corners(contact_points, found, surface) if sliding else found
-    normals = as_xy(contact.normals)
+    normals = contact.normals.view(np.float64).reshape(-1, 2)
     tangents = np.column_stack([-normals[:, 1], normals[:, 0]])
     pressed, levers = _pressed(body, contact_points, contact, margin, round_)
     load = (pressed + wrench) / np.array([1.0, 1.0, body.arm])
     closure = check_force_closure(tangents, contact.forces, load, mu, levers)
     return GraspAnalysis(
-        points=as_xy((contact_points.skin + contact.displacements)[kept]),
+        points=(contact_points.skin + contact.displacements)[kept].view(np.float64).reshape(-1, 2),
         members=contact_points.member[kept],
         places=contact_points.place[kept],
         gaps=contact.gaps[kept],
@@ -126,9 +123,18 @@ def analyze_grasp(
         closure_margin=closure.margin,
         stiffness=_stiffness(contact_points, contact, body.center),
         solution=HeldFast(
-            structure, body, contact_points, kept, found, contact, sliding, margin, mu, wrench
+            structure=structure,
+            body=body,
+            points=contact_points,
+            kept=kept,
+            contact=found,
+            turned=contact,
+            sliding=sliding,
+            margin=margin,
+            friction=mu,
+            wrench=wrench,
         ),
-        **_by_member(structure, contact_points, contact, extents),
+        **assess_members(structure, contact_points, contact, extents),
     )
 
 
@@ -203,37 +209,6 @@ def _contact_before(previous: GraspAnalysis | None) -> PreviousContact | None:
         return None
     normals = previous.normals @ np.array([1.0, 1.0j])
     return PreviousContact(previous.contact_spans, previous.members, previous.places, normals)
-
-
-def _by_member(
-    structure: Structure,
-    contact_points: ContactPoints,
-    contact: ContactState,
-    extents: ContactExtents,
-) -> dict[str, Any]:
-    """Return the fields of a `GraspAnalysis` that are by member."""
-    robot = structure.config.robot
-    gauge = np.array(structure.pressures)[robot.topology.tube]
-    sections, tension = find_wrinkling(structure, contact_points, contact)
-    regions = contact_regions(contact_points, contact, gauge, tension)
-    names, spans = robot.member_names, extents.spans.tolist()
-    touching = np.flatnonzero(extents.length).tolist()
-    wide = touching if contact_points.dents.any() else []
-
-    def named(values: Array, members: Iterable[int] = range(len(names))) -> dict[str, float]:
-        return {names[i]: values.item(i) for i in members}
-
-    return {
-        'contact_lengths': named(extents.length, touching),
-        'contact_spans': {names[i]: tuple(spans[i]) for i in touching},
-        'contact_forces': named(regions.force, touching),
-        'contact_widths': named(regions.width, wide),
-        'contact_areas': named(regions.area, wide),
-        'contact_pressures': named(regions.pressure, wide),
-        'peak_pressures': named(regions.peak_pressure, wide),
-        'utilisation': named(sections.utilisation),
-        'utilisation_places': named(sections.place),
-    }
 
 
 def _pressed(

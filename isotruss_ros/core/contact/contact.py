@@ -8,12 +8,13 @@
 # language governing permissions and limitations under the License.
 
 """
-Unilateral contact of tubes with a convex object: equations (5) to (8).
+Unilateral contact of tubes with a convex object: equations (5) to (9).
 
 Points of the tubes meet a surface: those of the skin, where tubes flatten, the object's own; in
 the paper's model those of the centre lines one that is farther out by the tube's radius. They give
 by a compliance that is condensed to these points; for fixed normals the contact forces solve a
-linear complementarity problem, and the normals follow the deformed points until they settle.
+linear complementarity problem, and the normals follow the deformed points until they settle. The
+paper's relaxation of the forces, (9), finds the same, with gains from the compliance.
 """
 
 from __future__ import annotations
@@ -32,8 +33,20 @@ MAX_NORMAL_UPDATES = 30
 MAX_STEPS = 300
 #: Where a member flattens, contact is about as wide as what is this share of the largest depth.
 WIDE = 0.7
-#: More contact points than this begin where every fourth of them ends.
-MANY = 300
+#: K1 of (9) as a share of 2 / lambda_max(W), beyond which the iteration diverges.
+GAIN = 0.9
+MAX_RELAXATIONS = 2_000_000
+#: Where the gap is larger than this, what is left of the force is no contact [m].
+TOUCHING = 1e-7
+#: A force that has faded to this share of the largest is none.
+NEGLIGIBLE = 1e-9
+#: Below this is nothing: keeps divisions defined before the first contact.
+TINY = 1e-300
+SMALL_FORCE = 1e-100
+#: Normals follow the deformed points, and the end is looked for, every so many steps of (9).
+STEPS_BETWEEN_LOOKS = 200
+#: Complementarity holds to this in (9), gap [m] and force as a share of the largest.
+RELAXED = 1e-2 * GAP_TOLERANCE
 
 
 def solve_contact(
@@ -48,54 +61,75 @@ def solve_contact(
     :raises SolverError: the normals do not settle.
     """
     away = contact_points.skin - surface.center
-    normals, active = _begin(contact_points, surface, start)
+    normals = None if start is None else start.normals
+    if normals is None:
+        normals = face_tubes(contact_points, surface)
+    gaps = open_gaps(away, normals, surface)
+    active = guess_contact(contact_points, gaps) if start is None else start.forces > 0.0
     # Outside of the tangent at a point's foot is outside of the object: what solves the problem
     # for some normals is admissible for the next ones, which can but take less energy. These steps
     # settle therefore, if slowly; following the normals of those in contact makes them few.
     for _ in range(MAX_STEPS):
-        gaps = open_gaps(away, normals, surface)
         forces, active = solve_complementarity(
             contact_points.normal_compliance(normals), gaps, active
         )
         places = np.flatnonzero(active)
         ahead = np.zeros_like(away)
-        ahead[places] = _settle_normals(contact_points, places, normals, surface)
+        ahead[places] = _settle_normals(contact_points, places, normals, gaps[places], surface)
         for push in (ahead, forces * normals):
             displacements = contact_points.displacements(push)
-            gaps, turned, radii = surface.nearest(away + displacements)  # (5)
+            left, turned, radii = surface.nearest(away + displacements)  # (5)
             # (6), (7): no force pulls, and none is tangential.
             pressing, sizes = push * turned.conj(), np.abs(push)
             if (
                 (pressing.real >= 0.0).all()
                 and (np.abs(pressing.imag) <= SMOOTH * sizes.max(initial=0.0)).all()
-                and (gaps >= -GAP_TOLERANCE).all()
-                and (gaps[places] <= GAP_TOLERANCE).all()
+                and (left >= -GAP_TOLERANCE).all()
+                and (left[places] <= GAP_TOLERANCE).all()
             ):
                 normal = pressing.real * turned
-                return ContactState(pressing.real, gaps, turned, displacements, radii, normal)
-        normals = turned
+                return ContactState(pressing.real, left, turned, displacements, radii, normal)
+        normals, gaps = turned, left - (displacements * turned.conj()).real
     raise SolverError(
         f'the contact did not settle in {MAX_STEPS} steps; the object is pressed in too deeply'
     )
 
 
-def _begin(
-    contact_points: ContactPoints, surface: Surface, start: ContactGuess | None
-) -> tuple[Points, Flags]:
-    """Return the normals (c,) and where there is contact (c,), to begin the search with."""
-    away = contact_points.skin - surface.center
-    # Those of the centre lines: the skin may be beyond the centre of a small object.
-    normals = surface.facing(contact_points.points - surface.center, contact_points.axis)
-    if start is not None:
-        return normals if start.normals is None else start.normals, start.forces > 0.0
-    if len(away) <= MANY:
-        return normals, guess_contact(contact_points, open_gaps(away, normals, surface))
-    few = np.arange(0, len(away), 4)
-    coarse = solve_contact(contact_points[few], surface)
-    push = np.zeros_like(away)
-    push[few] = coarse.forces * coarse.normals
-    found = surface.nearest(away + contact_points.displacements(push))
-    return found.normals, found.gaps < 0.0
+def _settle_normals(
+    contact_points: ContactPoints,
+    places: Indices,
+    normals: Points,
+    gaps: Array,
+    surface: Surface,
+) -> Points:
+    """Return the forces (a,), x + iy [N], that close gaps (a,), along normals that follow."""
+    count = len(places)
+    if count == 0:
+        return np.zeros(0, dtype=np.complex128)
+    axis = contact_points.axis[places]
+    away, local = (
+        axis.conj() * (contact_points.skin[places] - surface.center),
+        axis.conj() * normals[places],
+    )
+    # Few points, and several steps: the whole matrix is cheaper than its factors.
+    compliance = contact_points.compliance(places).reshape(2 * count, 2 * count)
+    for _ in range(MAX_NORMAL_UPDATES):
+        along, across = local.real, local.imag
+        moving = compliance[:, :count] * along + compliance[:, count:] * across
+        normal = along[:, None] * moving[:count] + across[:, None] * moving[count:]
+        _, pressing, failed = lapack.dposv(normal, -gaps)
+        if failed:
+            raise SolverError('the contact compliance is not positive definite')
+        given = moving @ pressing
+        moved = given[:count] + 1j * given[count:]
+        left, turned, _ = surface.nearest(axis * (away + moved))
+        turned = axis.conj() * turned
+        forces = pressing * local
+        change = float(np.abs(turned - local).max())
+        local, gaps = turned, left - (moved * turned.conj()).real
+        if change < 0.01 * SMOOTH:
+            break
+    return axis * forces
 
 
 def estimate_contact(contact_points: ContactPoints, surface: Surface) -> ContactState:
@@ -107,7 +141,7 @@ def estimate_contact(contact_points: ContactPoints, surface: Surface) -> Contact
     :raises SolverError: the contact problem was not solved.
     """
     away = contact_points.skin - surface.center
-    normals = surface.facing(contact_points.points - surface.center, contact_points.axis)
+    normals = face_tubes(contact_points, surface)
     gaps = open_gaps(away, normals, surface)
     compliance = contact_points.normal_compliance(normals)
     forces, _ = solve_complementarity(compliance, gaps, guess_contact(contact_points, gaps))
@@ -115,6 +149,18 @@ def estimate_contact(contact_points: ContactPoints, surface: Surface) -> Contact
     gaps += compliance @ forces
     _, turned, radii = surface.nearest(away + displacements)
     return ContactState(forces, gaps, turned, displacements, radii, forces * turned)
+
+
+def face_tubes(contact_points: ContactPoints, surface: Surface) -> Points:
+    """
+    Return the normals (c,) with which undeformed tubes meet the object.
+
+    Those of the centre lines: the skin may be beyond the centre of a small object.
+
+    :param contact_points: points that the object could touch.
+    :param surface: what the points meet.
+    """
+    return surface.facing(contact_points.points - surface.center, contact_points.axis)
 
 
 def open_gaps(away: Points, normals: Points, surface: Surface) -> Array:
@@ -143,34 +189,49 @@ def guess_contact(contact_points: ContactPoints, gaps: Array) -> Flags:
     return gaps <= deepest[member]
 
 
-def _settle_normals(
-    contact_points: ContactPoints, places: Indices, normals: Points, surface: Surface
-) -> Points:
-    """Return the forces (a,), x + iy [N], that close gaps (a,), along normals that follow."""
-    count = len(places)
-    if count == 0:
-        return np.zeros(0, dtype=np.complex128)
-    axis = contact_points.axis[places]
-    away, local = (
-        axis.conj() * (contact_points.skin[places] - surface.center),
-        axis.conj() * normals[places],
+def relax_contact(
+    contact_points: ContactPoints, surface: Surface, start: ContactGuess | None = None
+) -> ContactState:
+    """
+    Solve (8) by (9): forces grow where the gap is negative and fade where it is positive.
+
+    The tangential term of (9) is not needed: forces are normal from the start. K1 = 0.9 * 2 /
+    lambda_max(W), and K3 = K1 / (largest force), so that fading is never quicker than growing.
+
+    :param contact_points: points that the object could touch.
+    :param surface: what the points meet, see `find_contact_points`.
+    :param start: its forces are those to begin with; none if None.
+    :raises SolverError: no rest within two million steps.
+    """
+    away = contact_points.skin - surface.center
+    normals = face_tubes(contact_points, surface)
+    forces = np.zeros(len(away)) if start is None else start.forces.copy()
+    for _ in range(MAX_RELAXATIONS // STEPS_BETWEEN_LOOKS):
+        gaps = open_gaps(away, normals, surface)
+        compliance = contact_points.normal_compliance(normals)
+        # Points without force that are not touched take no part: they do not bound the gain.
+        part = np.flatnonzero((forces > 0.0) | (gaps + compliance @ forces < 0.0))
+        if len(part):
+            forces[part] = _steps(gaps[part], compliance[np.ix_(part, part)], forces[part])
+        largest = forces.max(initial=TINY)
+        forces = np.where(forces > NEGLIGIBLE * largest, forces, 0.0)
+        displacements = contact_points.displacements(forces * normals)
+        gap, normals, radii = surface.nearest(away + displacements)
+        left = np.maximum(gap, 0.0) * forces / largest
+        if (gap > -RELAXED).all() and (left < RELAXED).all():
+            touching = np.where(gap < TOUCHING, forces, 0.0)
+            push = touching * normals
+            return ContactState(touching, gap, normals, displacements, radii, push)
+    raise SolverError(
+        f'the relaxation of the contact forces did not rest in {MAX_RELAXATIONS} steps'
     )
-    # Few points, and several steps: the whole matrix is cheaper than its factors.
-    compliance = contact_points.compliance(places).reshape(2 * count, 2 * count)
-    for _ in range(MAX_NORMAL_UPDATES):
-        along, across = local.real, local.imag
-        moving = compliance[:, :count] * along + compliance[:, count:] * across
-        gaps = (away * local.conj()).real - surface.support(axis * local)
-        normal = along[:, None] * moving[:count] + across[:, None] * moving[count:]
-        _, pressing, failed = lapack.dposv(normal, -gaps)
-        if failed:
-            raise SolverError('the contact compliance is not positive definite')
-        moved = moving @ pressing
-        met = axis * (away + moved[:count] + 1j * moved[count:])
-        turned = axis.conj() * surface.nearest(met).normals
-        forces = pressing * local
-        change = float(np.abs(turned - local).max())
-        local = turned
-        if change < 0.01 * SMOOTH:
-            break
-    return axis * forces
+
+
+def _steps(gaps: Array, compliance: Array, forces: Array) -> Array:
+    """Return the forces (c,) after some steps of (9) with fixed normals."""
+    grow = GAIN * 2.0 / np.linalg.eigvalsh(compliance)[-1]
+    for _ in range(STEPS_BETWEEN_LOOKS):
+        gap = gaps + compliance @ forces
+        fade = grow / max(forces.max(), SMALL_FORCE)
+        forces = forces + grow * np.maximum(-gap, 0.0) - fade * np.maximum(gap, 0.0) * forces
+    return forces

@@ -18,7 +18,8 @@ pressure.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Iterable
+from typing import Any, NamedTuple
 
 from isotruss_ros.core.contact.contact_points import ContactPoints, ContactState
 from isotruss_ros.core.numerics.arrays import Array
@@ -155,3 +156,41 @@ def find_wrinkling(
     tension[touching] += pressed - sections.compression
     tension /= 2.0 * np.pi * radius
     return sections, np.maximum(tension, 0.0)
+
+
+def assess_members(
+    structure: Structure,
+    contact_points: ContactPoints,
+    contact: ContactState,
+    extents: ContactExtents,
+) -> dict[str, Any]:
+    """
+    Return the fields of a `GraspAnalysis` that are by member.
+
+    :param structure: the frame of the robot.
+    :param contact_points: points that the object could touch.
+    :param contact: where it does, and with what force.
+    :param extents: how far it goes.
+    """
+    robot = structure.config.robot
+    gauge = np.array(structure.pressures)[robot.topology.tube]
+    sections, tension = find_wrinkling(structure, contact_points, contact)
+    regions = contact_regions(contact_points, contact, gauge, tension)
+    names, spans = robot.member_names, extents.spans.tolist()
+    touching = np.flatnonzero(extents.length).tolist()
+    wide = touching if contact_points.dents.any() else []
+
+    def named(values: Array, members: Iterable[int] = range(len(names))) -> dict[str, float]:
+        return {names[i]: values.item(i) for i in members}
+
+    return {
+        'contact_lengths': named(extents.length, touching),
+        'contact_spans': {names[i]: tuple(spans[i]) for i in touching},
+        'contact_forces': named(regions.force, touching),
+        'contact_widths': named(regions.width, wide),
+        'contact_areas': named(regions.area, wide),
+        'contact_pressures': named(regions.pressure, wide),
+        'peak_pressures': named(regions.peak_pressure, wide),
+        'utilisation': named(sections.utilisation),
+        'utilisation_places': named(sections.place),
+    }

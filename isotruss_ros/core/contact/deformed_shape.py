@@ -14,9 +14,10 @@ from __future__ import annotations
 from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+from isotruss_ros.core.numerics.arrays import Points
 from isotruss_ros.core.statics.interior import interior_points
-from isotruss_ros.core.statics.structure import structure_of, tube_pieces
+from isotruss_ros.core.statics.member_compliance import locate_places
+from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 
 #: Points on each of the three pieces of a member: B to D, D to E', E' to C'.
@@ -31,11 +32,12 @@ def deformed_lines(config: Configuration, analysis: GraspAnalysis) -> Points:
     :param analysis: of a grasp in this configuration.
     :raises StructureError: the robot is a mechanism.
     """
-    topology, frame = config.robot.topology, structure_of(config).frame
-    first, last, middle = tube_pieces(topology.n_modules)
+    topology, structure = config.robot.topology, structure_of(config)
+    frame, (first, last, middle) = structure.frame, structure.pieces
     touching = analysis.normal_forces > 0.0
     forces = analysis.normals[touching] @ np.array([1.0, 1.0j]) * analysis.normal_forces[touching]
-    loaded, at_loads = _on_pieces(config, analysis.members[touching], analysis.places[touching])
+    pressed = analysis.members[touching], analysis.places[touching]
+    loaded, at_loads = locate_places(structure, *pressed)
     # Points of the lines, then of the forces. C' is where the last piece starts, E' where it ends;
     # where a piece ends the next begins.
     parts = [(first, np.linspace(0.0, 1.0, SAMPLES[0]))]
@@ -48,7 +50,7 @@ def deformed_lines(config: Configuration, analysis: GraspAnalysis) -> Points:
     place = np.append(np.concatenate(along, axis=1).ravel(), at_loads)
     drawn = lines.size
     inside = interior_points(frame, piece, np.arange(len(piece)), place)
-    shapes, local = inside.shapes(), forces * frame.axis[loaded].conj()
+    shapes, local = inside.shapes, forces * frame.axis[loaded].conj()
     # What moves the ends of the pieces as the forces do.
     bearing, which = np.unique(loaded, return_inverse=True)
     pushed = np.zeros((len(bearing), 6))
@@ -63,7 +65,7 @@ def deformed_lines(config: Configuration, analysis: GraspAnalysis) -> Points:
     # What the pieces that carry forces give besides.
     here = np.flatnonzero(np.isin(piece, bearing))
     places = interior_points(frame, bearing, np.searchsorted(bearing, piece[here]), place[here])
-    pulled, pressed = places.compliance()[:, :, here >= drawn]
+    pulled, pressed = places.compliance[:, :, here >= drawn]
     bent[here[here < drawn]] += (pulled @ local.real + 1j * (pressed @ local.imag))[here < drawn]
     start, axis = frame.points[own.start[drawn_on]], frame.axis[drawn_on]
     return (start + axis * (place[:drawn] + bent)).reshape(lines.shape)
@@ -111,18 +113,3 @@ def _feet(body: ConvexObject, points: Points) -> Points:
     """Return what is nearest to points on the object's surface, (c,) [m]."""
     found = body.nearest(points)
     return points - found.gaps * found.normals
-
-
-def _on_pieces(config: Configuration, member: Indices, place: Array) -> tuple[Indices, Array]:
-    """Return the piece of tube that each place of a member is on, and how far from its start."""
-    topology = config.robot.topology
-    ring = config.robot.description.module.guide_ring_distance
-    length = config.member_lengths[member]
-    first, last, middle = tube_pieces(topology.n_modules)
-    pieces = np.select(
-        [place < ring, place > length - ring],
-        [first[member], last[topology.following[member]]],
-        middle[member],
-    )
-    along = np.select([place < ring, place > length - ring], [place, length - place], place - ring)
-    return pieces, along

@@ -23,12 +23,15 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from isotruss_ros.core.contact.contact import estimate_contact
-from isotruss_ros.core.contact.contact_points import ContactGuess, ContactPoints, ContactState
+from isotruss_ros.core.contact.contact_points import (
+    ContactGuess,
+    ContactPoints,
+    ContactState,
+    find_contact_points,
+)
 from isotruss_ros.core.contact.contact_regions import contact_extents, ContactExtents
 from isotruss_ros.core.contact.flattening import Flattening
-from isotruss_ros.core.contact.place_points import find_contact_points
 from isotruss_ros.core.contact.surfaces import Surface
-from isotruss_ros.core.model.shapes import normalize
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
@@ -206,7 +209,7 @@ def _carry_over(before: PreviousContact, points: ContactPoints) -> Points:
     order = np.argsort(known)
     known, normals = known[order], before.normals[order]
     found = np.interp(wanted, known, normals.real) + 1j * np.interp(wanted, known, normals.imag)
-    return normalize(found)
+    return np.exp(1j * np.angle(found))
 
 
 def _division(regions: Array, spacing: float, budget: int | None = None) -> int:

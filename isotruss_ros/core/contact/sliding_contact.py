@@ -23,7 +23,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from isotruss_ros.core.contact.contact import guess_contact, open_gaps
+from isotruss_ros.core.contact.contact import face_tubes, guess_contact, open_gaps
 from isotruss_ros.core.contact.contact_points import ContactGuess, ContactPoints, ContactState
 from isotruss_ros.core.contact.surfaces import Surface
 from isotruss_ros.core.errors import SolverError
@@ -60,7 +60,7 @@ def solve_sliding_contact(
     if start is not None:
         active, normals = start.forces > 0.0, start.normals
     if normals is None:
-        normals = surface.facing(contact_points.points - surface.center, axis)
+        normals = face_tubes(contact_points, surface)
     side = np.where((normals * axis.conj()).imag < 0.0, -1.0, 1.0)
     lattice = _Lattice(contact_points)
     displacements, bent = np.zeros_like(away), axis

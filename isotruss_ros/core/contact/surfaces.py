@@ -87,39 +87,23 @@ class RoundSurface:
     tangents: ClassVar = np.zeros(0, dtype=np.complex128), np.zeros(0)
 
     def support(self, normals: Points) -> float:
-        """
-        Return how far tangents are from the centre [m].
-
-        :param normals: (c,) outward unit normals.
-        """
+        """Return how far tangents are from the centre [m]; see `Surface.support`."""
         return self.reach
 
     def nearest(self, away: Points) -> SurfacePoints:
-        """
-        Return what is nearest on the surface, (5).
-
-        :param away: (c,) x + iy, from the centre [m].
-        """
+        """Return what is nearest on the surface, (5); see `Surface.nearest`."""
         sizes = np.abs(away)
         # That of a point at the very centre is any, say upward.
-        away, known = np.where(sizes > 0.0, away, 1j), np.where(sizes > 0.0, sizes, 1.0)
-        return SurfacePoints(sizes - self.reach, away / known, np.full(len(away), self.reach))
+        upward = np.full(len(away), 1j)
+        normals = np.divide(away, sizes, out=upward, where=sizes > 0.0)
+        return SurfacePoints(sizes - self.reach, normals, np.full(len(away), self.reach))
 
     def facing(self, away: Points, axis: Points) -> Points:
-        """
-        Return the normals (c,) at points of the centre lines.
-
-        :param away: (c,) from the centre [m].
-        :param axis: (c,) directions of the tubes.
-        """
+        """Return the normals (c,) at points of the centre lines; see `Surface.facing`."""
         return self.nearest(away).normals
 
     def resolved(self, spacing: float) -> RoundSurface:
-        """
-        Return the circle itself.
-
-        :param spacing: of the points along a tube [m].
-        """
+        """Return the circle itself; see `Surface.resolved`."""
         return self
 
 
@@ -152,31 +136,19 @@ class ConvexSurface:
         return self.body.shape.centroid
 
     def support(self, normals: Points) -> Array:
-        """
-        Return how far tangents are from the centre, (c,) [m].
-
-        :param normals: (c,) outward unit normals, x + iy.
-        """
+        """Return how far tangents are from the centre, (c,) [m]; see `Surface.support`."""
         own = normals * self.body.turn.conjugate()
         return self.shape.support(own) - (self._inside * own.conj()).real + self.margin
 
     def nearest(self, away: Points) -> SurfacePoints:
-        """
-        Return what is nearest on the surface, (5).
-
-        :param away: (c,) x + iy, from the centre [m].
-        """
+        """Return what is nearest on the surface, (5); see `Surface.nearest`."""
         turn = self.body.turn
         gaps, normals, radii = self.shape.nearest(away * turn.conjugate() + self._inside)
         return SurfacePoints(gaps - self.margin, normals * turn, radii + self.margin)
 
     def facing(self, away: Points, axis: Points) -> Points:
-        """
-        Return the normals (c,) at points of the centre lines, pulled back until they are outside.
-
-        :param away: (c,) from the centre [m].
-        :param axis: (c,) directions of the tubes.
-        """
+        """Return the normals (c,) at points of the centre lines; see `Surface.facing`."""
+        # These are pulled back until they are outside.
         aside = (away * axis.conj()).imag
         outward = 1j * np.where(aside < 0.0, -axis, axis)
         short = self.support(outward) - np.abs(aside)
@@ -190,11 +162,7 @@ class ConvexSurface:
         return normals, self.support(normals)
 
     def resolved(self, spacing: float) -> ConvexSurface:
-        """
-        Return the surface with its corners rounded off as far as points of a spacing can tell.
-
-        :param spacing: of the points along a tube [m].
-        """
+        """Return the surface with its corners rounded off; see `Surface.resolved`."""
         return ConvexSurface(self.body, self.margin, self.body.shape.rounded(spacing))
 
 

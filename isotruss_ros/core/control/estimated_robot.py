@@ -18,8 +18,7 @@ from isotruss_ros.core.control.belief import Expectation
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.held_gradient import held_gradient
-from isotruss_ros.core.holding.held_grip import HeldGrip
-from isotruss_ros.core.holding.hold_status import HoldStatus
+from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
 from isotruss_ros.core.holding.loaded_frame import held_joints
 from isotruss_ros.core.holding.roll_grip import roll_contacts, roll_grip
 from isotruss_ros.core.kinematics.robot import Robot

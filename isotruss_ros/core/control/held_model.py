@@ -14,10 +14,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.contact_forces import slip_margin
 from isotruss_ros.core.holding.contact_statics import TubeModel
-from isotruss_ros.core.holding.grip_response import slip_margin
-from isotruss_ros.core.holding.held_grip import HeldGrip
-from isotruss_ros.core.holding.hold_status import HoldStatus
+from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import find_members, Grip
 from isotruss_ros.core.numerics.arrays import Array

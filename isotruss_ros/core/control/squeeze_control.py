@@ -31,8 +31,7 @@ from isotruss_ros.core.control.loop_gains import choose_gain, gains_of, LoopGain
 from isotruss_ros.core.control.state_estimate import EstimatedTravel
 from isotruss_ros.core.control.travel_trend import TravelTrend
 from isotruss_ros.core.holding.held_gradient import travel_rates
-from isotruss_ros.core.holding.held_grip import HeldGrip, LEFT_MARGIN
-from isotruss_ros.core.holding.hold_status import HoldStatus
+from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, LEFT_MARGIN
 from isotruss_ros.core.holding.loaded_frame import held_utilisation, lowest_frequency
 from isotruss_ros.core.holding.roll_grip import roll_contacts, roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration

@@ -38,7 +38,7 @@ from isotruss_ros.core.control.inputs import (
 )
 from isotruss_ros.core.control.squeeze_control import Solve, SqueezeControl
 from isotruss_ros.core.errors import GainError, GraspError, IsotrussError
-from isotruss_ros.core.holding.hold_status import HoldStatus
+from isotruss_ros.core.holding.held_grip import HoldStatus
 from isotruss_ros.core.kinematics.configuration import Configuration, ConfigurationTracker
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import Grip, members_at

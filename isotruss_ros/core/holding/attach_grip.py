@@ -8,29 +8,38 @@
 # language governing permissions and limitations under the License.
 
 
-"""How members hold an object near where it was measured, with unknown contact history."""
+"""
+How members hold an object near where it was measured, with unknown contact history.
+
+Friction is taken to be as little as the balance needs: it settles what is stiff, and the measured
+pose what is not.
+"""
 
 from __future__ import annotations
 
 import itertools
 
 from isotruss_ros.core.holding.build_statics import AS_MODELLED, build_statics, start_at
-from isotruss_ros.core.holding.contact_closures import find_anchors, rest
+from isotruss_ros.core.holding.contact_forces import ANGLE, CENTER, ContactForces, Places
 from isotruss_ros.core.holding.contact_statics import (
-    CENTER,
     Closure,
-    ContactForces,
     ContactStatics,
     MAX_STEPS,
+    SOFTNESS,
     TubeModel,
 )
-from isotruss_ros.core.holding.held_grip import HeldGrip, MOST, scaled_wrench, travel_into
-from isotruss_ros.core.holding.hold_status import HoldStatus
+from isotruss_ros.core.holding.held_grip import (
+    HeldGrip,
+    HoldStatus,
+    MOST,
+    scaled_wrench,
+    travel_into,
+)
 from isotruss_ros.core.holding.pressed_contacts import find_pressed, PressedContacts
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
 
 #: An equilibrium is looked for in so many states from where it was expected. It is the one if it
@@ -118,7 +127,7 @@ def _find_rest(
     return HeldGrip(
         config=config,
         body=body.moved_to(state.unknowns[:3]),
-        anchors=find_anchors(statics, state.unknowns, state.normals, travel, angles),
+        anchors=statics.anchors(state.unknowns, state.normals, travel, angles),
         angles=angles,
         statics=statics,
         state=state,
@@ -157,8 +166,7 @@ def _solve_nearby(
 
 def _choices(contacts: PressedContacts) -> list[PressedContacts]:
     """Return the contacts with faces on both ends first, then on one end of each."""
-    ends = [np.flatnonzero(contacts.owners == i).tolist() for i in range(contacts.owners[-1] + 1)]
-    faces = [own for own in ends if len(own) > 1]
+    faces = [own.tolist() for own in contacts.ends if len(own) > 1]
     found = []
     for dropped in itertools.product(*([None, *own] for own in faces)):
         chosen = contacts
@@ -166,3 +174,89 @@ def _choices(contacts: PressedContacts) -> list[PressedContacts]:
             chosen = chosen.without(k)
         found.append((sum(k is not None for k in dropped), chosen))
     return [chosen for _, chosen in sorted(found, key=lambda item: item[0])]
+
+
+def rest(statics: ContactStatics, center: complex, angle: float) -> Closure:
+    """
+    Return the closure with unknown contact history: the pose is near to a measured one.
+
+    The two ends of a face use friction alike. Two members press as hard as the measured place
+    across their chord lets them; three as statics has it. The angle is the measured one, unless a
+    face lies on a member: then it is the one at which the members use friction alike. Three
+    members then need none, and without a face they rub alike.
+
+    :param statics: the equations.
+    :param center: measured origin of the object's frame, x + iy [m].
+    :param angle: measured [rad].
+    """
+    owners, places, count = statics.contacts.owners, statics.places, len(statics.sides)
+    ends = statics.contacts.ends
+    alike = [(own[:1], own[1:], -1.0) for own in ends if len(own) == 2]
+    faces, across = bool(alike), len(ends) == 2
+    if faces and across:
+        alike.append((ends[0], ends[1], 1.0))
+    if not across:
+        # The friction of the first members, or their differences, that is to be none.
+        signs = np.eye(len(ends))[: count - len(alike) - (not faces)]
+        signs = signs if faces else signs - np.roll(signs, 1, axis=1)
+
+    def rows(unknowns: Array, normals: Points) -> tuple[Array, Array]:
+        left, derivative = np.zeros(count), np.zeros((count, places.size))
+        for number, pair in enumerate(alike):
+            left[number] = _use_alike(unknowns, places, *pair, derivative[number])
+        number = len(alike)
+        if across:
+            left[number] = _along(statics, unknowns, normals, ends, center, derivative[number])
+            number += 1
+        if not faces:
+            left[number] = statics.arm * (unknowns[ANGLE] - angle)
+            derivative[number, ANGLE] = statics.arm
+            number += 1
+        if not across:
+            friction = unknowns[places.friction]
+            sums = np.array([friction[own].sum() for own in ends])
+            left[number:] = SOFTNESS * (signs @ sums)
+            derivative[number:, places.friction] = SOFTNESS * signs[:, owners]
+        return left, derivative
+
+    return rows
+
+
+def _use_alike(
+    unknowns: Array, places: Places, one: Indices, other: Indices, sign: float, row: Array
+) -> float:
+    """Return T_one N_other + sign T_other N_one of some contacts, in the row its derivative."""
+    normal, friction = unknowns[places.normal], unknowns[places.friction]
+    scale = SOFTNESS / max(float(np.abs(normal).sum()), 1e-3)
+    rubs, presses, rubs_too, presses_too = (
+        float(values[own].sum()) for own in (one, other) for values in (friction, normal)
+    )
+    row[places.friction.start + one] = scale * presses_too
+    row[places.normal.start + other] = scale * rubs
+    row[places.friction.start + other] = scale * sign * presses
+    row[places.normal.start + one] = scale * sign * rubs_too
+    return scale * (rubs * presses_too + sign * rubs_too * presses)
+
+
+def _along(
+    statics: ContactStatics,
+    unknowns: Array,
+    normals: Points,
+    ends: list[Indices],
+    center: complex,
+    row: Array,
+) -> float:
+    """Return how far the object has moved across the chord of two members' normals [m]."""
+    one, other = int(ends[0][0]), int(ends[1][0])
+    first, second = normals.item(one), normals.item(other)
+    chord = first - second
+    size = max(abs(chord), 1e-9)
+    along = 1j * chord / size
+    away = complex(unknowns[0], unknowns[1]) - center
+    row[0], row[1] = along.real, along.imag
+    lever = (along.conjugate() * -1j * away).real / size**2
+    inclinations = statics.places.inclinations.start
+    # Of the chord, as the tubes incline.
+    row[inclinations + one] = (chord.conjugate() * 1j * first).imag * lever
+    row[inclinations + other] = -(chord.conjugate() * 1j * second).imag * lever
+    return (along.conjugate() * away).real

@@ -12,13 +12,13 @@
 
 from __future__ import annotations
 
-from isotruss_ros.core.holding.contact_statics import ContactStatics, TubeModel
-from isotruss_ros.core.holding.dents import (
+from isotruss_ros.core.contact.dents import (
     corner_dents,
     Indentation,
     skin_indentation,
     SkinIndentation,
 )
+from isotruss_ros.core.holding.contact_statics import ContactStatics, TubeModel
 from isotruss_ros.core.holding.pressed_contacts import PressedContacts
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
@@ -29,6 +29,8 @@ import numpy as np
 
 #: Tubes of the robot file, which flatten.
 AS_MODELLED = TubeModel()
+#: Tables of dents are for normals in steps of this [rad].
+ANGLE_STEP = 0.01
 #: Objects that only touch are taken to be this deep, as a share of their size.
 LEAST_DEPTH = 1e-3
 
@@ -54,14 +56,19 @@ def build_statics(
     compliance = MemberCompliance(structure, contacts.members, tubes.stiffness_scale)
     aside = (compliance.axis.conj() * (body.middle - compliance.start)).imag
     sides = np.where(aside > 0.0, -1.0, 1.0)
-    dents = Indentation()
+    tables: list[SkinIndentation] = []
     if tubes.flattening:
         pressures = None if tubes.pressure is None else structure.pressures
         bent = 1j * sides * compliance.axis if normals is None else normals
         tables = _dents(config, body, contacts, bent, pressures)
-        dents = Indentation(tables, tubes.stiffness_scale)
-    radius = 0.5 * config.robot.description.tube_diameter
-    return ContactStatics(compliance, body, contacts, radius, sides, dents)
+    return ContactStatics(
+        compliance=compliance,
+        body=body,
+        contacts=contacts,
+        tube_radius=0.5 * config.robot.description.tube_diameter,
+        sides=sides,
+        indentation=Indentation(tables, tubes.stiffness_scale),
+    )
 
 
 def start_at(statics: ContactStatics, body: ConvexObject) -> Array:
@@ -96,22 +103,22 @@ def _dents(
     pressures: tuple[float, ...] | None,
 ) -> list[SkinIndentation]:
     """Return the dents at all contacts."""
-    own = normals * body.turn.conjugate()
     tubes = config.robot.topology.tube[contacts.members]
     if body.shape.is_round:
         radius = body.shape.reach
         return [skin_indentation(config.robot, int(tube), radius, pressures) for tube in tubes]
+    angles = ANGLE_STEP * np.round(np.angle(normals * body.turn.conjugate()) / ANGLE_STEP)
     return [
         corner_dents(
             config.robot,
             int(tube),
             body.shape,
-            complex(normal),
+            float(angle),
             int(corner),
             (float(cut[0]), float(cut[1])),
             pressures,
         )
-        for tube, normal, corner, cut in zip(
-            tubes, own, contacts.corners, contacts.cuts, strict=True
+        for tube, angle, corner, cut in zip(
+            tubes, angles, contacts.corners, contacts.cuts, strict=True
         )
     ]

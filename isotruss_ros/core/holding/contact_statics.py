@@ -20,7 +20,8 @@ with p(nu) the point of the surface whose normal is nu, and rho_i from there to 
 A beam bends away from what presses on it: of a polygon it touches corners, and a face that lies on
 it with both of its ends. Unknowns are the object's pose, where along the members the contacts are,
 how the bent tubes are inclined there, and the contact forces. Rows are touch along and across the
-members, inclination, balance, and the k rows of `contact_closures` that statics leaves open.
+members, inclination, balance, and the k rows of a closure, of friction or of rolling, that statics
+leaves open.
 """
 
 from __future__ import annotations
@@ -32,7 +33,8 @@ import functools
 import math
 from typing import NamedTuple
 
-from isotruss_ros.core.holding.dents import Indentation
+from isotruss_ros.core.contact.dents import Indentation
+from isotruss_ros.core.holding.contact_forces import ANGLE, ContactForces, Places, POSE
 from isotruss_ros.core.holding.pressed_contacts import PressedContacts
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
@@ -49,99 +51,10 @@ MAX_MOVE = 0.5
 #: ... and tubes incline at most by this [rad]. A tube that inclines by more than the other has
 #: folded long before: there the linear structure has balances that mean nothing.
 MAX_TURN, MAX_INCLINATION = 0.2, 0.5
+#: What turns forces into lengths, so that one tolerance serves both [m/N].
+SOFTNESS = 1e-4
 #: Rows that settle what statics leaves open: residual (k,) and derivative (k, 3 + 4k) in a state.
 Closure = Callable[[Array, Points], tuple[Array, Array]]
-
-#: Places of the pose among the unknowns.
-CENTER, ANGLE, POSE = slice(0, 2), 2, 3
-
-
-class Places(NamedTuple):
-    """
-    Places of k contacts among the unknowns, and of the equations.
-
-    :ivar feet: where along the members they are.
-    :ivar inclinations: of the bent tubes.
-    :ivar normal: forces.
-    :ivar friction: forces.
-    :ivar balance: rows fx, fy, m.
-    :ivar closure: rows that statics leaves open.
-    :ivar size: number of unknowns.
-    """
-
-    feet: slice
-    inclinations: slice
-    normal: slice
-    friction: slice
-    balance: slice
-    closure: slice
-    size: int
-
-    @classmethod
-    @functools.lru_cache(maxsize=16)
-    def of(cls, count: int) -> Places:
-        """
-        Return those of some contacts.
-
-        :param count: k.
-        """
-        begins = [POSE + i * count for i in range(5)]
-        unknowns = [slice(begins[i], begins[i + 1]) for i in range(4)]
-        rows = slice(3 * count, 3 * count + 3), slice(3 * count + 3, None)
-        return cls(*unknowns, *rows, 4 * count + 3)
-
-
-@dataclass(frozen=True, eq=False)
-class ContactForces:
-    """
-    Pose, contacts and forces of an object at k contacts.
-
-    :ivar unknowns: (3 + 4k,) x, y [m], angle [rad], feet s_i [m], inclinations of the bent tubes
-        beta_i [rad], normal forces N_i [N], friction forces on the tubes T_i [N],
-        counter-clockwise around the object.
-    :ivar normals: (k,) from the object toward the tubes.
-    :ivar jacobian: (3 + 4k, 3 + 4k) of the equations there.
-    """
-
-    unknowns: Array
-    normals: Points
-    jacobian: Array
-
-    @functools.cached_property
-    def places(self) -> Places:
-        """Return where what is among the unknowns."""
-        return Places.of(len(self.normals))
-
-    @property
-    def center(self) -> complex:
-        """Return the origin of the object's frame, x + iy [m]."""
-        return complex(self.unknowns[0], self.unknowns[1])
-
-    @functools.cached_property
-    def feet(self) -> Array:
-        """Return where along the members the contacts are, (k,) [m]."""
-        return self.unknowns[self.places.feet]
-
-    @functools.cached_property
-    def normal_forces(self) -> Array:
-        """Return (k,) [N], positive where object and tube press on each other."""
-        return self.unknowns[self.places.normal]
-
-    @functools.cached_property
-    def friction_forces(self) -> Array:
-        """Return (k,) on the tubes, counter-clockwise around the object [N]."""
-        return self.unknowns[self.places.friction]
-
-    def jacobian_with(self, closing: Array) -> Array:
-        """
-        Return the Jacobian of the equations with another closure, (3 + 4k, 3 + 4k).
-
-        :param closing: (k, 3 + 4k) derivative of what settles the equations that statics leaves
-            open.
-        """
-        jacobian = self.jacobian.copy()
-        jacobian[self.places.closure] = closing
-        return jacobian
 
 
 class TubeModel(NamedTuple):
@@ -277,7 +190,7 @@ class ContactStatics:
 
     def rolling_rows(self, unknowns: Array, normals: Points) -> Array:
         """
-        Return the derivative (k, 3 + 4k) of what stays as contacts roll, see `find_anchors`.
+        Return the derivative (k, 3 + 4k) of what stays as contacts roll, see `anchors`.
 
         :param unknowns: see `ContactForces`.
         :param normals: (k,) from the object toward the tubes.
@@ -290,6 +203,21 @@ class ContactStatics:
         derivative[own, places.feet.start + own] = -self.sides
         derivative[own, places.inclinations.start + own] = -radii
         return derivative
+
+    def anchors(self, unknowns: Array, normals: Points, travel: Array, angles: Array) -> Array:
+        """
+        Return what stays as it is while the contacts roll, (k,) [m].
+
+            A_i = kappa_i (s_i - phi_i) - arc(arg nu_i - theta)
+
+        :param unknowns: see `ContactForces`.
+        :param normals: (k,) from the object toward the tubes.
+        :param travel: (k,) phi_i of the modules at the members' starts [m].
+        :param angles: (k,) of the normals in the object's frame before, not wrapped [rad].
+        """
+        found = unwrapped(unknowns, normals, angles)
+        arcs = self.body.shape.unroll(found, self.contacts.corners)
+        return -self.sides * (unknowns[self.places.feet] - travel) - arcs
 
     def solve(
         self, start: Array, wrench: Array, closure: Closure, steps: int = MAX_STEPS
@@ -318,6 +246,18 @@ class ContactStatics:
                 return None
             unknowns = unknowns + step / max(1.0, float((size / longest).max()))
         return None
+
+
+def unwrapped(unknowns: Array, normals: Points, angles: Array) -> Array:
+    """
+    Return the angles of normals in the object's frame, within half a turn of others, (k,) [rad].
+
+    :param unknowns: see `ContactForces`.
+    :param normals: (k,) from the object toward the tubes.
+    :param angles: (k,) others, not wrapped [rad].
+    """
+    own = normals * np.exp(-1j * unknowns[ANGLE])
+    return angles + np.angle(own * np.exp(-1j * angles))
 
 
 @functools.lru_cache(maxsize=16)

@@ -7,22 +7,31 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""How a settled grasp changes with what an optimiser can choose: exact derivatives."""
+"""
+How a settled grasp changes with what an optimiser can choose: exact derivatives.
+
+Slip margin and stiffness take second derivatives of the equations of equilibrium. With contacts
+that stick, J y_w = -F_w gives the response y_w to a wrench, J the Jacobian with the closure of
+rolling. So (y_w)' = -J^-1 J' y_w, and J' y_w is the mixed second derivative of F by the response
+and by the change of the grasp, both of which stay.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from isotruss_ros.core.contact.grasp_parameters import GraspParameters
+from isotruss_ros.core.contact.analysis_gradient import GraspParameters
 from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.holding.contact_forces import forces_of, slip_conditions
 from isotruss_ros.core.holding.held_grip import HeldGrip
-from isotruss_ros.core.holding.loaded_tubes import ContactRates, LoadedTubes
-from isotruss_ros.core.holding.response_rates import (
-    response_rates,
-    slip_margin_rates,
-    stiffness_rates,
+from isotruss_ros.core.holding.loaded_tubes import (
+    ContactRates,
+    dent_rates,
+    equation_rates,
+    LoadedTubes,
+    TubeRates,
 )
-from isotruss_ros.core.holding.settle_grasp import SettledGrasp
+from isotruss_ros.core.holding.settled_grasp import SettledGrasp
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 import numpy as np
@@ -103,10 +112,10 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
     )
     rates = tubes.respond(contacts)
     softer = -chosen[parameters.stiffness] / grip.tubes.stiffness_scale
-    answer = response_rates(grip, tubes, contacts, rates, change, (softened, softer))
+    answer = _response_rates(grip, tubes, contacts, rates, change, (softened, softer))
     used, utilisation = tubes.utilisation(rates.ends)
     change = change[:, :-3]
-    margin, gives_way = slip_margin_rates(settled, change, answer, parameters)
+    margin, gives_way = _slip_margin_rates(settled, change, answer, parameters)
     members = np.eye(len(grip.members))[grip.contacts.owners].T
     presses, rubs = members @ change[places.normal], members @ change[places.friction]
     most, needed = _friction_rates(grip, presses, rubs)
@@ -120,7 +129,7 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
         presses.mean(axis=0),
         margin,
         gives_way,
-        stiffness_rates(grip, answer),
+        _stiffness_rates(grip, answer),
         utilisation[:, :-3],
         grip.config.robot.member_names[int(used.argmax())],
     )
@@ -134,64 +143,107 @@ def _friction_rates(grip: HeldGrip, presses: Array, rubs: Array) -> tuple[int, A
     return most, (sign * rubs[most] - needs[most] * presses[most]) / grip.normal_forces[most]
 
 
-def dent_rates(grip: HeldGrip, chosen: Array, parameters: GraspParameters) -> tuple[Array, Array]:
-    """
-    Return how dents [m] and their derivatives by the forces [m/N] change, these as they are.
-
-    :param grip: how the object is held.
-    :param chosen: (n, p) how the parameters change in each column.
-    :param parameters: which row of these is which.
-    :return: (k, p) each.
-    """
-    forces, scale = grip.state.normal_forces, grip.tubes.stiffness_scale
-    indentation, topology = grip.statics.indentation, grip.config.robot.topology
-    soft, (curves, dents, softened) = indentation(forces)[1], indentation.second_rates(forces)
-    inflated = chosen[parameters.pressures][topology.tube[grip.contacts.members]]
-    stiffer = chosen[parameters.stiffness] / scale
-    return (
-        dents[:, None] * inflated - np.outer(soft * forces, stiffer),
-        softened[:, None] * inflated - np.outer(curves * forces + soft, stiffer),
-    )
-
-
-def equation_rates(
+def _response_rates(
     grip: HeldGrip,
     tubes: LoadedTubes,
-    dents: Array,
-    chosen: Array,
-    parameters: GraspParameters,
+    contacts: ContactRates,
+    rates: TubeRates,
+    change: Array,
+    softened: tuple[Array, Array],
 ) -> Array:
     """
-    Return how the residual of the equations changes while the unknowns stay, (3 + 4k, p).
+    Return how the response to a unit wrench changes, (3 + 4k, n, 3).
 
     :param grip: how the object is held.
-    :param tubes: its frame.
-    :param dents: (k, p) see `dent_rates` [m].
-    :param chosen: (n, p) how the parameters change in each column.
-    :param parameters: which row of these is which.
+    :param tubes: under its forces.
+    :param contacts: how the contacts change, with n parameters and, in three columns more, as a
+        unit wrench (fx, fy, m / arm) acts while they stick.
+    :param rates: how the tubes do.
+    :param change: (3 + 4k, n + 3) how the unknowns do.
+    :param softened: (k, n + 3) how the dents' derivatives by the normal forces change at forces
+        that stay, and (n + 3,) how the compliance of the tubes does, as a share.
     """
-    statics, state, body = grip.statics, grip.state, grip.body
-    places, axis = state.places, statics.compliance.axis[:, None]
-    normals, scale = state.normals[:, None], grip.tubes.stiffness_scale
-    zero, spins = np.zeros_like(dents), tubes.spins
-    give, slope, *_ = tubes.respond(ContactRates(zero, spins, zero + 0j, dents))
-    softer = -chosen[parameters.stiffness] / scale
-    own = statics.compliance.at(state.feet).respond(statics.loads(state.unknowns))
-    points, radii = body.shape.surface_at(statics.contacts.corners, state.normals / body.turn)
-    # Points of the surface whose normals turn with the members.
-    arms, swept = (body.turn * points)[:, None], 1j * radii[:, None] * spins * normals
-    away = statics.compliance.start[:, None] - state.center - arms
-    gap = (tubes.starts - swept - 1j * spins * away + dents * normals) / axis + give / scale
-    gap += (own[:, 0] + 1j * own[:, 1])[:, None] * softer
-    slope = slope / scale + own[:, 2, None] * softer
-    forces = (state.normal_forces + 1j * state.friction_forces)[:, None] * normals
-    turned = 1j * spins * forces
-    torque = (swept.conj() * forces + arms.conj() * turned).imag.sum(axis=0)
-    total = turned.sum(axis=0)
-    wrench = chosen[parameters.wrench] / np.array([[1.0], [1.0], [statics.arm]])
-    # The closure depends on the normals, and on how far the pose is from where it was set down.
-    closing = state.jacobian[places.closure]
-    closure = closing[:, places.inclinations] @ spins
-    closure -= closing[:, :3] @ chosen[parameters.place]
-    balance = wrench - np.stack([total.real, total.imag, torque / statics.arm])
-    return np.concatenate([gap.real, gap.imag, slope, balance, closure])
+    statics, state, places = grip.statics, grip.state, grip.state.places
+    normals, turn = state.normals[:, None], grip.body.turn
+    points, radii = grip.body.shape.surface_at(statics.contacts.corners, state.normals / turn)
+    radius_rates = grip.body.shape.radius_rates(state.normals / turn)[:, None]
+    axis, radii, arms = statics.compliance.axis[:, None], radii[:, None], (turn * points)[:, None]
+    rubs, scale = state.friction_forces[:, None], grip.tubes.stiffness_scale
+    push = state.normal_forces[:, None] + 1j * rubs
+    skin = statics.tube_radius - statics.indentation(state.normal_forces)[0][:, None]
+    curves = statics.indentation.second_rates(state.normal_forces)[0][:, None]
+    turns, angles, spins = contacts.normals, change[2], tubes.spins
+    slopes = np.tan(state.unknowns[places.inclinations])[:, None]
+    # How arms and forces change, in the plane.
+    swung = 1j * (angles * arms + radii * normals * (turns - angles))
+    pushed = (contacts.forces + 1j * turns * push) * normals
+    tangent = state.jacobian_with(statics.rolling_rows(state.unknowns, state.normals))
+    left = np.empty((places.size, change.shape[1] - 3, 3))
+    for i, j in enumerate(range(-3, 0)):
+        turned, angle = turns[:, j, None], angles[j]
+        dents = (curves * contacts.forces.real + softened[0]) * contacts.forces[:, j, None].real
+        forces = contacts.forces * turned + contacts.forces[:, j, None] * turns
+        forces = (1j * forces - turns * turned * push) * normals
+        couples = dents * rubs + contacts.dents * contacts.forces[:, j, None].imag
+        couples += contacts.dents[:, j, None] * contacts.forces.imag
+        give, slope = tubes.respond_again(rates, j, forces, couples)
+        give, slope = give / scale, slope / scale
+        give += softened[1] * rates.give[:, j, None] / scale
+        slope += softened[1] * rates.slope[:, j, None] / scale
+        # The point that touches moves on the surface, whose radius there changes.
+        grown = radius_rates * (turns - angles)
+        arm_rates = 1j * grown * (turned - angle) * normals - angles * angle * arms
+        arm_rates -= radii * normals * (turns * turned - angles * angle)
+        away = -(change[0, j] + 1j * change[1, j]) - swung[:, j, None]
+        away = away + (contacts.dents[:, j, None] - 1j * skin * turned) * normals
+        apart = dents + 1j * contacts.dents * turned + 1j * contacts.dents[:, j, None] * turns
+        apart = (apart + skin * turns * turned) * normals - arm_rates - 1j * spins * away
+        gap = apart / axis + give
+        bends = change[places.inclinations]
+        slope -= 2.0 * slopes * (1.0 + slopes**2) * bends * bends[:, j, None]
+        torque = arm_rates.conj() * push * normals + swung.conj() * pushed[:, j, None]
+        torque += swung[:, j, None].conj() * pushed + arms.conj() * forces
+        balance = np.stack([forces.real, forces.imag, torque.imag / statics.arm]).sum(axis=1)
+        closure = grown * (angle - turned)
+        left[..., i] = np.concatenate([gap.real, gap.imag, slope, -balance, closure])[:, :-3]
+    return -np.linalg.solve(tangent, left.reshape(places.size, -1)).reshape(left.shape)
+
+
+def _stiffness_rates(grip: HeldGrip, answer: Array) -> Array:
+    """
+    Return how the stiffness changes, (3, 3, p), see `GripResponse.stiffness`.
+
+    :param grip: how the object is held.
+    :param answer: (3 + 4k, p, 3) how the response to a wrench does, see `_response_rates`.
+    """
+    inverse = np.linalg.inv(grip.response.pose)
+    rates = -np.einsum('ia,apb,bj->ijp', inverse, answer[:3], inverse)
+    rates[2] *= grip.arm
+    return rates
+
+
+def _slip_margin_rates(
+    settled: SettledGrasp, change: Array, answer: Array, parameters: GraspParameters
+) -> tuple[Array, str]:
+    """
+    Return how the slip margin changes, (p,) [N], and the name of the member that gives way.
+
+    :param settled: where the object rests.
+    :param change: (3 + 4k, p) how the unknowns change.
+    :param answer: (3 + 4k, p, 3) how their response to a wrench does, see `_response_rates`.
+    :param parameters: places of the p parameters.
+    """
+    grip = settled.equilibrium
+    owners, response, begin = grip.contacts.owners, grip.response, grip.state.places.normal.start
+    rows = slip_conditions(owners, settled.friction)
+    reserve, slope = rows @ forces_of(grip.state), rows @ response.forces
+    size = np.hypot.reduce(slope, axis=1)
+    nearest = int((reserve / size).argmin())
+    row, way = rows[nearest], slope[nearest] / size[nearest]
+    # With friction the conditions change, but not those of contacts that let go.
+    presses = slip_conditions(owners, 1.0)[nearest] - slip_conditions(owners, 0.0)[nearest]
+    left, longer = row @ change[begin:], np.einsum('a,apw,w->p', row, answer[begin:], way)
+    left[parameters.friction] += presses @ forces_of(grip.state)
+    longer[parameters.friction] += presses @ response.forces @ way
+    names = [*2 * grip.member_names, *(grip.member_names[i] for i in owners)]
+    return (left - reserve[nearest] / size[nearest] * longer) / size[nearest], names[nearest]

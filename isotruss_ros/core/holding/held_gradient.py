@@ -13,11 +13,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from isotruss_ros.core.contact.grasp_parameters import GraspParameters
+from isotruss_ros.core.contact.analysis_gradient import GraspParameters
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.holding.grasp_gradient import dent_rates, equation_rates
 from isotruss_ros.core.holding.held_grip import HeldGrip
-from isotruss_ros.core.holding.loaded_tubes import ContactRates, LoadedTubes
+from isotruss_ros.core.holding.loaded_tubes import (
+    ContactRates,
+    dent_rates,
+    equation_rates,
+    LoadedTubes,
+)
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 import numpy as np

@@ -13,17 +13,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+import enum
 import functools
 import math
 
-from isotruss_ros.core.holding.contact_statics import ContactForces, ContactStatics, TubeModel
-from isotruss_ros.core.holding.grip_response import find_response, GripResponse, slip_margin
-from isotruss_ros.core.holding.hold_status import HoldStatus
+from isotruss_ros.core.holding.contact_forces import (
+    ContactForces,
+    find_response,
+    GripResponse,
+    slip_margin,
+)
+from isotruss_ros.core.holding.contact_statics import ContactStatics, TubeModel
 from isotruss_ros.core.holding.pressed_contacts import PressedContacts
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+from isotruss_ros.core.statics.wrinkling import load_sections, SectionLoads, SectionPoints
 import numpy as np
 
 #: Most members that hold an object.
@@ -32,6 +38,25 @@ MOST = 3
 LONGEST = 2.0
 #: This share of the squeeze is left of the slip margin where the object stands on its path [-].
 LEFT_MARGIN = 0.04
+
+
+class HoldStatus(enum.Enum):
+    """Whether an object is held; if not, which condition has no solution."""
+
+    HELD = 'held'
+    NO_CONTACT = 'fewer than two members press on the object'
+    NO_BALANCE = 'no pose near the given one balances the forces'
+    FAR = 'the pose that balances the forces is too far from the given one'
+    SLIPS = 'the balance needs more friction than there is'
+    UNSTABLE = 'the balance is unstable'
+    OFF_MEMBER = 'a contact is beyond the end of its member'
+    OTHER_CONTACT = 'another member presses on the object'
+    WRINKLES = 'a tube wrinkles, outside of the model'
+
+    @property
+    def at_rest(self) -> bool:
+        """Return whether the linear model holds the object, even if a tube wrinkles."""
+        return self in (HoldStatus.HELD, HoldStatus.WRINKLES)
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +69,7 @@ class HeldGrip:
 
     :ivar config: the configuration.
     :ivar body: the object, where it is in equilibrium.
-    :ivar anchors: (k,) see `find_anchors` [m].
+    :ivar anchors: (k,) see `ContactStatics.anchors` [m].
     :ivar angles: (k,) of the normals in the object's frame, not wrapped [rad].
     :ivar statics: the equations in this configuration.
     :ivar state: their solution.
@@ -80,7 +105,7 @@ class HeldGrip:
         """Return the arm by which moments compare with forces, see `ConvexObject.arm` [m]."""
         return self.statics.arm
 
-    @property
+    @functools.cached_property
     def member_names(self) -> tuple[str, ...]:
         """Return the names of the grasping members."""
         return tuple(self.config.robot.member_names[i] for i in self.members)
@@ -138,6 +163,22 @@ class HeldGrip:
         """Return the numbers of the grasping members, (m,)."""
         first = np.searchsorted(self.contacts.owners, np.arange(self.contacts.owners[-1] + 1))
         return self.contacts.members[first]
+
+    @functools.cached_property
+    def sections(self) -> SectionLoads:
+        """Return what the sections of the tubes bear under the forces of the object."""
+        compliance, feet = self.statics.compliance, self.state.feet
+        structure, (piece, within) = compliance.structure, compliance.locate(feet)
+        loads = self.statics.loads(self.state.unknowns)
+        # Of a piece that runs backward along its member.
+        local = (loads[:, 0] + 1j * loads[:, 1]) * compliance.axis / structure.frame.axis[piece]
+        return load_sections(
+            structure,
+            structure.frame.end_forces(piece, compliance.at(feet).carried(loads)),
+            SectionPoints(piece, within, self.contacts.members, feet),
+            local,
+            loads[:, 2],
+        )
 
     @property
     def presses(self) -> bool:

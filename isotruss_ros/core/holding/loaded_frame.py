@@ -28,8 +28,7 @@ import math
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
-from isotruss_ros.core.statics.structure import frame_layout, structure_of
-from isotruss_ros.core.statics.wrinkling import load_sections, SectionLoads, SectionPoints
+from isotruss_ros.core.statics.structure import frame_layout
 import numpy as np
 import scipy.linalg
 
@@ -42,7 +41,6 @@ def held_joints(grip: HeldGrip) -> Array:
     They are off those of `Configuration.nodes` by what the contact forces do to the frame.
 
     :param grip: how the object is held.
-    :raises StructureError: see `structure_of`.
     """
     state = grip.state
     moved = _displace_nodes(grip, state.normal_forces[:, None], state.friction_forces[:, None])
@@ -55,31 +53,8 @@ def held_utilisation(grip: HeldGrip) -> Array:
     Return the largest |M| / M_w of each member under the forces of a held object, (m,) [-].
 
     :param grip: how the object is held.
-    :raises StructureError: see `structure_of`.
     """
-    return held_sections(grip).utilisation
-
-
-def held_sections(grip: HeldGrip) -> SectionLoads:
-    """
-    Return what the sections of the tubes bear under the forces of a held object.
-
-    :param grip: how the object is held.
-    :raises StructureError: see `structure_of`.
-    """
-    structure = structure_of(grip.config, grip.tubes.pressure)
-    compliance, feet = grip.statics.compliance, grip.state.feet
-    loads = grip.statics.loads(grip.state.unknowns)
-    piece, within = compliance.locate(feet)
-    # Of a piece that runs backward along its member.
-    local = (loads[:, 0] + 1j * loads[:, 1]) * compliance.axis / structure.frame.axis[piece]
-    return load_sections(
-        structure,
-        structure.frame.end_forces(piece, compliance.at(feet).carried(loads)),
-        SectionPoints(piece, within, grip.contacts.members, feet),
-        local,
-        loads[:, 2],
-    )
+    return grip.sections.utilisation
 
 
 def _displace_nodes(grip: HeldGrip, normal: Array, friction: Array) -> Array:
@@ -92,7 +67,7 @@ def _displace_nodes(grip: HeldGrip, normal: Array, friction: Array) -> Array:
     loads = np.stack([forces.real, forces.imag, -skin[:, None] * friction], axis=1)
     at_feet, piece = compliance.at(feet), compliance.locate(feet)[0]
     carried = [at_feet.carried(case).ravel() for case in loads.transpose(2, 0, 1)]
-    frame = structure_of(grip.config, grip.tubes.pressure).frame
+    frame = compliance.structure.frame
     return frame.displacements(piece, np.column_stack(carried)) / grip.tubes.stiffness_scale
 
 
@@ -105,7 +80,6 @@ def lowest_frequency(grip: HeldGrip) -> float | None:
 
     :param grip: how the object is held.
     :return: None where the mass of modules or object is not known, or the equilibrium indifferent.
-    :raises StructureError: see `structure_of`.
     """
     body, response = grip.body, grip.response
     if grip.config.robot.description.module.mass is None or body.mass is None or response is None:

@@ -7,18 +7,18 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""The frame of a robot under the forces of a held object, and how it changes with parameters."""
+"""How the equations of a held object, and the robot under its forces, change with parameters."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from typing import NamedTuple
 
+from isotruss_ros.core.contact.analysis_gradient import GraspParameters
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.statics.cut_frame import CutFrame, FrameRates, structure_rates
 from isotruss_ros.core.statics.frame import FrameState
-from isotruss_ros.core.statics.structure import structure_of, tube_pieces
 import numpy as np
 
 
@@ -71,8 +71,8 @@ class LoadedTubes:
 
     def __init__(self, grip: HeldGrip, moved: Points, inflated: Array) -> None:
         self._grip, self._inflated = grip, inflated
-        self._structure = structure_of(grip.config, grip.tubes.pressure)
         compliance, state, statics = grip.statics.compliance, grip.state, grip.statics
+        self._structure = compliance.structure
         self._frame = CutFrame(self._structure.frame, *compliance.locate(state.feet))
         self._rates = structure_rates(self._structure, moved, inflated)
         topology, members = grip.config.robot.topology, grip.contacts.members
@@ -169,9 +169,9 @@ class LoadedTubes:
         robot = self._grip.config.robot
         topology, m = robot.topology, robot.topology.n_modules
         radius = 0.5 * robot.description.tube_diameter
-        pieces = np.flatnonzero(self._frame.whole >= tube_pieces(m)[0, 0])
-        owners = np.concatenate([np.arange(m), topology.previous, np.arange(m)])
-        member = owners[self._frame.whole[pieces] - tube_pieces(m)[0, 0]]
+        first, owners = self._structure.pieces[0, 0], self._structure.owners.ravel()
+        pieces = np.flatnonzero(self._frame.whole >= first)
+        member = owners[self._frame.whole[pieces] - first]
         forces, changes = self._state.end_forces[pieces], ends[pieces]
         moment = np.concatenate([forces[:, 2], forces[:, 5]])
         wall = np.pi * radius**2 * np.array(self._structure.pressures)[topology.tube[member]]
@@ -186,3 +186,66 @@ class LoadedTubes:
         last = order[np.searchsorted(member[order], np.arange(m), side='right') - 1]
         rates = (2.0 / radius * bent - used[:, None] * slack) / left[:, None]
         return used[last], rates[last]
+
+
+def dent_rates(grip: HeldGrip, chosen: Array, parameters: GraspParameters) -> tuple[Array, Array]:
+    """
+    Return how dents [m] and their derivatives by the forces [m/N] change, these as they are.
+
+    :param grip: how the object is held.
+    :param chosen: (n, p) how the parameters change in each column.
+    :param parameters: which row of these is which.
+    :return: (k, p) each.
+    """
+    forces, scale = grip.state.normal_forces, grip.tubes.stiffness_scale
+    indentation, topology = grip.statics.indentation, grip.config.robot.topology
+    soft, (curves, dents, softened) = indentation(forces)[1], indentation.second_rates(forces)
+    inflated = chosen[parameters.pressures][topology.tube[grip.contacts.members]]
+    stiffer = chosen[parameters.stiffness] / scale
+    return (
+        dents[:, None] * inflated - np.outer(soft * forces, stiffer),
+        softened[:, None] * inflated - np.outer(curves * forces + soft, stiffer),
+    )
+
+
+def equation_rates(
+    grip: HeldGrip,
+    tubes: LoadedTubes,
+    dents: Array,
+    chosen: Array,
+    parameters: GraspParameters,
+) -> Array:
+    """
+    Return how the residual of the equations changes while the unknowns stay, (3 + 4k, p).
+
+    :param grip: how the object is held.
+    :param tubes: its frame.
+    :param dents: (k, p) see `dent_rates` [m].
+    :param chosen: (n, p) how the parameters change in each column.
+    :param parameters: which row of these is which.
+    """
+    statics, state, body = grip.statics, grip.state, grip.body
+    places, axis = state.places, statics.compliance.axis[:, None]
+    normals, scale = state.normals[:, None], grip.tubes.stiffness_scale
+    zero, spins = np.zeros_like(dents), tubes.spins
+    give, slope, *_ = tubes.respond(ContactRates(zero, spins, zero + 0j, dents))
+    softer = -chosen[parameters.stiffness] / scale
+    own = statics.compliance.at(state.feet).respond(statics.loads(state.unknowns))
+    points, radii = body.shape.surface_at(statics.contacts.corners, state.normals / body.turn)
+    # Points of the surface whose normals turn with the members.
+    arms, swept = (body.turn * points)[:, None], 1j * radii[:, None] * spins * normals
+    away = statics.compliance.start[:, None] - state.center - arms
+    gap = (tubes.starts - swept - 1j * spins * away + dents * normals) / axis + give / scale
+    gap += (own[:, 0] + 1j * own[:, 1])[:, None] * softer
+    slope = slope / scale + own[:, 2, None] * softer
+    forces = (state.normal_forces + 1j * state.friction_forces)[:, None] * normals
+    turned = 1j * spins * forces
+    torque = (swept.conj() * forces + arms.conj() * turned).imag.sum(axis=0)
+    total = turned.sum(axis=0)
+    wrench = chosen[parameters.wrench] / np.array([[1.0], [1.0], [statics.arm]])
+    # The closure depends on the normals, and on how far the pose is from where it was set down.
+    closing = state.jacobian[places.closure]
+    closure = closing[:, places.inclinations] @ spins
+    closure -= closing[:, :3] @ chosen[parameters.place]
+    balance = wrench - np.stack([total.real, total.imag, torque / statics.arm])
+    return np.concatenate([gap.real, gap.imag, slope, balance, closure])

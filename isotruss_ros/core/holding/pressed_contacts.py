@@ -45,9 +45,14 @@ class PressedContacts:
         return np.unique(self.members, return_inverse=True)[1]
 
     @cached_property
+    def ends(self) -> list[Indices]:
+        """Return which contacts each of the grasping members has: one, or both ends of a face."""
+        return [np.flatnonzero(self.owners == i) for i in range(int(self.owners[-1]) + 1)]
+
+    @cached_property
     def has_faces(self) -> bool:
         """Return whether a face lies on a member."""
-        return len(self.owners) > int(self.owners[-1]) + 1
+        return len(self.owners) > len(self.ends)
 
     def without(self, dropped: int) -> PressedContacts:
         """

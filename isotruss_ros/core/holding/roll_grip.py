@@ -19,15 +19,20 @@ from __future__ import annotations
 from dataclasses import replace
 
 from isotruss_ros.core.holding.build_statics import build_statics, start_at
-from isotruss_ros.core.holding.contact_closures import find_anchors, stick, unwrapped
-from isotruss_ros.core.holding.contact_statics import TubeModel
+from isotruss_ros.core.holding.contact_statics import (
+    Closure,
+    ContactStatics,
+    SOFTNESS,
+    TubeModel,
+    unwrapped,
+)
 from isotruss_ros.core.holding.held_grip import HeldGrip, MOST, scaled_wrench, travel_into
 from isotruss_ros.core.holding.pressed_contacts import find_pressed, LEAST_FACE, PressedContacts
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.model.convex_object import segment_gaps
 from isotruss_ros.core.model.shapes import Face
-from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.statics.member_compliance import MemberCompliance
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
@@ -80,7 +85,7 @@ def roll_contacts(
     :param grip: the equilibrium before.
     :param config: near to its own: the search starts there.
     :param contacts: the contacts, (k,).
-    :param anchors: (k,) see `find_anchors` [m].
+    :param anchors: (k,) see `ContactStatics.anchors` [m].
     :param angles: (k,) of the normals in the object's frame, not wrapped [rad].
     :param wrench: (fx, fy, m / arm) on the object [N].
     :param fresh: numbers of the contacts that have only come to touch: they do not rub yet.
@@ -105,7 +110,7 @@ def roll_contacts(
     if state is None:
         return None
     if len(fresh):
-        found = find_anchors(statics, state.unknowns, state.normals, travel, angles)
+        found = statics.anchors(state.unknowns, state.normals, travel, angles)
         anchors = anchors.copy()
         anchors[fresh] = found[fresh]
     return replace(
@@ -119,6 +124,34 @@ def roll_contacts(
         wrench=wrench,
         motion=(moved, state.unknowns - kept) if same else None,
     )
+
+
+def stick(
+    statics: ContactStatics, anchors: Array, travel: Array, angles: Array, free: Indices
+) -> Closure:
+    """
+    Return the closure for contacts that roll without slip, (17) integrated.
+
+        kappa_i (s_i - phi_i) - arc(arg nu_i - theta) = A_i
+
+    :param statics: the equations.
+    :param anchors: (k,) A_i, see `ContactStatics.anchors` [m].
+    :param travel: (k,) phi_i of the modules at the members' starts [m].
+    :param angles: (k,) of the normals in the object's frame before, not wrapped [rad].
+    :param free: contacts that have only come to touch: they take no friction yet.
+    """
+    places = statics.places
+
+    def rows(unknowns: Array, normals: Points) -> tuple[Array, Array]:
+        derivative = statics.rolling_rows(unknowns, normals)
+        left = statics.anchors(unknowns, normals, travel, angles) - anchors
+        if len(free):
+            left[free] = SOFTNESS * unknowns[places.friction][free]
+            derivative[free] = 0.0
+            derivative[free, places.friction.start + free] = SOFTNESS
+        return left, derivative
+
+    return rows
 
 
 def lift_ends(grip: HeldGrip) -> HeldGrip | None:
@@ -222,7 +255,7 @@ def _depth_in(grip: HeldGrip, number: int, depth: float) -> float:
     start, end = points[topology.b[number]], points[topology.c[topology.following[number]]]
     share = segment_gaps(grip.body, np.array([start]), np.array([end])).shares[0]
     compliance = MemberCompliance(
-        structure_of(grip.config, grip.tubes.pressure),
+        grip.statics.compliance.structure,
         [*grip.contacts.members.tolist(), number],
         grip.tubes.stiffness_scale,
     )

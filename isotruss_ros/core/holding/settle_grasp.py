@@ -12,21 +12,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 import math
 
 from isotruss_ros.core.contact.analyze_grasp import FRICTION
 from isotruss_ros.core.errors import GraspError, quote
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_statics import TubeModel
-from isotruss_ros.core.holding.held_grip import HeldGrip, MOST
-from isotruss_ros.core.holding.hold_status import HoldStatus
-from isotruss_ros.core.holding.loaded_frame import held_sections
+from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, MOST
+from isotruss_ros.core.holding.settled_grasp import SettledGrasp
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
-from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices
+from isotruss_ros.core.numerics.arrays import finite_array, Indices
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.statics.section import Pressure
 import numpy as np
@@ -35,58 +33,6 @@ from numpy.typing import ArrayLike
 #: An object that was measured farther than this from its equilibrium, as a share of the tube's
 #: diameter, is not in the grip.
 MAX_DISPLACEMENT = 0.25
-
-
-@dataclass(frozen=True, eq=False)
-class SettledGrasp:
-    """
-    The equilibrium of a free object between two or three members, friction loading the tubes.
-
-    Where no equilibrium was found the pose is the given one, and there are no forces. Where a face
-    lies on a member with unknown contact history, friction is taken to be as little as the balance
-    needs: `held`, `required_friction` and `slip_margin` are the best case there. In MuJoCo such a
-    box needed a coefficient of 0.87 where this tells 0.59.
-
-    :ivar hold: whether it is held, and if not, why.
-    :ivar reason: the same for a message; empty when it is held.
-    :ivar pose: (x, y, angle) in equilibrium, robot frame [m, rad].
-    :ivar displacement: (3,) from the given pose [m, rad].
-    :ivar normal_forces: by grasping member, positive where it presses [N].
-    :ivar friction_forces: on the object, counter-clockwise, by grasping member [N].
-    :ivar friction_used: |T| / (mu N) by grasping member [-]; infinite without friction.
-    :ivar required_friction: smallest coefficient that holds it; infinite if none does.
-    :ivar slip_margin: smallest extra wrench, moment over d/2, at which a member slips or lets go
-        [N]; negative where one does already, zero without an equilibrium. Of an object that is no
-        disc moments count over `ConvexObject.arm`, and each end of a face that lies on a member
-        may let go.
-    :ivar utilisation: largest bending moment over the wrinkling moment under these forces, by
-        member, of all members; above 1 a tube wrinkles, and all numbers are outside of the model.
-    :ivar utilisation_places: where along the member that is, from its start, of all members [m].
-    :ivar stiffness: (3, 3) wrench (fx, fy, m) that a displacement (dx, dy, dtheta) of the object
-        takes while the contacts stick [N/m, N, N m]; zero without an equilibrium.
-    :ivar equilibrium: to begin with for a similar grasp; None where there is none.
-    :ivar friction: coefficient between tube and object with which it was settled.
-    """
-
-    hold: HoldStatus
-    reason: str
-    pose: Pose
-    displacement: Array
-    normal_forces: dict[str, float] = field(default_factory=dict)
-    friction_forces: dict[str, float] = field(default_factory=dict)
-    friction_used: dict[str, float] = field(default_factory=dict)
-    required_friction: float = float('inf')
-    slip_margin: float = 0.0
-    utilisation: dict[str, float] = field(default_factory=dict)
-    utilisation_places: dict[str, float] = field(default_factory=dict)
-    stiffness: Array = field(default_factory=lambda: np.zeros((3, 3)))
-    equilibrium: HeldGrip | None = None
-    friction: float = FRICTION
-
-    @property
-    def held(self) -> bool:
-        """Return whether the object is held, and no tube wrinkles."""
-        return self.hold is HoldStatus.HELD
 
 
 @single_threaded
@@ -105,7 +51,7 @@ def settle_grasp(
     The object is free, friction loads the tubes, and the contact history is unknown.
     Statics settles the place across the bisector of the two grasping members, and the friction
     forces; the place along the bisector, by which they press, is the measured one. What is known
-    of objects that are no discs, and of three members, is in `contact_closures.rest`.
+    of objects that are no discs, and of three members, is in `attach_grip.rest`.
 
     :param config: where the robot is; its rollers do not turn.
     :param body: the object, where it was measured.
@@ -155,43 +101,15 @@ def assess_equilibrium(given: Pose, found: HeldGrip | HoldStatus, friction: floa
     """
     sticks = found if isinstance(found, HoldStatus) else found.hold(friction)
     if isinstance(found, HoldStatus) or sticks in (HoldStatus.NO_CONTACT, HoldStatus.OFF_MEMBER):
-        return SettledGrasp(sticks, sticks.value, given, np.zeros(3), friction=friction)
-    moved = np.array(found.pose) - given
-    moved[2] = math.remainder(moved[2], 2.0 * math.pi)
-    all_names = found.config.robot.member_names
-    sections = held_sections(found)
-    used, places = sections.utilisation, sections.place
-    hold, reason = _judge(found, float(np.hypot(*moved[:2])), friction, used)
-    names, normal, rubs = found.member_names, found.normal_forces, found.friction_forces
-    with np.errstate(divide='ignore', invalid='ignore'):
-        share = np.abs(rubs) / (friction * normal)
-    response = found.response
-    return SettledGrasp(
-        hold,
-        reason,
-        found.pose,
-        moved,
-        dict(zip(names, normal.tolist(), strict=True)),
-        dict(zip(names, (-rubs).tolist(), strict=True)),
-        dict(zip(names, share.tolist(), strict=True)),
-        found.required_friction,
-        found.slip_margin(friction),
-        dict(zip(all_names, used.tolist(), strict=True)),
-        dict(zip(all_names, places.tolist(), strict=True)),
-        np.zeros((3, 3)) if response is None else response.stiffness,
-        found,
-        friction,
-    )
+        return SettledGrasp(sticks, sticks.value, given, friction)
+    hold, reason = _judge(found, given, friction)
+    return SettledGrasp(hold, reason, given, friction, found)
 
 
-def _judge(found: HeldGrip, shift: float, friction: float, used: Array) -> tuple[HoldStatus, str]:
-    """
-    Return whether an equilibrium holds the object, and why not.
-
-    :param shift: from the measured place [m].
-    :param used: (m,) of the wrinkling moment, by member of the robot.
-    """
+def _judge(found: HeldGrip, given: Pose, friction: float) -> tuple[HoldStatus, str]:
+    """Return whether an equilibrium holds the object, and why not."""
     robot = found.config.robot
+    shift = math.hypot(found.pose.x - given.x, found.pose.y - given.y)
     if shift > MAX_DISPLACEMENT * robot.description.tube_diameter:
         return HoldStatus.FAR, f'{HoldStatus.FAR.value}: {1e3 * shift:.3g} mm'
     depths = member_depths(found.config, found.body)
@@ -207,6 +125,7 @@ def _judge(found: HeldGrip, shift: float, friction: float, used: Array) -> tuple
         return HoldStatus.SLIPS, f'{HoldStatus.SLIPS.value}: {need}'
     if found.response is None or not found.response.stable:
         return HoldStatus.UNSTABLE, HoldStatus.UNSTABLE.value
+    used = found.sections.utilisation
     worst = int(used.argmax())
     if used[worst] > 1.0:
         bears = f'{robot.member_names[worst]} bears {used[worst]:.3g} of its wrinkling moment'

@@ -70,35 +70,6 @@ class DenseFactor:
         return 1.0 / inverse if inverse > 0.0 else float('inf')
 
 
-class DefiniteFactor:
-    """
-    Cholesky factor of a dense symmetric matrix, in half of the time of LU.
-
-    :param matrix: (n, n), positive definite; stays as it is.
-    :raises numpy.linalg.LinAlgError: the matrix is not positive definite.
-    """
-
-    def __init__(self, matrix: Array) -> None:
-        self._lower, info = lapack.dpotrf(matrix.T, lower=1, clean=0)
-        if info > 0:
-            raise np.linalg.LinAlgError(f'not positive definite: minor {info}')
-
-    def solve(self, right: Array) -> Array:
-        """Return x with A x = right; see `Factor.solve`."""
-        return lapack.dpotrs(self._lower, right, lower=1)[0]
-
-    solve_transposed = solve
-
-    def condition(self, norm: float) -> float:
-        """
-        Return an estimate of the condition number; `norm` is the 1-norm of the matrix.
-
-        :param norm: 1-norm of the matrix.
-        """
-        inverse, _ = lapack.dpocon(self._lower, norm, uplo='L')
-        return 1.0 / inverse if inverse > 0.0 else float('inf')
-
-
 class SparseFactor:
     """
     LU of a sparse matrix (SuperLU); minimum degree fills in less than its default order.
@@ -131,21 +102,17 @@ def factorize(matrix: Array | csc_matrix) -> Factor:
     return DenseFactor(matrix) if isinstance(matrix, np.ndarray) else SparseFactor(matrix)
 
 
-def factorize_with_condition(
-    matrix: Array | csc_matrix, definite: bool = False
-) -> tuple[Factor | None, float]:
+def factorize_with_condition(matrix: Array | csc_matrix) -> tuple[Factor | None, float]:
     """
     Factor a matrix and estimate its condition number in the 1-norm; a dense one stays as it is.
 
     :param matrix: (n, n).
-    :param definite: whether it is symmetric and, unless singular, positive definite.
-    :return: the factor, and the estimate; None and infinity if the matrix is exactly singular, or
-        to rounding not positive definite.
+    :return: the factor, and the estimate; None and infinity if the matrix is exactly singular.
     """
     norm = float(np.abs(matrix).sum(axis=0).max())
     try:
         if isinstance(matrix, np.ndarray):
-            dense = DefiniteFactor(matrix) if definite else DenseFactor(matrix.copy())
+            dense = DenseFactor(matrix.copy())
             return dense, dense.condition(norm)
         factor = SparseFactor(matrix)
     except np.linalg.LinAlgError:

@@ -24,8 +24,7 @@ import math
 from isotruss_ros.core.contact.analyze_grasp import analyze_grasp
 from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.held_grip import HeldGrip
-from isotruss_ros.core.holding.hold_status import HoldStatus
+from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
 from isotruss_ros.core.holding.loaded_frame import held_utilisation
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration

@@ -16,8 +16,7 @@ from typing import NamedTuple
 
 from isotruss_ros.core.errors import ConfigurationError, GraspError, SolverError
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.held_grip import HeldGrip, LEFT_MARGIN
-from isotruss_ros.core.holding.hold_status import HoldStatus
+from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, LEFT_MARGIN
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip

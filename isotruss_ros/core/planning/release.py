@@ -21,8 +21,7 @@ from dataclasses import dataclass, replace
 
 from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.held_grip import HeldGrip
-from isotruss_ros.core.holding.hold_status import HoldStatus
+from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths

@@ -156,7 +156,7 @@ class Frame:
             pattern.matrix_columns,
             scale,
         )
-        factor, condition = factorize_with_condition(matrix, self._rows.count == 0)
+        factor, condition = factorize_with_condition(matrix)
         if not condition < MAX_CONDITION:
             moving = ', '.join(self._what_moves(matrix, scale))
             raise StructureError(

@@ -21,9 +21,7 @@ for the few places at which an object is held, the latter for the many that it c
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices
 from isotruss_ros.core.statics.frame import Frame
@@ -107,6 +105,15 @@ class ClampedBeam:
         found[DEFLECTION][0] += 1.0
         return found
 
+    def at(self, x: float) -> tuple[list[list[float]], list[float]]:
+        """
+        Return how a place moves with the ends, and by loads at the place itself.
+
+        :param x: from the start [m].
+        :return: see `shapes` and `influence`.
+        """
+        return self.shapes(x), self.influence(x, x)
+
     def held_back(
         self, x: Number, rows: int = 4
     ) -> tuple[list[tuple[Number, ...]], list[tuple[Number, ...]]]:
@@ -178,80 +185,67 @@ class ClampedBeam:
         return [along, *across[:4], stretch * by_x, *across[4:8], stretch * by_y, *across[8:]]
 
 
-@dataclass(frozen=True, eq=False)
-class InteriorPoints:
+class InteriorPoints(NamedTuple):
     """
-    Points on members; arrays over points c, and over the members p that they are on.
+    How c points on members move.
 
-    :ivar member: (c,) place of each point's member among the p members.
-    :ivar place: (c,) distance from the member's start [m].
-    :ivar length: (p,) of the members [m].
-    :ivar axial: (p,) EA [N].
-    :ivar flexural: (p,) EI [N m^2].
-    :ivar shear: (p,) GA [N].
-    :ivar pinned: (p,) whether the start transmits no moment.
+    :ivar shapes: (c, 2, 6) along and across the member, by (ux, uy, theta) at start and end: the
+        shape functions.
+    :ivar compliance: (2, c, c) along the members, across them, under unit forces at points while
+        the ends are held [m/N]; zero between members.
     """
 
-    member: Indices
-    place: Array
-    length: Array
-    axial: Array
-    flexural: Array
-    shear: Array
-    pinned: Flags
-
-    @cached_property
-    def _beam(self) -> ClampedBeam:
-        of_members = (self.length, self.axial, self.flexural, self.shear, self.pinned)
-        return ClampedBeam(*(values[self.member] for values in of_members))
-
-    def shapes(self) -> Array:
-        """
-        Return the shape functions: displacements of the points by those of the ends.
-
-        :return: (c, 2, 6): along and across the member, by (ux, uy, theta) at start and end.
-        """
-        part = self.place / self.length[self.member]
-        shapes = np.zeros((len(part), 2, 6))
-        shapes[:, 0, 0], shapes[:, 0, 3] = 1.0 - part, part
-        shapes[:, 1, [1, 2, 4, 5]] = np.transpose(self._beam.shapes(self.place, 1)[DEFLECTION])
-        return shapes
-
-    def compliance(self) -> Array:
-        """
-        Return the displacements of points under unit forces at points while the ends are held.
-
-        :return: (2, c, c): along the members, across them [m/N]; zero between members.
-        """
-        place, same = self.place, self.member[:, None] == self.member
-        near, far = np.minimum(place[:, None], place), np.maximum(place[:, None], place)
-        (left,), (right,) = self._beam.held_back(place, 1)
-        found = np.empty((2, *near.shape))
-        found[0] = self._beam.along(near, far)
-        found[1] = self._beam.cantilever(near, far)
-        found[1] -= np.transpose(left) @ np.array(right)
-        found *= same
-        return found
+    shapes: Array
+    compliance: Array
 
 
 def interior_points(
     frame: Frame, pieces: Indices, member: Indices, place: Array
 ) -> InteriorPoints:
     """
-    Return points on members of a frame.
+    Return how points on members of a frame move.
 
     :param frame: the frame.
     :param pieces: (p,) numbers of the members.
     :param member: (c,) which of these each point is on.
     :param place: (c,) distance from its start [m].
     """
-    members = frame.members
-    return InteriorPoints(
-        member,
-        place,
-        frame.length[pieces],
-        members.axial[pieces],
-        members.flexural[pieces],
-        members.shear[pieces],
-        members.pinned_start[pieces],
-    )
+    own = frame.members
+    values = frame.length, own.axial, own.flexural, own.shear, own.pinned_start
+    return points_on_beams(member, place, *(each[pieces] for each in values))
+
+
+def points_on_beams(
+    member: Indices,
+    place: Array,
+    length: Array,
+    axial: Array,
+    flexural: Array,
+    shear: Array,
+    pinned: Flags,
+) -> InteriorPoints:
+    """
+    Return how points on beams move.
+
+    :param member: (c,) which of the p beams each point is on.
+    :param place: (c,) distance from its start [m].
+    :param length: (p,) of the beams [m].
+    :param axial: (p,) EA [N].
+    :param flexural: (p,) EI [N m^2].
+    :param shear: (p,) GA [N].
+    :param pinned: (p,) whether the start transmits no moment.
+    """
+    beams = length, axial, flexural, shear, pinned
+    beam = ClampedBeam(*(values[member] for values in beams))
+    part = place / length[member]
+    shapes = np.zeros((len(part), 2, 6))
+    shapes[:, 0, 0], shapes[:, 0, 3] = 1.0 - part, part
+    shapes[:, 1, [1, 2, 4, 5]] = np.transpose(beam.shapes(place, 1)[DEFLECTION])
+    near, far = np.minimum(place[:, None], place), np.maximum(place[:, None], place)
+    (left,), (right,) = beam.held_back(place, 1)
+    found = np.empty((2, *near.shape))
+    found[0] = beam.along(near, far)
+    found[1] = beam.cantilever(near, far)
+    found[1] -= np.transpose(left) @ np.array(right)
+    found *= member[:, None] == member
+    return InteriorPoints(shapes, found)

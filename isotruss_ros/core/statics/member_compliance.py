@@ -24,22 +24,23 @@ import operator
 
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.statics.interior import ClampedBeam
-from isotruss_ros.core.statics.structure import Structure, tube_pieces
+from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 
-#: Numbers of one place: shares of both ends along the piece and their derivatives, `shapes`.
-OF_PLACE = 20
+#: Numbers of one place: shares of both ends along the piece and their derivatives, `shapes`; then
+#: those of the place and itself.
+OF_PLACE = 35
 #: Of what these are in responses by the ends (along, across, slope), in loads (along, across,
 #: moment), and in the derivatives of both; -1: zero.
 SHARE, SHARE_RATE = [0, -1, -1, 1, -1, -1], [2, -1, -1, 3, -1, -1]
 ACROSS, SLOPE, ROTATION, BEND = ([-1, i, i + 1, -1, i + 2, i + 3] for i in (4, 8, 12, 16))
 SHAPES = np.array([[SHARE, ACROSS, SLOPE], [SHARE, ACROSS, ROTATION], [SHARE_RATE, SLOPE, BEND]])
-#: Signs of these numbers on a piece that runs backward along its member.
-BACKWARD = [-1.0, -1.0, 1.0, 1.0, *[-1.0] * 4, *[1.0] * 8, *[-1.0] * 4]
 #: Numbers of two places on one piece: see `ClampedBeam.influence`.
 OF_PAIR = 15
 INFLUENCE = np.array([[[i, -1, -1], [-1, i + 1, i + 2], [-1, i + 3, i + 4]] for i in (0, 5, 10)])
+#: Signs of these numbers on a piece that runs backward along its member.
 PAIR_BACKWARD = [1.0, 1.0, -1.0, -1.0, 1.0, *[-1.0, -1.0, 1.0, 1.0, -1.0] * 2]
+BACKWARD = [-1.0, -1.0, 1.0, 1.0, *[-1.0] * 4, *[1.0] * 8, *[-1.0] * 4, *PAIR_BACKWARD]
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +93,7 @@ class MemberCompliance:
     """
     The compliance of a structure at places on some of its members.
 
+    :ivar structure: the robot's frame.
     :ivar start: (k,) pinch points at which the members begin, x + iy [m].
     :ivar axis: (k,) directions of the members, from the start.
     :ivar length: (k,) pinch to pinch [m].
@@ -102,11 +104,12 @@ class MemberCompliance:
     """
 
     def __init__(self, structure: Structure, members: Sequence[int], scale: float = 1.0) -> None:
+        self.structure = structure
         frame, topology = structure.frame, structure.config.robot.topology
         used = np.asarray(members, dtype=np.intp)
         count = len(used)
         # Pieces of a member in their order: B to D, D to E', C' to E', which runs backward.
-        first, last, middle = tube_pieces(topology.n_modules)
+        first, last, middle = structure.pieces
         pieces = np.stack([first[used], middle[used], last[topology.following[used]]], axis=1)
         self._pieces = pieces
         begin = frame.points[frame.members.start[pieces]]
@@ -115,15 +118,15 @@ class MemberCompliance:
         self.axis = (begin[:, 2] - self.start) / self.length
         length = frame.length[pieces]
         # Where one piece ends and the next one begins, by the place on the member.
-        self._joints = np.stack([length[:, 0], length[:, 0] + length[:, 1]], axis=1)
-        self._frame, self._scale = frame, scale
+        joints = np.stack([length[:, 0], length[:, 0] + length[:, 1]], axis=1)
+        self._members, self._scale = used, scale
         own = frame.members
         of_beams = (length, *(each[pieces] for each in (own.axial, own.flexural, own.shear)))
         self._beams = np.stack(of_beams, axis=2).tolist()
         self._pinned = own.pinned_start[pieces].tolist()
         self._lengths: list[float] = self.length.tolist()
-        self._ends_joined: list[list[float]] = self._joints.tolist()
-        every = itertools.product(range(count), repeat=2)
+        self._ends_joined: list[list[float]] = joints.tolist()
+        every = itertools.permutations(range(count), 2)
         self._pairs = tuple((i, j) for i, j in every if used[i] == used[j])
         self._pieces_at: dict[tuple[int, int], ClampedBeam] = {}
         self._ends_at: dict[tuple[int, ...], Array] = {}
@@ -135,9 +138,7 @@ class MemberCompliance:
 
         :param places: (k,) distances from the members' starts [m].
         """
-        own, piece = np.arange(len(places)), (places[:, None] >= self._joints).sum(axis=1)
-        begins = np.column_stack([np.zeros(len(places)), self._joints[:, 0], self.length])
-        return self._pieces[own, piece], np.abs(places - begins[own, piece])
+        return locate_places(self.structure, self._members, places)
 
     def at(self, places: Array) -> ContactCompliance:
         """
@@ -180,8 +181,8 @@ class MemberCompliance:
     def _of_place(self, i: int, number: int, x: float) -> list[float]:
         """Return the numbers of a place on a piece of one of the members."""
         part, rate = x / self._beams[i][number][0], 1.0 / self._beams[i][number][0]
-        shapes = itertools.chain.from_iterable(self._beam(i, number).shapes(x))
-        values = [1.0 - part, part, -rate, rate, *shapes]
+        shapes, influence = self._beam(i, number).at(x)
+        values = [1.0 - part, part, -rate, rate, *itertools.chain(*shapes), *influence]
         return values if number < 2 else list(map(operator.mul, BACKWARD, values))
 
     def _of_pair(self, i: int, number: int, other: int, x: float, y: float) -> list[float]:
@@ -204,9 +205,26 @@ class MemberCompliance:
         found = self._ends_at.get(numbers)
         if found is None:
             pieces = self._pieces[np.arange(len(numbers)), list(numbers)]
-            found = self._frame.compliance(pieces) / self._scale
+            found = self.structure.frame.compliance(pieces) / self._scale
             self._ends_at[numbers] = found
         return found
+
+
+def locate_places(structure: Structure, members: Indices, places: Array) -> tuple[Indices, Array]:
+    """
+    Return the pieces (k,) of the frame that places are on, and where, from their starts [m].
+
+    :param structure: the robot's frame.
+    :param members: (k,) numbers of the members.
+    :param places: (k,) distances from the members' starts [m].
+    """
+    config, (first, last, middle) = structure.config, structure.pieces
+    ring, length = config.robot.description.module.guide_ring_distance, config.member_lengths
+    behind = config.robot.topology.following[members]
+    begins, left = places < ring, length[members] - places
+    ends = left <= ring
+    pieces = np.where(begins, first[members], np.where(ends, last[behind], middle[members]))
+    return pieces, np.where(begins, places, np.where(ends, left, places - ring))
 
 
 @functools.lru_cache(maxsize=8)
@@ -215,7 +233,7 @@ def _templates(count: int, pairs: tuple[tuple[int, int], ...]) -> tuple[Indices,
     Return where the numbers of k places go; what is in no place is the zero behind all of them.
 
     :param count: k.
-    :param pairs: those of which there are numbers besides.
+    :param pairs: different ones of which there are numbers besides.
     :return: (3, 3 k, 6 k) of shape functions and (3, 3 k, 3 k) of what loads do, ends held.
     """
     begin = OF_PLACE * count
@@ -224,6 +242,7 @@ def _templates(count: int, pairs: tuple[tuple[int, int], ...]) -> tuple[Indices,
     inside = np.full((3, count, 3, count, 3), zero)
     for i in range(count):
         shapes[:, i, :, i] = np.where(SHAPES < 0, zero, OF_PLACE * i + SHAPES)
-    for n, (i, j) in enumerate(pairs):
-        inside[:, i, :, j] = np.where(INFLUENCE < 0, zero, begin + OF_PAIR * n + INFLUENCE)
+    own = [(i, i, OF_PLACE * (i + 1) - OF_PAIR) for i in range(count)]
+    for i, j, first in own + [(*pair, begin + OF_PAIR * n) for n, pair in enumerate(pairs)]:
+        inside[:, i, :, j] = np.where(INFLUENCE < 0, zero, first + INFLUENCE)
     return shapes.reshape(3, 3 * count, -1), inside.reshape(3, 3 * count, -1)

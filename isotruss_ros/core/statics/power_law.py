@@ -117,12 +117,7 @@ class PowerLaw:
         return SectionStiffness(axial * length, flexural, shear)
 
     def flexibility_rates(self, length: Array, pressure: Array) -> FlexibilityRates:
-        """
-        Return the derivatives of 1 / EA, 1 / EI and 1 / GA of whole members.
-
-        :param length: (k,) pinch to pinch [m].
-        :param pressure: (k,) gauge [Pa].
-        """
+        """Return how 1 / EA, 1 / EI, 1 / GA change; see `TubeStiffness.flexibility_rates`."""
         axial, flexural, shear = self.section_stiffness(length, pressure)
         between = length - 2.0 * self.guide_ring_distance
         phi = 12.0 * flexural / (shear * between**2)
@@ -145,12 +140,7 @@ class PowerLaw:
 
     @classmethod
     def of_block(cls, block: Mapping[str, Any], description: RobotDescription) -> Self:
-        """
-        Return the laws of a robot file.
-
-        :param block: `stiffness` of the file without the name of the model; of checked form.
-        :param description: all that the file says.
-        """
+        """Return the laws of a robot file; see `TubeStiffness.of_block`."""
         return cls(**read_laws(block), guide_ring_distance=description.module.guide_ring_distance)
 
 

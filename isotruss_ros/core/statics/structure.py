@@ -48,6 +48,9 @@ class Structure:
     :param pressures: see `tube_pressures` [Pa].
     :ivar tube: how stiff the tube is.
     :ivar pressures: (t,) gauge pressure of each tube, in the order of the robot file [Pa].
+    :ivar pieces: (3, m) numbers of the tube's pieces among the members of the frame: BD and CE of
+        each module, DE' of each member.
+    :ivar owners: (3, m) the members of the robot that these are part of.
     :raises StructureError: no stiffness belongs to a member's length and pressure.
     """
 
@@ -57,6 +60,7 @@ class Structure:
         self.pressures = pressures
         self._layout = frame_layout(config.robot)
         self.node_names = self._layout.node_names
+        self.pieces, self.owners = self._layout.pieces, self._layout.owners
         points = _frame_points(config.robot, config.points)
         lengths, layout = config.member_lengths, self._layout
         members = Members(
@@ -156,6 +160,8 @@ class FrameLayout(NamedTuple):
     :ivar held: (n, 3) which of ux, uy, theta are held by supports.
     :ivar bisection: rows of (3), without their entries' values.
     :ivar pattern: of the frame.
+    :ivar pieces: (3, m) members that are pieces of tube, see `Structure`.
+    :ivar owners: (3, m) the members of the robot that these are part of.
     """
 
     node_names: tuple[str, ...]
@@ -168,6 +174,8 @@ class FrameLayout(NamedTuple):
     held: Flags
     bisection: LinearRows
     pattern: FramePattern
+    pieces: Indices
+    owners: Indices
 
 
 @functools.lru_cache(maxsize=16)
@@ -199,19 +207,21 @@ def frame_layout(robot: Mechanism) -> FrameLayout:
     pinned_end = np.zeros(6 * m, dtype=bool)
     pattern = FramePattern(start, end, pinned_start, pinned_end, held, bisection)
     places = {name: i for i, name in enumerate(names)}
+    pieces, own = np.arange(3 * m, 6 * m).reshape(3, -1), np.arange(m)
     return FrameLayout(
-        names, places, b, start, end, pinned_start, pinned_end, held, bisection, pattern
+        node_names=names,
+        places=places,
+        b=b,
+        start=start,
+        end=end,
+        pinned_start=pinned_start,
+        pinned_end=pinned_end,
+        held=held,
+        bisection=bisection,
+        pattern=pattern,
+        pieces=pieces,
+        owners=np.stack([own, topology.previous, own]),
     )
-
-
-def tube_pieces(n_modules: int) -> Indices:
-    """
-    Return the numbers of the tube's pieces among the members of a `Structure`'s frame.
-
-    :param n_modules: m.
-    :return: (3, m): BD and CE of each module, DE' of each member.
-    """
-    return np.arange(3 * n_modules, 6 * n_modules).reshape(3, -1)
 
 
 def structure_of(config: Configuration, pressure: Pressure | None = None) -> Structure:

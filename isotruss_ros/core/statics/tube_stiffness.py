@@ -112,10 +112,8 @@ class Section:
 
     def section_stiffness(self, length: ArrayLike, pressure: ArrayLike) -> SectionStiffness:
         """
-        Return the three numbers for each length.
+        Return the three numbers for each length; see `TubeStiffness.section_stiffness`.
 
-        :param length: (k,) pinch to pinch [m].
-        :param pressure: (k,) or one for all, gauge [Pa].
         :raises StructureError: at so low a pressure the three numbers leave nothing.
         """
         length, pressure = broadcast_members(length, pressure)
@@ -133,12 +131,7 @@ class Section:
         return SectionStiffness(np.full_like(length, self.axial_rigidity), flexural, shear)
 
     def flexibility_rates(self, length: Array, pressure: Array) -> FlexibilityRates:
-        """
-        Return the derivatives of 1 / EA, 1 / EI and 1 / GA of whole members.
-
-        :param length: (k,) pinch to pinch [m].
-        :param pressure: (k,) gauge [Pa].
-        """
+        """Return how 1 / EA, 1 / EI, 1 / GA change; see `TubeStiffness.flexibility_rates`."""
         _, flexural, shear = self.section_stiffness(length, pressure)
         none, area = np.zeros_like(length), np.pi * self.radius**2
         bending = -0.5 * area * self.radius**2 / flexural**2
@@ -149,11 +142,9 @@ class Section:
     @classmethod
     def of_block(cls, block: Mapping[str, Any], description: RobotDescription) -> Self:
         """
-        Return the three numbers of a robot file.
+        Return the three numbers of a robot file; see `TubeStiffness.of_block`.
 
-        :param block: see `TubeStiffness.of_block`; without a pressure of their own the numbers
-            hold at that of the file, one for all tubes.
-        :param description: all that the file says.
+        Without a pressure of their own they hold at that of the file, one for all tubes.
         """
         at = {'pressure': next(iter(description.pressures.values()))}
         return cls(**_as_floats(at | dict(block)), radius=0.5 * description.tube_diameter)
@@ -192,12 +183,7 @@ class InflatableBeam:
         return Fabric(self.membrane_modulus, self.membrane_shear_modulus)
 
     def section_stiffness(self, length: ArrayLike, pressure: ArrayLike) -> SectionStiffness:
-        """
-        Return EA, which depends on the length, and EI and GA, which do not.
-
-        :param length: (k,) pinch to pinch [m].
-        :param pressure: (k,) or one for all, gauge [Pa].
-        """
+        """Return EA, by the length, and EI and GA; see `TubeStiffness.section_stiffness`."""
         length, pressure = broadcast_members(length, pressure)
         R = self.radius
         force = pressure * np.pi * R**2
@@ -212,12 +198,7 @@ class InflatableBeam:
         )
 
     def flexibility_rates(self, length: Array, pressure: Array) -> FlexibilityRates:
-        """
-        Return the derivatives of 1 / EA, 1 / EI and 1 / GA of whole members.
-
-        :param length: (k,) pinch to pinch [m].
-        :param pressure: (k,) gauge [Pa].
-        """
+        """Return how 1 / EA, 1 / EI, 1 / GA change; see `TubeStiffness.flexibility_rates`."""
         _, flexural, shear = self.section_stiffness(length, pressure)
         none, area = np.zeros_like(length), np.pi * self.radius**2
         ends = -2.0 / (self.end_softening * pressure * self.radius * length)
@@ -229,12 +210,7 @@ class InflatableBeam:
 
     @classmethod
     def of_block(cls, block: Mapping[str, Any], description: RobotDescription) -> Self:
-        """
-        Return the beam of a robot file.
-
-        :param block: see `TubeStiffness.of_block`; what is not given is as assumed above.
-        :param description: all that the file says.
-        """
+        """Return the beam of a robot file, or as assumed above; see `TubeStiffness.of_block`."""
         return cls(0.5 * description.tube_diameter, **_as_floats(block))
 
 
@@ -256,23 +232,12 @@ class ScaledStiffness:
         return self.model.fabric
 
     def section_stiffness(self, length: ArrayLike, pressure: ArrayLike) -> SectionStiffness:
-        """
-        Return the section stiffness of whole members.
-
-        :param length: (k,) pinch to pinch [m].
-        :param pressure: (k,) or one for all, gauge [Pa].
-        :raises StructureError: no stiffness belongs to this length and pressure.
-        """
+        """Return those of the model, scaled; see `TubeStiffness.section_stiffness`."""
         sections = self.model.section_stiffness(length, pressure)
         return SectionStiffness(*(self.scale * each for each in sections))
 
     def flexibility_rates(self, length: Array, pressure: Array) -> FlexibilityRates:
-        """
-        Return the derivatives of 1 / EA, 1 / EI and 1 / GA of whole members.
-
-        :param length: (k,) pinch to pinch [m].
-        :param pressure: (k,) gauge [Pa].
-        """
+        """Return how 1 / EA, 1 / EI, 1 / GA change; see `TubeStiffness.flexibility_rates`."""
         rates = self.model.flexibility_rates(length, pressure)
         return FlexibilityRates(*(each / self.scale for each in rates))
 

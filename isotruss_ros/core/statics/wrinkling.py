@@ -21,7 +21,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
-from isotruss_ros.core.statics.structure import Structure, tube_pieces
+from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 
 #: Tubes are to bear at most this share of the moment at which they wrinkle.
@@ -92,22 +92,20 @@ def load_sections(
     moment += np.where(before, apart, 0.0) @ across
     compression = there[:, 0] + before @ along
     # At the ends of all pieces, of the moments the sizes alone.
-    pieces = tube_pieces(m).ravel()
+    pieces, owners = structure.pieces.ravel(), structure.owners.ravel()
     ends, length = end_forces[pieces], frame.length[pieces]
     ring, whole = file.module.guide_ring_distance, config.member_lengths[topology.previous]
     starts = np.concatenate([np.zeros(m), whole, np.full(m, ring)])
     stops = starts + np.repeat([1.0, -1.0, 1.0], m) * length
     moments = np.concatenate([moment, moment - couples, ends[:, 2], ends[:, 5]])
     left = np.concatenate([-compression, -compression - along, -ends[:, 0], ends[:, 3]])
-    own = np.arange(m)
-    of_pieces = np.concatenate([own, topology.previous, own])
-    member = np.concatenate([points.member, points.member, of_pieces, of_pieces])
+    member = np.concatenate([points.member, points.member, owners, owners])
     pressure = np.array(structure.pressures)[topology.tube]
     left += (pressure * (np.pi * radius**2))[member]
     used = np.full(len(moments), np.inf)
     np.divide(np.abs(moments), 0.5 * radius * left, out=used, where=left > 0.0)
     place = np.concatenate([points.place, points.place, starts, stops])
     order = np.lexsort((used, member))
-    last = order[np.searchsorted(member[order], own, side='right') - 1]
+    last = order[np.searchsorted(member[order], np.arange(m), side='right') - 1]
     larger = np.maximum(compression, compression + along)
     return SectionLoads(moment, larger, used[last], place[last])

@@ -13,7 +13,7 @@ import math
 
 from hypothesis import given, strategies
 from isotruss_ros.core import analyze_grasp, ConvexObject, load_robot
-from isotruss_ros.core.contact.place_points import find_contact_points
+from isotruss_ros.core.contact.contact_points import find_contact_points
 from isotruss_ros.core.contact.surfaces import RoundSurface
 from isotruss_ros.core.errors import GraspError, IsotrussError
 from isotruss_ros.core.model.presets import find_robot_file

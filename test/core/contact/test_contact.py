@@ -13,11 +13,13 @@ from types import SimpleNamespace
 
 from hypothesis import given, strategies
 from isotruss_ros.core import ConvexObject, Disc, Ellipse, load_robot, Polygon
-from isotruss_ros.core.contact import relaxation
-from isotruss_ros.core.contact.contact import solve_contact
-from isotruss_ros.core.contact.contact_points import ContactGuess, ContactPoints
-from isotruss_ros.core.contact.place_points import find_contact_points
-from isotruss_ros.core.contact.relaxation import relax_contact
+from isotruss_ros.core.contact import contact
+from isotruss_ros.core.contact.contact import relax_contact, solve_contact
+from isotruss_ros.core.contact.contact_points import (
+    ContactGuess,
+    ContactPoints,
+    find_contact_points,
+)
 from isotruss_ros.core.contact.surfaces import RoundSurface, surface_of
 from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.numerics import lcp
@@ -524,7 +526,7 @@ def test_relaxation_finds_what_touches_by_the_force_at_another_point():
 
 
 def test_relaxation_lets_small_forces_fade_where_nothing_touches(monkeypatch):
-    monkeypatch.setattr(relaxation, 'MAX_STEPS', 100 * relaxation.STEPS_BETWEEN_LOOKS)
+    monkeypatch.setattr(contact, 'MAX_RELAXATIONS', 100 * contact.STEPS_BETWEEN_LOOKS)
     config, center, radius = between(0.5, 2e-3)
     surface = RoundSurface(center, radius)
     points = find_contact_points(structure_of(config), surface, 0.02)

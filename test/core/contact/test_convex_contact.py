@@ -25,8 +25,8 @@ from isotruss_ros.core import (
     tangent_center,
 )
 from isotruss_ros.core.contact.contact import solve_contact
+from isotruss_ros.core.contact.contact_points import find_contact_points
 from isotruss_ros.core.contact.flattening import flattening_of
-from isotruss_ros.core.contact.place_points import find_contact_points
 from isotruss_ros.core.contact.sliding_contact import GAP_TOLERANCE, solve_sliding_contact
 from isotruss_ros.core.contact.surfaces import ConvexSurface, RoundSurface, surface_of
 from isotruss_ros.core.errors import GraspError

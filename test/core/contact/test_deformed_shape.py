@@ -19,7 +19,6 @@ from isotruss_ros.core import (
     Polygon,
     tangent_center,
 )
-from isotruss_ros.core.contact import deformed_shape
 from isotruss_ros.core.contact.deformed_shape import deformed_lines, force_lines, region_lines
 from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.statics.member_compliance import MemberCompliance
@@ -152,20 +151,3 @@ def test_arrows_and_regions_of_a_box_are_on_its_surface(config):
         assert held.nearest(region).gaps == pytest.approx(0.0, abs=1e-9)
         # Around a corner the surface is longer than the tube along it.
         assert length < 1.05 * np.abs(np.diff(region)).sum() < 2.0 * length
-
-
-def test_places_are_on_the_pieces_that_the_compliance_has_there(config):
-    numbers = np.arange(len(config.robot.member_names))
-    ring = config.robot.description.module.guide_ring_distance
-    members = MemberCompliance(structure_of(config), numbers)
-    for place in (
-        0.5 * ring,
-        2.0 * ring,
-        members.length - 2.0 * ring,
-        members.length - 0.5 * ring,
-    ):
-        places = np.broadcast_to(place, len(numbers))
-        pieces, along = deformed_shape._on_pieces(config, numbers, places)
-        expected, distances = members.locate(places)
-        assert (pieces == expected).all()
-        assert along == pytest.approx(distances)

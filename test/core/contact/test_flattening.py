@@ -18,8 +18,8 @@ from isotruss_ros.core import (
     load_robot,
     tangent_center,
 )
+from isotruss_ros.core.contact.contact_points import find_contact_points
 from isotruss_ros.core.contact.flattening import flattening, flattening_of
-from isotruss_ros.core.contact.place_points import find_contact_points
 from isotruss_ros.core.contact.surfaces import RoundSurface
 from isotruss_ros.core.statics.structure import structure_of
 from isotruss_ros.core.statics.tube_stiffness import Fabric

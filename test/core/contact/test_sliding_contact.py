@@ -14,8 +14,8 @@ from dataclasses import replace
 from comparison.wedge import pressed_into
 from isotruss_ros.core import Ellipse, load_robot, Polygon
 from isotruss_ros.core.contact import sliding_contact
+from isotruss_ros.core.contact.contact_points import find_contact_points
 from isotruss_ros.core.contact.flattening import flattening_of
-from isotruss_ros.core.contact.place_points import find_contact_points
 from isotruss_ros.core.contact.sliding_contact import (
     solve_sliding_contact,
     turn_at_corners,

@@ -12,9 +12,8 @@
 from types import SimpleNamespace
 
 from hypothesis import given, strategies
-from isotruss_ros.core.contact.contact_points import ContactState
+from isotruss_ros.core.contact.contact_points import ContactState, find_contact_points
 from isotruss_ros.core.contact.contact_regions import find_wrinkling
-from isotruss_ros.core.contact.place_points import find_contact_points
 from isotruss_ros.core.contact.surfaces import RoundSurface
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np

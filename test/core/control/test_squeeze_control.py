@@ -29,7 +29,6 @@ from isotruss_ros.core.control.inputs import RollerState, StampedInput
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
 from isotruss_ros.core.control.state_estimate import EstimatedTravel
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.contact_closures import find_anchors
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.loaded_frame import held_utilisation
 from isotruss_ros.core.holding.roll_grip import roll_grip
@@ -238,9 +237,7 @@ def test_an_object_does_not_roll_by_a_correction_of_zeros():
     assert travel == pytest.approx(moved)
     # Way on the members and on the surface together, as if the tubes had not moved.
     ways = [
-        find_anchors(
-            grip.statics, grip.state.unknowns, grip.state.normals, np.zeros(2), grip.angles
-        )
+        grip.statics.anchors(grip.state.unknowns, grip.state.normals, np.zeros(2), grip.angles)
         for grip in (before, after, roll_grip(before, after.config))
     ]
     assert ways[1] == pytest.approx(ways[0], abs=1e-9)

@@ -11,14 +11,8 @@
 
 from types import SimpleNamespace
 
-from isotruss_ros.core.holding.contact_statics import (
-    ANGLE,
-    CENTER,
-    ContactStatics,
-    MAX_STEPS,
-    MAX_TURN,
-    Places,
-)
+from isotruss_ros.core.holding.contact_forces import ANGLE, CENTER, Places
+from isotruss_ros.core.holding.contact_statics import ContactStatics, MAX_STEPS, MAX_TURN
 import numpy as np
 import pytest
 

@@ -14,13 +14,13 @@ from dataclasses import replace
 from grips import gripped
 from held_grips import BOX, held
 from isotruss_ros.core import HoldStatus
-from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.contact.dents import Indentation
+from isotruss_ros.core.holding.attach_grip import attach_grip, rest
 from isotruss_ros.core.holding.build_statics import build_statics, start_at
-from isotruss_ros.core.holding.contact_closures import find_anchors, rest, stick
-from isotruss_ros.core.holding.contact_statics import ANGLE, CENTER, TubeModel
-from isotruss_ros.core.holding.dents import Indentation
+from isotruss_ros.core.holding.contact_forces import ANGLE, CENTER
+from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_grip import scaled_wrench
-from isotruss_ros.core.holding.roll_grip import NOTHING
+from isotruss_ros.core.holding.roll_grip import NOTHING, stick
 import numpy as np
 import pytest
 
@@ -75,7 +75,7 @@ def test_without_a_past_the_place_along_the_bisector_is_the_given_one(statics):
 def test_rolling_from_where_it_is_stays_there_and_follows_the_tube(statics):
     state = statics.solve(start_at(statics, DISC), UNLOADED, rest(statics, DISC.center, 0.3))
     travel, angles = np.array([0.01, -0.02]), np.angle(state.normals) - 0.3
-    anchors = find_anchors(statics, state.unknowns, state.normals, travel, angles)
+    anchors = statics.anchors(state.unknowns, state.normals, travel, angles)
     closure = stick(statics, anchors, travel, angles, NOTHING)
     same = statics.solve(start_at(statics, DISC), UNLOADED, closure)
     assert same.unknowns == pytest.approx(state.unknowns, abs=1e-9)

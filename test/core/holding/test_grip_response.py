@@ -12,7 +12,7 @@
 import itertools
 from types import SimpleNamespace
 
-from isotruss_ros.core.holding.grip_response import GripResponse, slip_margin, weakest_direction
+from isotruss_ros.core.holding.contact_forces import GripResponse, slip_margin, weakest_direction
 import numpy as np
 import pytest
 

@@ -12,9 +12,9 @@
 from dataclasses import replace
 
 from carries import GRASPS, make_robot, place
+from isotruss_ros.core.contact.dents import Indentation
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_statics import TubeModel
-from isotruss_ros.core.holding.dents import Indentation
 from isotruss_ros.core.holding.held_gradient import held_gradient
 from isotruss_ros.core.holding.loaded_frame import held_joints
 from isotruss_ros.core.holding.roll_grip import roll_contacts

@@ -13,7 +13,7 @@ import frames
 from grips import gripped
 from held_grips import BOX, held
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.loaded_frame import held_sections, held_utilisation
+from isotruss_ros.core.holding.loaded_frame import held_utilisation
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
@@ -38,7 +38,7 @@ def test_tubes_bear_what_a_frame_under_the_same_loads_does(grasp):
     rows, fixed = frames.dense(frame._rows, len(frame.points)), frame._held.reshape(-1, 3)
     *_, ends = frames.reference(frame.points, frame.members, fixed, loads, rows)
     before = [ends[frame.members.end == node, 5].item() for node in nodes]
-    assert held_sections(grasp).moment == pytest.approx(before, rel=1e-6)
+    assert grasp.sections.moment == pytest.approx(before, rel=1e-6)
     pressure = np.array(structure.pressures)[grasp.config.robot.topology.tube]
     inside = statics.compliance.locate(state.feet)[0]
     expected = tubes.largest_utilisation(structure, pressure, ends, inside)

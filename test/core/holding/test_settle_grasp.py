@@ -26,15 +26,15 @@ from isotruss_ros.core import (
     tangent_center,
 )
 from isotruss_ros.core.contact.contact import solve_contact
+from isotruss_ros.core.contact.contact_points import find_contact_points
 from isotruss_ros.core.contact.force_closure import check_force_closure
-from isotruss_ros.core.contact.place_points import find_contact_points
 from isotruss_ros.core.contact.surfaces import RoundSurface
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding import attach_grip as attach_grip_module
 from isotruss_ros.core.holding import settle_grasp as settle_grasp_module
 from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.contact_forces import weakest_direction
 from isotruss_ros.core.holding.contact_statics import TubeModel
-from isotruss_ros.core.holding.grip_response import weakest_direction
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.numerics.arrays import as_xy
 from isotruss_ros.core.statics.structure import structure_of

@@ -18,6 +18,7 @@ from isotruss_ros.core import (
     HoldStatus,
     place_between,
     Polygon,
+    Pose,
     settle_grasp,
     tangent_center,
 )
@@ -40,10 +41,12 @@ def judge(shift=0.0, other=-0.01, needed=0.3, friction=0.5, stable=True, used=0.
         members=np.arange(2),
         required_friction=needed,
         response=SimpleNamespace(stable=stable),
+        pose=Pose(shift, 0.0, 0.0),
+        sections=SimpleNamespace(utilisation=np.full(len(NAMES), used)),
     )
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(settle_grasp_module, 'member_depths', lambda *_: depths)
-        return _judge(found, shift, friction, np.full(len(NAMES), used))
+        return _judge(found, Pose(0.0, 0.0, 0.0), friction)
 
 
 @pytest.mark.parametrize(

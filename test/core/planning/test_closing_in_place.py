@@ -26,8 +26,7 @@ from isotruss_ros.core import (
     settle_grasp,
     SimulatedRobot,
 )
-from isotruss_ros.core.holding.held_grip import HeldGrip
-from isotruss_ros.core.holding.hold_status import HoldStatus
+from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.planning import closing_in_place
 from isotruss_ros.core.planning.approach import approach

@@ -10,7 +10,7 @@
 """Points inside members: against members that are cut there, and against what is known."""
 
 from hypothesis import given, strategies
-from isotruss_ros.core.statics.interior import InteriorPoints
+from isotruss_ros.core.statics.interior import points_on_beams
 import numpy as np
 import pytest
 import robots
@@ -21,12 +21,16 @@ pins = strategies.booleans()
 
 
 def random_points(rng, members, points, pinned=None):
-    """Return points on members of any rigidities, one of three without shear deformation."""
+    """
+    Return points on members of any rigidities, one of three without shear deformation.
+
+    As `points_on_beams` takes them: members and places, then lengths, rigidities and pins.
+    """
     length = rng.uniform(0.1, 3.0, members)
     member = rng.integers(members, size=points)
     # Apart, so that the member that is cut there is well-conditioned.
     shares = (rng.permutation(points) + rng.uniform(0.3, 0.7, points)) / points
-    return InteriorPoints(
+    return (
         member,
         length[member] * shares,
         length,
@@ -37,19 +41,13 @@ def random_points(rng, members, points, pinned=None):
     )
 
 
-def cut(inside, member):
-    """Return the places of the points of a member, and its stiffness with nodes there."""
-    here = np.flatnonzero(inside.member == member)
-    here = here[np.argsort(inside.place[here])]
-    matrix = tubes.cut_member(
-        inside.length[member],
-        inside.axial[member],
-        inside.flexural[member],
-        inside.shear[member],
-        (inside.pinned[member], False),
-        inside.place[here],
-    )
-    return here, matrix
+def cut(drawn, number):
+    """Return the points of a member, and its stiffness with nodes there."""
+    member, place, *beams, pinned = drawn
+    here = np.flatnonzero(member == number)
+    here = here[np.argsort(place[here])]
+    values = (each[number] for each in beams)
+    return here, tubes.cut_member(*values, (pinned[number], False), place[here])
 
 
 def parts(matrix):
@@ -63,11 +61,11 @@ def parts(matrix):
 @robots.examples(100)
 @given(generators, pins)
 def test_shapes_are_those_of_a_member_cut_at_the_points(rng, pinned):
-    inside = random_points(rng, 3, 12, pinned)
-    shapes = inside.shapes()
+    drawn = random_points(rng, 3, 12, pinned)
+    shapes = points_on_beams(*drawn).shapes
     assert shapes.shape == (12, 2, 6)
     for member in range(3):
-        here, matrix = cut(inside, member)
+        here, matrix = cut(drawn, member)
         coupling, own = parts(matrix)
         if len(here) == 0:
             continue
@@ -78,11 +76,11 @@ def test_shapes_are_those_of_a_member_cut_at_the_points(rng, pinned):
 @robots.examples(100)
 @given(generators, pins)
 def test_compliance_is_that_of_a_member_cut_at_the_points(rng, pinned):
-    inside = random_points(rng, 3, 12, pinned)
-    compliance = inside.compliance()
+    drawn = random_points(rng, 3, 12, pinned)
+    compliance = points_on_beams(*drawn).compliance
     assert compliance.shape == (2, 12, 12)
     for member in range(3):
-        here, matrix = cut(inside, member)
+        here, matrix = cut(drawn, member)
         if len(here) == 0:
             continue
         own = np.linalg.inv(parts(matrix)[1])
@@ -96,12 +94,12 @@ def test_compliance_is_that_of_a_member_cut_at_the_points(rng, pinned):
 @robots.examples(60)
 @given(generators)
 def test_members_give_alike_both_ways_and_apart_not_at_all(rng):
-    inside = random_points(rng, 4, 15)
-    compliance = inside.compliance()
+    drawn = random_points(rng, 4, 15)
+    compliance = points_on_beams(*drawn).compliance
     # Maxwell and Betti: what one point gives under a force at another is what that gives there.
     scale = compliance.max(axis=(1, 2), keepdims=True)
     assert (np.abs(compliance - compliance.transpose(0, 2, 1)) <= 1e-12 * scale).all()
-    apart = inside.member[:, None] != inside.member
+    apart = drawn[0][:, None] != drawn[0]
     assert (compliance[:, apart] == 0.0).all()
     assert np.linalg.eigvalsh(compliance).min() >= -1e-12 * scale.max()
 
@@ -113,7 +111,7 @@ def test_midspan_of_clamped_and_propped_beams_is_as_in_the_tables():
         (False, length**3 / (192.0 * flexural)),
         (True, 7.0 * length**3 / (768.0 * flexural)),
     ):
-        slender = InteriorPoints(
+        slender = points_on_beams(
             np.zeros(1, dtype=int),
             0.5 * length * one,
             length * one,
@@ -122,8 +120,8 @@ def test_midspan_of_clamped_and_propped_beams_is_as_in_the_tables():
             np.inf * one,
             np.array([pinned]),
         )
-        assert slender.compliance().ravel() == pytest.approx([length / 4e4, bending], rel=1e-12)
-    sheared = InteriorPoints(
+        assert slender.compliance.ravel() == pytest.approx([length / 4e4, bending], rel=1e-12)
+    sheared = points_on_beams(
         np.zeros(1, dtype=int),
         0.5 * length * one,
         length * one,
@@ -133,4 +131,4 @@ def test_midspan_of_clamped_and_propped_beams_is_as_in_the_tables():
         np.array([False]),
     )
     expected = length**3 / (192.0 * flexural) + length / (4.0 * shear)
-    assert sheared.compliance()[1, 0, 0] == pytest.approx(expected, rel=1e-12)
+    assert sheared.compliance[1, 0, 0] == pytest.approx(expected, rel=1e-12)

@@ -10,7 +10,7 @@
 """How members give at moving places, against the contact points of the analysis."""
 
 from grips import gripped
-from isotruss_ros.core.contact.place_points import find_contact_points
+from isotruss_ros.core.contact.contact_points import find_contact_points
 from isotruss_ros.core.contact.surfaces import RoundSurface
 from isotruss_ros.core.statics.member_compliance import MemberCompliance
 from isotruss_ros.core.statics.structure import structure_of
@@ -41,6 +41,16 @@ def places(members, rng):
         length - rng.uniform(0.01, 0.9 * GUIDE, 2),
     )
     return np.choose(rng.integers(0, 3, 2), kinds)
+
+
+def test_places_are_on_pieces_of_their_members(members):
+    rng, frame = np.random.default_rng(6), STRUCTURE.frame
+    for _ in range(30):
+        at = places(members, rng)
+        pieces, within = members.locate(at)
+        points = frame.points[frame.members.start[pieces]] + within * frame.axis[pieces]
+        assert points == pytest.approx(members.start + at * members.axis)
+        assert (within <= frame.length[pieces]).all()
 
 
 def test_displacements_are_those_of_the_contact_points(members):

@@ -17,7 +17,7 @@ from isotruss_ros.core import deform, load_robot, Robot
 from isotruss_ros.core.errors import IsotrussError, StructureError
 from isotruss_ros.core.statics.beam import local_stiffness
 from isotruss_ros.core.statics.section import tube_pressures
-from isotruss_ros.core.statics.structure import structure_of, tube_pieces
+from isotruss_ros.core.statics.structure import structure_of
 from isotruss_ros.core.statics.tube_stiffness import tube_stiffness
 import numpy as np
 import pytest
@@ -219,7 +219,7 @@ def test_pieces_have_together_the_end_stiffnesses_of_their_member(model):
         assert robot.home.member_lengths == pytest.approx([length] * 3, rel=1e-9)
         structure = structure_of(robot.home)
         frame, members = structure.frame, structure.frame.members
-        first, last, middle = tube_pieces(3)
+        first, last, middle = structure.pieces
         chain = np.array([first[0], middle[0], last[robot.topology.following[0]]])
         pieces = np.abs(frame.points[members.end[chain]] - frame.points[members.start[chain]])
         assert pieces == pytest.approx([0.08, length - 0.16, 0.08], rel=1e-9)
@@ -257,7 +257,7 @@ def test_guide_rings_leave_the_axial_stiffness_of_a_member_as_it_is(model, lengt
     moving = [structure.node(name) for name in (joint, *(f'{module}/{n}' for n in 'BCE'))]
     rings = [structure.node(f'{module}/D'), structure.node(f'{next_module}/E')]
     free = np.concatenate([3 * node + np.arange(3) for node in rings])
-    piece = tube_pieces(3)[2][member]
+    piece = structure.pieces[2, member]
     span = frame.points[frame.members.end[piece]] - frame.points[frame.members.start[piece]]
     along = np.array([span.real, span.imag]) / abs(span)
     moved = np.zeros(3 * len(structure.node_names))

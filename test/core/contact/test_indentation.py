@@ -11,18 +11,18 @@
 
 from hypothesis import given, strategies
 from isotruss_ros.core import Ellipse, load_robot
+from isotruss_ros.core.contact import dents
 from isotruss_ros.core.contact.contact import solve_contact
-from isotruss_ros.core.contact.flattening import flattening_of
-from isotruss_ros.core.contact.place_points import find_contact_points
-from isotruss_ros.core.contact.surfaces import RoundSurface
-from isotruss_ros.core.holding import dents
-from isotruss_ros.core.holding.dents import (
+from isotruss_ros.core.contact.contact_points import find_contact_points
+from isotruss_ros.core.contact.dents import (
     Indentation,
     POWER,
     Press,
     skin_indentation,
     SkinIndentation,
 )
+from isotruss_ros.core.contact.flattening import flattening_of
+from isotruss_ros.core.contact.surfaces import RoundSurface
 import numpy as np
 import pytest
 import robots
@@ -131,7 +131,7 @@ def test_each_tube_dents_by_its_own_pressure():
         even = (pressures[tube],) * len(names)
         for table in (
             lambda gauge, tube=tube: skin_indentation(ROBOT, tube, 0.15, gauge),
-            lambda gauge, tube=tube: dents.corner_dents(ROBOT, tube, shape, 1j, 0, whole, gauge),
+            lambda gauge, tube=tube: dents.corner_dents(ROBOT, tube, shape, 1.57, 0, whole, gauge),
         ):
             assert table(pressures)(20.0) == pytest.approx(table(even)(20.0))
 
@@ -157,7 +157,7 @@ def test_the_pressure_rate_is_that_of_the_depth(shape, force):
         if shape == 'disc':
             return skin_indentation(ROBOT, 0, 0.15, given)
         whole, ellipse = (np.inf, np.inf), Ellipse((0.2, 0.1))
-        return dents.corner_dents(ROBOT, 0, ellipse, 1j, 0, whole, given)
+        return dents.corner_dents(ROBOT, 0, ellipse, 1.57, 0, whole, given)
 
     # So short that the same points are closed on both sides.
     pressure, step = 34e3, 5.0

@@ -40,9 +40,9 @@ DISC_DEPTHS, CORNER_DEPTHS = (0.8 * np.linspace(0.0, 1.0, n)[1:] ** 2 for n in (
 #: Contact points across the chord in which the object overlaps the round tube.
 POINTS = 41
 POWER = 2.0 / 3.0
-#: Tables of corners are for normals in steps of this [rad], of outlines with points so far apart
-#: [m]; beyond this many tube radii from the contact nothing is counted as part of it.
-ANGLE_STEP, OUTLINE, REACH = 0.01, 1e-3, 4.0
+#: Tables of corners are of outlines with points so far apart [m]; beyond this many tube radii from
+#: the contact nothing is counted as part of it.
+OUTLINE, REACH = 1e-3, 4.0
 
 
 class Press(NamedTuple):
@@ -242,11 +242,12 @@ def press_on_skin(kernel: Flattening, tube: int, spacing: float, gaps: Array) ->
     return Press(spacing, forces)
 
 
+@functools.lru_cache(maxsize=256)
 def corner_dents(
     robot: Mechanism,
     tube: int,
     shape: Shape,
-    normal: complex,
+    angle: float,
     corner: int,
     cuts: tuple[float, float],
     pressures: tuple[float, ...] | None = None,
@@ -257,28 +258,14 @@ def corner_dents(
     :param robot: the robot.
     :param tube: number of the tube.
     :param shape: of the object.
-    :param normal: unit vector out of the object across the tube, in the object's frame.
+    :param angle: of the normal out of the object across the tube, in the object's frame; in steps,
+        so that tables serve again [rad].
     :param corner: number of the corner that is touched, see `Shape.corners_at`.
     :param cuts: how far the contact reaches before and behind the point that is touched,
         counter-clockwise around the object: half of a face where its other end is a contact of
         its own; may be infinite [m].
     :param pressures: (t,) gauge, by tube [Pa]; those of the robot file if None.
     """
-    angle = ANGLE_STEP * round(float(np.angle(normal)) / ANGLE_STEP)
-    return _table(robot, tube, shape, angle, corner, cuts, pressures)
-
-
-@functools.lru_cache(maxsize=256)
-def _table(
-    robot: Mechanism,
-    tube: int,
-    shape: Shape,
-    angle: float,
-    corner: int,
-    cuts: tuple[float, float],
-    pressures: tuple[float, ...] | None,
-) -> SkinIndentation:
-    """Return what `corner_dents` does."""
     radius = 0.5 * robot.description.tube_diameter
     point = shape.point_at(corner, complex(np.exp(1j * angle)))
     places, heights = _profile(shape, angle, point)

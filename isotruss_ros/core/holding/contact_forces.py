@@ -9,19 +9,112 @@
 
 
 """
-How a held object answers to small wrenches and to members that move, and its slip margin.
+Pose, contacts and forces of a held object, and how they answer to small wrenches.
 
-Contacts stick; forces redistribute with the tubes.
+Contacts stick; forces redistribute with the tubes. From that follow the slip margin, and what
+happens as members move.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+import functools
+from typing import NamedTuple
 
-from isotruss_ros.core.holding.contact_statics import ContactForces
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
 from scipy.linalg import lapack
+
+#: Places of the pose among the unknowns.
+CENTER, ANGLE, POSE = slice(0, 2), 2, 3
+
+
+class Places(NamedTuple):
+    """
+    Places of k contacts among the unknowns, and of the equations.
+
+    :ivar feet: where along the members they are.
+    :ivar inclinations: of the bent tubes.
+    :ivar normal: forces.
+    :ivar friction: forces.
+    :ivar balance: rows fx, fy, m.
+    :ivar closure: rows that statics leaves open.
+    :ivar size: number of unknowns.
+    """
+
+    feet: slice
+    inclinations: slice
+    normal: slice
+    friction: slice
+    balance: slice
+    closure: slice
+    size: int
+
+    @classmethod
+    @functools.lru_cache(maxsize=16)
+    def of(cls, count: int) -> Places:
+        """
+        Return those of some contacts.
+
+        :param count: k.
+        """
+        begins = [POSE + i * count for i in range(5)]
+        unknowns = [slice(begins[i], begins[i + 1]) for i in range(4)]
+        rows = slice(3 * count, 3 * count + 3), slice(3 * count + 3, None)
+        return cls(*unknowns, *rows, 4 * count + 3)
+
+
+@dataclass(frozen=True, eq=False)
+class ContactForces:
+    """
+    Pose, contacts and forces of an object at k contacts.
+
+    :ivar unknowns: (3 + 4k,) x, y [m], angle [rad], feet s_i [m], inclinations of the bent tubes
+        beta_i [rad], normal forces N_i [N], friction forces on the tubes T_i [N],
+        counter-clockwise around the object.
+    :ivar normals: (k,) from the object toward the tubes.
+    :ivar jacobian: (3 + 4k, 3 + 4k) of the equations there.
+    """
+
+    unknowns: Array
+    normals: Points
+    jacobian: Array
+
+    @functools.cached_property
+    def places(self) -> Places:
+        """Return where what is among the unknowns."""
+        return Places.of(len(self.normals))
+
+    @property
+    def center(self) -> complex:
+        """Return the origin of the object's frame, x + iy [m]."""
+        return complex(self.unknowns[0], self.unknowns[1])
+
+    @functools.cached_property
+    def feet(self) -> Array:
+        """Return where along the members the contacts are, (k,) [m]."""
+        return self.unknowns[self.places.feet]
+
+    @functools.cached_property
+    def normal_forces(self) -> Array:
+        """Return (k,) [N], positive where object and tube press on each other."""
+        return self.unknowns[self.places.normal]
+
+    @functools.cached_property
+    def friction_forces(self) -> Array:
+        """Return (k,) on the tubes, counter-clockwise around the object [N]."""
+        return self.unknowns[self.places.friction]
+
+    def jacobian_with(self, closing: Array) -> Array:
+        """
+        Return the Jacobian of the equations with another closure, (3 + 4k, 3 + 4k).
+
+        :param closing: (k, 3 + 4k) derivative of what settles the equations that statics leaves
+            open.
+        """
+        jacobian = self.jacobian.copy()
+        jacobian[self.places.closure] = closing
+        return jacobian
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,11 +219,10 @@ def slip_margin(
     :param more: (3,) wrench (fx, fy, m / arm) that is added to that of the equilibrium [N].
     :return: negative where a member slips or a contact pulls already.
     """
-    rows = slip_conditions(response.owners, friction)
-    reserve, slope = rows @ forces_of(state), rows @ response.forces
+    reserve, slope, size = _conditions(state, response, friction)
     if more is not None:
         reserve = reserve + slope @ more
-    return float((reserve / _sizes(slope)).min())
+    return float((reserve / size).min())
 
 
 def weakest_direction(state: ContactForces, response: GripResponse, friction: float) -> Array:
@@ -141,16 +233,19 @@ def weakest_direction(state: ContactForces, response: GripResponse, friction: fl
     :param response: how its forces change with the wrench.
     :param friction: coefficient mu.
     """
-    rows = slip_conditions(response.owners, friction)
-    slope = rows @ response.forces
-    size = _sizes(slope)
-    nearest = int((rows @ forces_of(state) / size).argmin())
+    reserve, slope, size = _conditions(state, response, friction)
+    nearest = int((reserve / size).argmin())
     return -slope[nearest] / size[nearest]
 
 
-def _sizes(slope: Array) -> Array:
-    """Return the lengths of rows; of any friction, their squares may overflow."""
-    return np.hypot.reduce(slope, axis=1)
+def _conditions(
+    state: ContactForces, response: GripResponse, friction: float
+) -> tuple[Array, Array, Array]:
+    """Return what is left of each of `slip_conditions`, its slope by a wrench, and the size."""
+    rows = slip_conditions(response.owners, friction)
+    slope = rows @ response.forces
+    # Of any friction, squares may overflow.
+    return rows @ forces_of(state), slope, np.hypot.reduce(slope, axis=1)
 
 
 def forces_of(state: ContactForces) -> Array:
