@@ -11,7 +11,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 import time
@@ -41,71 +40,63 @@ from isotruss_ros.nodes.conversions.grasp_messages import (
 )
 from isotruss_ros.nodes.conversions.markers import GraspMarkers
 from isotruss_ros.nodes.conversions.messages import name_object_frame, stamp_header, to_time
-from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.cycle import Cycle
-from isotruss_ros.nodes.framework.diagnostics import Level, WarningThrottle
+from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
+from isotruss_ros.nodes.framework.parameters import Spec
 from isotruss_ros.nodes.framework.qos import RELIABLE
 from isotruss_ros.nodes.framework.runner import run
-from rclpy.parameter import Parameter
 from rclpy.time import Time
 from std_msgs.msg import Bool
 from visualization_msgs.msg import MarkerArray
 
-RATE = replace(common.RATE, bounds=(1.0, 1000.0))
-# Not finer: for an object as large as the robot, memory grows with the square of the points.
-SPACING = params.Spec(
-    'spacing', 0.005, 'Distance of the points that can touch, along the tubes [m]', (0.002, 0.1)
-)
-FLATTENING = params.Spec(
-    'flattening',
-    True,
-    "Whether tubes flatten where they are touched; if not, (5) to (10) in the paper's model, and "
-    'only whether the object is held with flattening',
-)
 SPECS = (
     common.ROBOT,
     *common.OBJECT_SPECS,
-    RATE,
+    replace(common.RATE, bounds=(1.0, 1000.0)),
     common.COMMAND_TIMEOUT,
     common.PRESSURE_TIMEOUT,
-    SPACING,
-    FLATTENING,
+    # Not finer: for an object as large as the robot, memory grows with the square of the points.
+    Spec(
+        'spacing',
+        0.005,
+        'Distance of the points that can touch, along the tubes [m]',
+        (0.002, 0.1),
+    ),
+    Spec(
+        'flattening',
+        True,
+        "Whether tubes flatten where they are touched; if not, (5) to (10) in the paper's model, "
+        'and only whether the object is held with flattening',
+    ),
 )
 #: Markers are published at most this often, as RViz draws [s].
 MARKER_PERIOD = 1.0 / 30.0
 
 
 class GraspAnalysisNode(ManagedNode):
-    """
-    Analyse the grasp in every cycle from the latest inputs.
+    """Analyse the grasp in every cycle from the latest inputs."""
 
-    :param parameter_overrides: values of parameters other than the defaults.
-    :raises IsotrussError: a parameter is unusable; the text names it and what would be right.
-    """
-
+    node_name = 'grasp_analysis'
+    specs = SPECS
     awaited = ('joint_states', 'object_pose')
-
-    def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
-        super().__init__('grasp_analysis', SPECS, parameter_overrides)
-        self._throttle = WarningThrottle(self.get_logger())
-        self._monitor: GraspMonitor | None = None
-        self._drawn = 0.0
-        self.start()
+    _monitor: GraspMonitor | None = None
+    #: When markers were published last.
+    _drawn = 0.0
 
     def configure(self) -> None:
         """Load the robot, create publishers and subscriptions."""
         values = self.values
-        self._robot = load_robot(values[common.ROBOT])
+        self._robot = load_robot(values.robot)
         values.on_change(self._apply)
         self._monitor = GraspMonitor(
             self._robot,
-            values[common.OBJECT_DIAMETER],
-            values[common.FRICTION],
-            values[SPACING],
-            values[common.COMMAND_TIMEOUT],
+            values.object_diameter,
+            values.friction,
+            values.spacing,
+            values.command_timeout,
             common.read_described(values),
-            values[FLATTENING],
+            values.flattening,
         )
         self._states = self.create_lifecycle_publisher(GraspState, 'grasp/state', RELIABLE)
         self._held = self.create_lifecycle_publisher(Bool, 'grasp/held', RELIABLE)
@@ -116,7 +107,7 @@ class GraspAnalysisNode(ManagedNode):
         self._markers = GraspMarkers(self._robot.frame)
         subscribe_joint_states(self, self._robot, self._monitor)
         subscribe_object_pose(self, self._robot, self._monitor)
-        self._monitor.pressure_timeout = values[common.PRESSURE_TIMEOUT]
+        self._monitor.pressure_timeout = values.pressure_timeout
         subscribe_tube_pressures(self, self._robot, self._monitor)
         subscribe_input(
             self,
@@ -130,12 +121,8 @@ class GraspAnalysisNode(ManagedNode):
 
     def activate(self) -> None:
         """Start the cycle and offer the service."""
-        self.cycle = Cycle(self, self.values[RATE], self._step, self._clear_inputs)
+        self.cycle = Cycle(self, self.values.rate, self._step, self._clear_inputs)
         self.create_service(AnalyzeGrasp, 'analyze_grasp', self._analyze)
-
-    def deactivate(self) -> None:
-        """Stop the cycle."""
-        self.cycle = None
 
     def cleanup(self) -> None:
         """Release the robot."""
@@ -162,21 +149,21 @@ class GraspAnalysisNode(ManagedNode):
 
     def _apply(self) -> None:
         """Apply changed parameters from the next cycle on."""
-        self._monitor.object_diameter = self.values[common.OBJECT_DIAMETER]
-        self._monitor.friction = self.values[common.FRICTION]
-        self._monitor.spacing = self.values[SPACING]
-        self._monitor.flattening = self.values[FLATTENING]
-        self._monitor.timeout = self.values[common.COMMAND_TIMEOUT]
-        self._monitor.pressure_timeout = self.values[common.PRESSURE_TIMEOUT]
+        self._monitor.object_diameter = self.values.object_diameter
+        self._monitor.friction = self.values.friction
+        self._monitor.spacing = self.values.spacing
+        self._monitor.flattening = self.values.flattening
+        self._monitor.timeout = self.values.command_timeout
+        self._monitor.pressure_timeout = self.values.pressure_timeout
         if self.cycle is not None:
-            self.cycle.change(self.values[RATE])
+            self.cycle.change(self.values.rate)
 
     def _analyze(
         self, request: AnalyzeGrasp.Request, response: AnalyzeGrasp.Response
     ) -> AnalyzeGrasp.Response:
         now = self.now()
         try:
-            query = read_query(request, self.values[SPACING], self.values[FLATTENING])
+            query = read_query(request, self.values.spacing, self.values.flattening)
         except IsotrussError as error:
             report = GraspReport(GraspCode.INVALID_REQUEST, str(error), now)
         else:
@@ -205,10 +192,10 @@ class GraspAnalysisNode(ManagedNode):
             used, _ = max(grasp.utilisation.values())
             level = Level.OK if used <= MAX_UTILISATION else Level.WARN
             if report.code is not GraspCode.OK:
-                self._throttle.warn(report.code.name, f'{report.code}: {report.message}')
+                self.warn(report.code.name, f'{report.code}: {report.message}')
             self.diagnostics.set_status(level, report.message or 'analysing')
         else:
-            self._throttle.warn(report.code.name, f'{report.code}: {report.message}')
+            self.warn(report.code.name, f'{report.code}: {report.message}')
             self.diagnostics.set_status(Level.ERROR, f'{report.code}: {report.message}')
         self._draw(report)
 

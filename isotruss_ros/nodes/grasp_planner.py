@@ -11,7 +11,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import partial
 
 from isotruss_msgs.action import PlanGrasp
@@ -29,17 +28,18 @@ from isotruss_ros.nodes.conversions.plan_messages import (
     to_feedback_message,
     to_result_message,
 )
-from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
+from isotruss_ros.nodes.framework.parameters import FixedSpec, ParameterError
 from isotruss_ros.nodes.framework.runner import run
-from rclpy.parameter import Parameter
 
-WORKERS = params.Spec(
-    'workers', 0, 'Processes that search, one for each core if 0', read_only=True
+SPECS = (
+    common.ROBOT,
+    common.OBJECT,
+    common.COMMAND_TIMEOUT,
+    FixedSpec('workers', 0, 'Processes that search, one for each core if 0'),
 )
-SPECS = (common.ROBOT, common.OBJECT, common.COMMAND_TIMEOUT, WORKERS)
 #: The node polls a search this often [s].
 PERIOD = 0.02
 
@@ -49,34 +49,28 @@ class GraspPlanner(ManagedNode):
     Execute one goal at a time, and reject others meanwhile.
 
     The search has a thread and processes of its own; a timer polls it.
-
-    :param parameter_overrides: values of parameters other than the defaults.
-    :raises IsotrussError: a parameter is unusable; the text names it and what would be right.
     """
 
+    node_name = 'grasp_planner'
+    specs = SPECS
     awaited = ('plan_grasp',)
-
-    def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
-        # First of all: where a parameter is of a wrong type the node is destroyed at once.
-        self._searcher: Searcher | None = None
-        super().__init__('grasp_planner', SPECS, parameter_overrides)
-        self._described: ConvexObject | None = None
-        self._shape: TrackedShape | None = None
-        self._goal: SingleGoal | None = None
-        self.start()
+    _searcher: Searcher | None = None
+    _described: ConvexObject | None = None
+    _shape: TrackedShape | None = None
+    _goal: SingleGoal | None = None
 
     def configure(self) -> None:
         """Load the robot, subscribe to its joint states, and offer the action."""
-        workers = self.values[WORKERS]
+        workers = self.values.workers
         if not 0 <= workers <= MAX_WORKERS:
-            raise params.ParameterError(
+            raise ParameterError(
                 f'parameter workers: {workers}: must be from 0 (as many as there are cores) '
                 f'to {MAX_WORKERS}'
             )
-        self._robot = load_robot(self.values[common.ROBOT])
+        self._robot = load_robot(self.values.robot)
         self._described = common.read_described(self.values)
         self._searcher = Searcher(workers)
-        self._shape = TrackedShape(self._robot, self.values[common.COMMAND_TIMEOUT])
+        self._shape = TrackedShape(self._robot, self.values.command_timeout)
         self.values.on_change(self._apply)
         subscribe_joint_states(self, self._robot, self._shape)
         # There while the node is inactive too, so that a goal that ends then gets its result.
@@ -122,7 +116,7 @@ class GraspPlanner(ManagedNode):
         return details
 
     def _apply(self) -> None:
-        self._shape.timeout = self.values[common.COMMAND_TIMEOUT]
+        self._shape.timeout = self.values.command_timeout
 
     # -- The action --
 

@@ -11,7 +11,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import partial
 
 from geometry_msgs.msg import Twist, TwistStamped
@@ -37,123 +36,110 @@ from isotruss_ros.nodes.components.sensors import (
     subscribe_object_pose,
     subscribe_tube_pressures,
 )
-from isotruss_ros.nodes.components.servo_settings import apply_settings, FAILED_ROLLERS
+from isotruss_ros.nodes.components.servo_settings import apply_settings
 from isotruss_ros.nodes.components.servo_settings import SPECS as SERVO_SPECS
 from isotruss_ros.nodes.components.status_report import StatusReport
 from isotruss_ros.nodes.components.trajectory_following import TrajectoryFollowing
 from isotruss_ros.nodes.conversions.messages import check_frame, MessageError, read_twist
-from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.managed import ManagedNode
+from isotruss_ros.nodes.framework.parameters import ParameterError, Spec, Value
 from isotruss_ros.nodes.framework.runner import run
 from isotruss_ros.nodes.framework.subscriptions import discard_waiting, subscribe_newest
 from rclpy.parameter import Parameter
 from rclpy.time import Time
 from std_srvs.srv import SetBool
 
-SQUEEZE_FORCE = params.Spec(
-    'squeeze_force',
-    0.0,
-    'Mean normal force of the grasping members that is regulated, 0 to keep the angle of the '
-    'grip [N]',
-    bounds=(0.0, 1000.0),
-)
-OBJECT_MASS = params.Spec(
-    'object_mass',
-    0.0,
-    'Mass of the object; 0: that of its description. Unknown, the loop takes its slow gains [kg]',
-    bounds=(0.0, 1000.0),
-)
-POSE_GAIN = params.Spec(
-    'pose_gain',
-    0.0,
-    'With squeeze_force: gain of the pose, from which the others follow; 0: by the lowest '
-    'frequency of the held object [1/s]',
-    bounds=(0.0, 100.0),
-)
-FORCE_GAIN = params.Spec(
-    'force_gain', False, 'Accept a pose_gain beyond what that frequency allows'
-)
-FREQUENCY = params.Spec(
-    'frequency',
-    0.0,
-    'Lowest frequency of the held object, measured; 0: computed from the masses [rad/s]',
-    bounds=(0.0, 1000.0),
-)
-EXPECTED_LOAD = params.Spec(
-    'expected_load',
-    0.0,
-    'With squeeze_force: size of the loads on the object that are expected; 0: none, and what '
-    'moves it by 5 mm for 2 s counts as a slip [N]',
-    bounds=(0.0, 1000.0),
-)
-MODE = params.Spec(
-    'mode',
-    'object',
-    "What cmd_vel moves: the held 'object', or a 'joint' of the robot without one",
-)
-JOINT = params.Spec('joint', '', "In the mode 'joint': name of the joint")
 MODES = ('object', 'joint')
 #: The type of the publishers of cmd_vel is looked up this often while no twist comes [s].
 TYPE_CHECK_PERIOD = 1.0
 SPECS = (
     common.ROBOT,
-    MODE,
-    JOINT,
+    Spec(
+        'mode',
+        'object',
+        "What cmd_vel moves: the held 'object', or a 'joint' of the robot without one",
+    ),
+    Spec('joint', '', "In the mode 'joint': name of the joint"),
     common.USE_STAMPED_TWIST,
     common.REQUIRE_EMERGENCY_STOP,
     common.OBJECT,
     common.FRICTION,
     common.PRESSURE_TIMEOUT,
-    SQUEEZE_FORCE,
-    OBJECT_MASS,
-    POSE_GAIN,
-    FORCE_GAIN,
-    FREQUENCY,
-    EXPECTED_LOAD,
+    Spec(
+        'squeeze_force',
+        0.0,
+        'Mean normal force of the grasping members that is regulated, 0 to keep the angle of the '
+        'grip [N]',
+        (0.0, 1000.0),
+    ),
+    Spec(
+        'object_mass',
+        0.0,
+        'Mass of the object; 0: that of its description. Unknown, the loop takes its slow gains '
+        '[kg]',
+        (0.0, 1000.0),
+    ),
+    Spec(
+        'pose_gain',
+        0.0,
+        'With squeeze_force: gain of the pose, from which the others follow; 0: by the lowest '
+        'frequency of the held object [1/s]',
+        (0.0, 100.0),
+    ),
+    Spec('force_gain', False, 'Accept a pose_gain beyond what that frequency allows'),
+    Spec(
+        'frequency',
+        0.0,
+        'Lowest frequency of the held object, measured; 0: computed from the masses [rad/s]',
+        (0.0, 1000.0),
+    ),
+    Spec(
+        'expected_load',
+        0.0,
+        'With squeeze_force: size of the loads on the object that are expected; 0: none, and what '
+        'moves it by 5 mm for 2 s counts as a slip [N]',
+        (0.0, 1000.0),
+    ),
     *SERVO_SPECS,
 )
 
 
 class Manipulation(ManagedNode):
-    """
-    Compute the roller velocities in every cycle from the latest inputs.
+    """Compute the roller velocities in every cycle from the latest inputs."""
 
-    :param parameter_overrides: values of parameters other than the defaults.
-    :raises IsotrussError: a parameter is unusable; the text names it and what would be right.
-    """
-
+    node_name = 'manipulation'
+    specs = SPECS
     awaited = ('joint_states', 'object_pose', 'cmd_vel')
+    _report: StatusReport | None = None
+    _servo: TwistServo | None = None
+    _trajectory: TrajectoryFollowing | None = None
+    #: Why the rollers are not this node's alone; None if they are.
+    _others: str | None = None
 
-    def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
-        super().__init__('manipulation', SPECS, parameter_overrides)
-        self._report: StatusReport | None = None
-        self._servo: TwistServo | None = None
-        self._trajectory: TrajectoryFollowing | None = None
-        #: Why the rollers are not this node's alone; None if they are.
-        self._others: str | None = None
+    def create(self) -> None:
+        """Listen to what stops the rollers, in every state."""
         self._stop = EmergencyStop(
             self,
-            lambda: self.values[common.REQUIRE_EMERGENCY_STOP],
+            lambda: self.values.require_emergency_stop,
             self._apply_stop,
             self._wait_for_zero,
         )
         self._failed_rollers = FailedRollers(self, self._apply_failures)
         self.create_service(SetBool, 'set_joint_mode', self._set_joint_mode)
-        self.start()
 
     def configure(self) -> None:
         """Load the robot, create publishers and subscriptions."""
         values = self.values
-        self._robot = load_robot(values[common.ROBOT])
+        self._robot = load_robot(values.robot)
         values.on_change(self._apply, self._check)
         self._report = StatusReport(self, self._robot.frame)
         self._servo = TwistServo(
             self._robot,
-            common.select_grip_module(self._robot, values[common.GRIP_MODULE]),
-            values[common.OBJECT_DIAMETER],
-            period=1.0 / values[common.RATE],
-            timeout=values[common.COMMAND_TIMEOUT],
+            common.select_grip_module(self._robot, values.grip_module),
+            values.object_diameter,
+            period=1.0 / values.rate,
+            timeout=values.command_timeout,
         )
         self._servo.body = common.read_described(values)
         self._trajectory = TrajectoryFollowing(self, self._servo)
@@ -167,7 +153,7 @@ class Manipulation(ManagedNode):
         subscribe_joint_states(self, self._robot, self._servo)
         subscribe_object_pose(self, self._robot, self._servo)
         subscribe_tube_pressures(self, self._robot, self._servo)
-        if values[common.USE_STAMPED_TWIST]:
+        if values.use_stamped_twist:
             self._twists = subscribe_input(
                 self, TwistStamped, 'cmd_vel', self._read_stamped_twist, self._servo, 'twist'
             )
@@ -183,7 +169,7 @@ class Manipulation(ManagedNode):
         self._commands.subscribe()
         self.cycle = Cycle(
             self,
-            self.values[common.RATE],
+            self.values.rate,
             self._step,
             jumped_back=self._clear_inputs,
             stopped=self._halt_on_stopped_clock,
@@ -192,7 +178,6 @@ class Manipulation(ManagedNode):
 
     def deactivate(self) -> None:
         """Command zero velocities, and wait until the subscribers have received them."""
-        self.cycle = None
         self._trajectory.abort('the node was deactivated')
         self._commands.stop()
         if not self._wait_for_zero():
@@ -287,7 +272,7 @@ class Manipulation(ManagedNode):
         """Hold the rollers at zero that the topic or the parameter names."""
         if self._servo is None:
             return
-        by_parameter = set(self.values[FAILED_ROLLERS]) - {''}
+        by_parameter = set(self.values.failed_rollers) - {''}
         self._servo.failed = self._failed_rollers.select_named(self._robot) | by_parameter
         self._apply_halt()
 
@@ -297,17 +282,17 @@ class Manipulation(ManagedNode):
         if self._servo.stopped is not None:
             self._trajectory.abort(self._servo.stopped[1])
 
-    def _check(self, new: dict[str, params.Value]) -> None:
+    def _check(self, new: dict[str, Value]) -> None:
         common.check_grip(self._robot, new)
         check_failed_rollers(self._robot, new)
-        mode, joint = (new.get(spec.name, self.values[spec]) for spec in (MODE, JOINT))
+        mode, joint = (new.get(name, getattr(self.values, name)) for name in ('mode', 'joint'))
         if mode not in MODES:
-            raise params.ParameterError(f'parameter mode: {mode!r}: must be one of {MODES}')
+            raise ParameterError(f'parameter mode: {mode!r}: must be one of {MODES}')
         if joint or mode == 'joint':
             try:
                 check_joint(self._robot, joint)
             except GraspError as error:
-                raise params.ParameterError(f'parameter joint: {error}') from error
+                raise ParameterError(f'parameter joint: {error}') from error
 
     def _apply(self) -> None:
         """Apply changed parameters from the next cycle on."""
@@ -316,11 +301,11 @@ class Manipulation(ManagedNode):
         self._apply_squeeze()
         self._apply_failures()
         if self.cycle is not None:
-            self.cycle.change(self.values[common.RATE], self._servo.timeout)
+            self.cycle.change(self.values.rate, self._servo.timeout)
 
     def _apply_mode(self) -> None:
         """Choose what twists move; where that changes, halt at once until the next twist."""
-        joint = self.values[JOINT] if self.values[MODE] == 'joint' else None
+        joint = self.values.joint if self.values.mode == 'joint' else None
         if joint == self._servo.joint:
             return
         self._servo.joint = joint
@@ -333,30 +318,30 @@ class Manipulation(ManagedNode):
     ) -> SetBool.Response:
         """Set the parameter `mode`."""
         mode = 'joint' if request.data else 'object'
-        (result,) = self.set_parameters([Parameter(MODE.name, value=mode)])
+        (result,) = self.set_parameters([Parameter('mode', value=mode)])
         response.success = result.successful
-        moved = f'joint {self.values[JOINT]}' if request.data else 'object'
+        moved = f'joint {self.values.joint}' if request.data else 'object'
         response.message = result.reason or f'cmd_vel moves the {moved}'
         return response
 
     def _apply_squeeze(self) -> None:
         """Regulate the squeeze from the next cycle on, or keep the angle of the grip."""
         values, servo = self.values, self._servo
-        servo.object_mass = values[OBJECT_MASS] or None
-        servo.pressure_timeout = values[common.PRESSURE_TIMEOUT]
-        servo.friction = values[common.FRICTION]
+        servo.object_mass = values.object_mass or None
+        servo.pressure_timeout = values.pressure_timeout
+        servo.friction = values.friction
         if servo.body is not None and servo.body.friction is not None:
             servo.friction = servo.body.friction
-        if values[SQUEEZE_FORCE] == 0.0:
+        if values.squeeze_force == 0.0:
             servo.squeeze = None
             return
         settings = SqueezeSettings(
-            values[SQUEEZE_FORCE],
+            values.squeeze_force,
             servo.friction,
-            pose_gain=values[POSE_GAIN] or None,
-            force_gain=values[FORCE_GAIN],
-            frequency=values[FREQUENCY] or None,
-            load=LoadSettings(values[EXPECTED_LOAD]),
+            pose_gain=values.pose_gain or None,
+            force_gain=values.force_gain,
+            frequency=values.frequency or None,
+            load=LoadSettings(values.expected_load),
         )
         if servo.squeeze is None or servo.squeeze.fault is not None:
             servo.squeeze = SqueezeControl(settings)
@@ -377,7 +362,7 @@ class Manipulation(ManagedNode):
         twist, servo = self._servo.twist, self._servo
         if isinstance(twist, StampedInput) and self.now() - twist.time < servo.timeout:
             return
-        stamped = self.values[common.USE_STAMPED_TWIST]
+        stamped = self.values.use_stamped_twist
         wrong, right = ('Twist', 'TwistStamped') if stamped else ('TwistStamped', 'Twist')
         found = self.get_publishers_info_by_topic('cmd_vel')
         rejected = RejectedInput(

@@ -11,7 +11,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
@@ -39,44 +38,29 @@ from isotruss_ros.nodes.conversions.path_messages import (
     to_feedback_message,
     to_result_message,
 )
-from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
+from isotruss_ros.nodes.framework.parameters import Parameters, Spec
 from isotruss_ros.nodes.framework.runner import run
 import numpy as np
-from rclpy.parameter import Parameter
 from rclpy.time import Time
 
-RATE = replace(common.RATE, bounds=(10.0, 1000.0))
-POSITION_GAIN = params.Spec(
-    'position_gain', 2.0, 'Rate at which errors of position decay [1/s]', bounds=(0.0, 20.0)
-)
-ANGLE_GAIN = params.Spec(
-    'angle_gain', 2.0, 'Rate at which errors of orientation decay [1/s]', bounds=(0.0, 20.0)
-)
-RAMP_TIME = params.Spec(
-    'ramp_time', 0.5, 'From rest to the speed of the path, and back [s]', bounds=(0.01, 10.0)
-)
-PROGRESS_TIMEOUT = params.Spec(
-    'progress_timeout',
-    3.0,
-    'A goal is aborted after this long without progress [s]',
-    bounds=(0.5, 600.0),
-)
-SMOOTH_PATH = params.Spec(
-    'smooth_path', False, 'Round the corners of paths; straight from pose to pose if not'
-)
 SPECS = (
     common.ROBOT,
-    RATE,
+    replace(common.RATE, bounds=(10.0, 1000.0)),
     common.COMMAND_TIMEOUT,
     common.USE_STAMPED_TWIST,
-    POSITION_GAIN,
-    ANGLE_GAIN,
-    RAMP_TIME,
-    PROGRESS_TIMEOUT,
-    SMOOTH_PATH,
+    Spec('position_gain', 2.0, 'Rate at which errors of position decay [1/s]', (0.0, 20.0)),
+    Spec('angle_gain', 2.0, 'Rate at which errors of orientation decay [1/s]', (0.0, 20.0)),
+    Spec('ramp_time', 0.5, 'From rest to the speed of the path, and back [s]', (0.01, 10.0)),
+    Spec(
+        'progress_timeout',
+        3.0,
+        'A goal is aborted after this long without progress [s]',
+        (0.5, 600.0),
+    ),
+    Spec('smooth_path', False, 'Round the corners of paths; straight from pose to pose if not'),
     *common.OBJECT_SPECS,
 )
 
@@ -86,31 +70,29 @@ class PathFollower(ManagedNode):
     Follow one path at a time; publish nothing on `cmd_vel` while there is none.
 
     The action's callbacks only begin and end a goal; the cycle publishes the twists.
-
-    :param parameter_overrides: values of parameters other than the defaults.
-    :raises IsotrussError: a parameter is unusable; the text names it and what would be right.
     """
 
+    node_name = 'path_follower'
+    specs = SPECS
     awaited = ('follow_object_path',)
+    _servo: PathServo | None = None
+    _goal: SingleGoal | None = None
+    _last: Tracking | None = None
+    #: A path that is being foreseen, in a thread, so that inputs are received meanwhile.
+    _waiting: tuple[Future[None], ObjectPath, TrackingSettings] | None = None
 
-    def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
-        super().__init__('path_follower', SPECS, parameter_overrides)
-        self._servo: PathServo | None = None
-        self._goal: SingleGoal | None = None
-        self._last: Tracking | None = None
-        #: A path that is being foreseen, in a thread, so that inputs are received meanwhile.
+    def create(self) -> None:
+        """Create the thread."""
         self._thread = ThreadPoolExecutor(max_workers=1)
-        self._waiting: tuple[Future[None], ObjectPath, TrackingSettings] | None = None
-        self.start()
 
     def configure(self) -> None:
         """Create publishers and subscriptions, and offer the action."""
         values = self.values
-        self._robot = load_robot(values[common.ROBOT])
-        self._servo = PathServo(1.0 / values[RATE], values[common.COMMAND_TIMEOUT])
+        self._robot = load_robot(values.robot)
+        self._servo = PathServo(1.0 / values.rate, values.command_timeout)
         values.on_change(self._apply)
         self._publish_twist = create_twist_publisher(
-            self, values[common.USE_STAMPED_TWIST], self._robot.frame
+            self, values.use_stamped_twist, self._robot.frame
         )
         subscribe_object_pose(self, self._robot, self._servo)
         subscribe_joint_states(self, self._robot, self._servo)
@@ -139,7 +121,7 @@ class PathFollower(ManagedNode):
         self.diagnostics.set_status(Level.OK, 'no path to follow')
         self.cycle = Cycle(
             self,
-            self.values[RATE],
+            self.values.rate,
             self._step,
             jumped_back=self._clear_inputs,
             stopped=self._abort_on_stopped_clock,
@@ -148,7 +130,6 @@ class PathFollower(ManagedNode):
 
     def deactivate(self) -> None:
         """Leave the object at rest."""
-        self.cycle = None
         self._end(Outcome.STOPPED, 'the node was deactivated')
 
     def cleanup(self) -> None:
@@ -174,10 +155,10 @@ class PathFollower(ManagedNode):
 
     def _apply(self) -> None:
         """Apply changed parameters; gains and the like from the next goal on."""
-        self._servo.timeout = self.values[common.COMMAND_TIMEOUT]
-        self._servo.period = 1.0 / self.values[RATE]
+        self._servo.timeout = self.values.command_timeout
+        self._servo.period = 1.0 / self.values.rate
         if self.cycle is not None:
-            self.cycle.change(self.values[RATE], self._servo.timeout)
+            self.cycle.change(self.values.rate, self._servo.timeout)
 
     # -- The action --
 
@@ -189,17 +170,17 @@ class PathFollower(ManagedNode):
             settings = TrackingSettings(
                 goal.position_tolerance,
                 goal.angle_tolerance,
-                values[POSITION_GAIN],
-                values[ANGLE_GAIN],
-                values[RAMP_TIME],
-                values[PROGRESS_TIMEOUT],
+                values.position_gain,
+                values.angle_gain,
+                values.ramp_time,
+                values.progress_timeout,
             )
             path = read_object_path(
                 goal.path,
                 goal.speed,
                 goal.turn_rate,
                 self._robot,
-                values[SMOOTH_PATH],
+                values.smooth_path,
                 self._servo.measured(self.now()),
             )
             foreseen = self._thread.submit(
@@ -272,7 +253,7 @@ class PathFollower(ManagedNode):
 
 
 def check_path(
-    robot: Robot, values: params.Parameters, rollers: Input, path: ObjectPath, now: float
+    robot: Robot, values: Parameters, rollers: Input, path: ObjectPath, now: float
 ) -> None:
     """
     Check that the model of the held object can follow a path with the squeeze that it has.
@@ -288,11 +269,11 @@ def check_path(
     :raises PathError: names the place where the path would end, and why.
     """
     try:
-        (state,) = require_fresh(now, values[common.COMMAND_TIMEOUT], joint_states=rollers)
+        (state,) = require_fresh(now, values.command_timeout, joint_states=rollers)
     except InputError:
         return
     body = common.read_body(values)
-    friction = values[common.FRICTION] if body.friction is None else body.friction
+    friction = values.friction if body.friction is None else body.friction
     config = robot.configuration(state.value.positions)
     try:
         found = foresee_grip(config, body.moved_to(path.poses[0]), friction, path.poses)

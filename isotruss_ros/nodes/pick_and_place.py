@@ -34,7 +34,6 @@ from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.runner import run
-from rclpy.parameter import Parameter
 
 SPECS = (common.ROBOT, *common.OBJECT_SPECS, common.COMMAND_TIMEOUT)
 #: A sequence is taken on this often [s].
@@ -42,26 +41,19 @@ PERIOD = 0.02
 
 
 class PickAndPlace(ManagedNode):
-    """
-    Execute one goal at a time, and reject others meanwhile.
+    """Execute one goal at a time, and reject others meanwhile."""
 
-    :param parameter_overrides: values of parameters other than the defaults.
-    :raises IsotrussError: a parameter is unusable; the text names it and what would be right.
-    """
-
+    node_name = 'pick_and_place'
+    specs = SPECS
     awaited = ('pick_object', 'move_object', 'place_object')
-
-    def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
-        self._sequences: GraspSequences | None = None
-        super().__init__('pick_and_place', SPECS, parameter_overrides)
-        self._actions: list[SingleGoal] = []
-        self._course: Steps | None = None
-        self._cancelling = False
-        self.start()
+    _sequences: GraspSequences | None = None
+    _actions: Sequence[SingleGoal] = ()
+    _course: Steps | None = None
+    _cancelling = False
 
     def configure(self) -> None:
         """Load the robot, create clients and subscriptions, and offer the actions."""
-        robot = load_robot(self.values[common.ROBOT])
+        robot = load_robot(self.values.robot)
         sequences = self._sequences = GraspSequences(self, robot)
         self.values.on_change(self._apply)
         subscribe_joint_states(self, robot, sequences)
@@ -89,7 +81,7 @@ class PickAndPlace(ManagedNode):
     def cleanup(self) -> None:
         """Release the clients."""
         self._sequences.close()
-        self._sequences, self._actions = None, []
+        self._sequences, self._actions = None, ()
 
     def details(self) -> dict[str, object]:
         """Return what is executed, and the ages of the inputs."""
@@ -110,7 +102,7 @@ class PickAndPlace(ManagedNode):
         return next((action for action in self._actions if action.active), None)
 
     def _apply(self) -> None:
-        self._sequences.timeout = self.values[common.COMMAND_TIMEOUT]
+        self._sequences.timeout = self.values.command_timeout
 
     def _offer(self, kind: type, name: str, sequence: Callable[[Any], Steps]) -> SingleGoal:
         def begin(goal: Any) -> None:

@@ -12,10 +12,10 @@
 import math
 from pathlib import Path
 import re
+from types import SimpleNamespace
 
 from geometry_msgs.msg import Pose, PoseStamped, Quaternion
 from isotruss_ros.core import Status, tangent_center, TwistServo
-from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components import servo_settings
 from isotruss_ros.nodes.conversions.messages import read_stamp, stamp_header
 from isotruss_ros.nodes.simulator import Simulator
@@ -218,8 +218,9 @@ def test_parameters_change_at_run_time_or_are_rejected_with_the_reason():
 
 def test_a_changed_diameter_is_that_of_the_servo():
     servo = TwistServo(ROBOT, MODULE, DIAMETER, 0.005, 0.2)
-    values = {spec: spec.default for spec in servo_settings.SPECS}
-    servo_settings.apply_settings(servo, values | {common.OBJECT_DIAMETER: 0.21})
+    values = SimpleNamespace(**{spec.name: spec.default for spec in servo_settings.SPECS})
+    values.object_diameter = 0.21
+    servo_settings.apply_settings(servo, values)
     assert servo.object_diameter == 0.21
 
 

@@ -11,14 +11,14 @@
 
 from __future__ import annotations
 
-from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.managed import ManagedNode
+from isotruss_ros.nodes.framework.parameters import ParameterError, Spec
 from isotruss_ros.nodes.framework.qos import RELIABLE
 from rclpy.time import Time
 from rosgraph_msgs.msg import Clock as ClockMessage
 
-CLOCK_SPEED = params.Spec(
+CLOCK_SPEED = Spec(
     'clock_speed',
     0.0,
     'Simulated seconds that are published on /clock in a second; 0 where another node does',
@@ -41,7 +41,7 @@ class ClockSource:
 
     def __init__(self, node: ManagedNode, rate: float, speed: float) -> None:
         if not node.get_parameter('use_sim_time').value:
-            raise params.ParameterError(
+            raise ParameterError(
                 f'parameter clock_speed: {speed:g}: must be 0 where use_sim_time is false'
             )
         self._step = round(1e9 / rate)

@@ -70,7 +70,7 @@ def read_described(values: Parameters) -> ConvexObject | None:
     :param values: of a node.
     :raises IsotrussError: the description is unusable.
     """
-    return read_object(values[OBJECT]) if values[OBJECT] else None
+    return read_object(values.object) if values.object else None
 
 
 def read_body(values: Parameters) -> ConvexObject:
@@ -80,7 +80,7 @@ def read_body(values: Parameters) -> ConvexObject:
     :param values: of a node.
     :raises IsotrussError: the description is unusable.
     """
-    return read_described(values) or ConvexObject(Disc(values[OBJECT_DIAMETER]))
+    return read_described(values) or ConvexObject(Disc(values.object_diameter))
 
 
 def check_grip(robot: Robot, values: Mapping[str, Value]) -> None:

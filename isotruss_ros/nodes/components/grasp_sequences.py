@@ -86,7 +86,7 @@ class GraspSequences(TrackedShape):
     """
 
     def __init__(self, node: ManagedNode, robot: Robot) -> None:
-        super().__init__(robot, node.values[common.COMMAND_TIMEOUT])
+        super().__init__(robot, node.values.command_timeout)
         self._node, self._robot = node, robot
         self.stage = 0
         self.pose: Input = None
@@ -187,7 +187,7 @@ class GraspSequences(TrackedShape):
         values = self._node.values
         wanted = PlanGrasp.Goal(
             object_pose=lay,
-            friction=values[common.FRICTION],
+            friction=values.friction,
             module=goal.module,
             members=goal.members,
             squeeze=goal.squeeze,
@@ -196,7 +196,7 @@ class GraspSequences(TrackedShape):
             count=1,
         )
         if self._described is None:
-            wanted.object_diameter = values[common.OBJECT_DIAMETER]
+            wanted.object_diameter = values.object_diameter
         else:
             wanted.object = to_object_message(self._described)
         plan = yield from self._planner.run(wanted)

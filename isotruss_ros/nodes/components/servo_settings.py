@@ -18,67 +18,60 @@ from isotruss_ros.core import ShapeGuard, TwistServo
 from isotruss_ros.core.safety.roller_failure import FailureCriterion, FailureDetector
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 from isotruss_ros.nodes.components import common_parameters as common
-from isotruss_ros.nodes.framework import parameters as params
-from isotruss_ros.nodes.framework.parameters import Spec
+from isotruss_ros.nodes.framework.parameters import Parameters, Spec
 
 BOUNDS = ShapeBounds()
-MIN_RIGIDITY = Spec(
-    'min_rigidity', BOUNDS.min_rigidity, 'Least rigidity of the shape, 1 at home', (0.0, 0.99)
-)
-MIN_CLEARANCE = Spec(
-    'min_clearance',
-    BOUNDS.min_clearance,
-    'Least distance between parts of the robot [m]',
-    bounds=(0.0, 1.0),
-)
-MIN_OBJECT_CLEARANCE = Spec(
-    'min_object_clearance',
-    BOUNDS.min_object_clearance,
-    'Least distance between the robot and the object, beside the grip [m]',
-    bounds=(0.0, 1.0),
-)
-SLIDE_ALONG_LIMITS = Spec(
-    'slide_along_limits', False, 'Slide along limits of lengths and shapes instead of stopping'
-)
-FAILED_ROLLERS = Spec('failed_rollers', [''], "Rollers t/j that are held at zero; [''] for none")
-FAILURE_TIME = Spec(
-    'failure_time',
-    FailureCriterion().time,
-    'A roller that is commanded 2 mm/s or more for this long and does not move has failed; '
-    '0 for never [s]',
-    bounds=(0.0, 60.0),
-)
 SPECS = (
     common.OBJECT_DIAMETER,
     common.GRIP_MODULE,
     common.GRIP,
     common.RATE,
     common.COMMAND_TIMEOUT,
-    MIN_RIGIDITY,
-    MIN_CLEARANCE,
-    MIN_OBJECT_CLEARANCE,
-    SLIDE_ALONG_LIMITS,
-    FAILED_ROLLERS,
-    FAILURE_TIME,
+    Spec(
+        'min_rigidity', BOUNDS.min_rigidity, 'Least rigidity of the shape, 1 at home', (0.0, 0.99)
+    ),
+    Spec(
+        'min_clearance',
+        BOUNDS.min_clearance,
+        'Least distance between parts of the robot [m]',
+        (0.0, 1.0),
+    ),
+    Spec(
+        'min_object_clearance',
+        BOUNDS.min_object_clearance,
+        'Least distance between the robot and the object, beside the grip [m]',
+        (0.0, 1.0),
+    ),
+    Spec(
+        'slide_along_limits', False, 'Slide along limits of lengths and shapes instead of stopping'
+    ),
+    Spec('failed_rollers', [''], "Rollers t/j that are held at zero; [''] for none"),
+    Spec(
+        'failure_time',
+        FailureCriterion().time,
+        'A roller that is commanded 2 mm/s or more for this long and does not move has failed; '
+        '0 for never [s]',
+        (0.0, 60.0),
+    ),
 )
 
 
-def apply_settings(servo: TwistServo, values: params.Parameters) -> None:
+def apply_settings(servo: TwistServo, values: Parameters) -> None:
     """
     Set a servo's gains, bounds and limits, from its next cycle on.
 
     :param servo: of the node.
     :param values: parameters of the node.
     """
-    servo.grip_module = common.select_grip_module(servo.robot, values[common.GRIP_MODULE])
-    servo.members = common.named_members(values[common.GRIP])
-    servo.object_diameter = values[common.OBJECT_DIAMETER]
-    servo.period = 1.0 / values[common.RATE]
-    servo.timeout = values[common.COMMAND_TIMEOUT]
-    servo.slide_along_limits = values[SLIDE_ALONG_LIMITS]
-    bounds = ShapeBounds(values[MIN_RIGIDITY], values[MIN_CLEARANCE], values[MIN_OBJECT_CLEARANCE])
+    servo.grip_module = common.select_grip_module(servo.robot, values.grip_module)
+    servo.members = common.named_members(values.grip)
+    servo.object_diameter = values.object_diameter
+    servo.period = 1.0 / values.rate
+    servo.timeout = values.command_timeout
+    servo.slide_along_limits = values.slide_along_limits
+    bounds = ShapeBounds(values.min_rigidity, values.min_clearance, values.min_object_clearance)
     servo.guard = ShapeGuard(servo.robot, bounds)
-    time = values[FAILURE_TIME] or math.inf  # 0 means never
+    time = values.failure_time or math.inf  # 0 means never
     if servo.detector is None:
         criterion = FailureCriterion(time=time)
         servo.detector = FailureDetector(servo.robot.roller_names, criterion)

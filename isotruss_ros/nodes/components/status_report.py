@@ -14,7 +14,7 @@ from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.core import Status
 from isotruss_ros.core.control.twist_servo import Decision
 from isotruss_ros.nodes.conversions.messages import stamp_header, to_twist_message
-from isotruss_ros.nodes.framework.diagnostics import Level, WarningThrottle
+from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.qos import RELIABLE
 from rclpy.time import Time
@@ -39,7 +39,6 @@ class StatusReport:
             ManipulationStatus, 'manipulation/status', RELIABLE
         )
         self._frame, self._node, self._gain = frame, node, 0.0
-        self._throttle = WarningThrottle(node.get_logger())
         self.status = Status.OK
 
     def publish(self, decision: Decision, now: Time) -> None:
@@ -74,7 +73,7 @@ class StatusReport:
             text = f'failed rollers: {", ".join(decision.failed)}; {text}'
         self._node.diagnostics.set_status(level, text)
         if level is not Level.OK:
-            self._throttle.warn(status.name, f'{status}: {text}')
+            self._node.warn(status.name, f'{status}: {text}')
 
     def _log_gain(self, decision: Decision) -> None:
         """Log the gain, and the frequency from which it follows, when an object is taken."""
