@@ -24,14 +24,7 @@ from isotruss_ros.core.control.grasp_report import GraspCode, GraspReport
 from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.statics.wrinkling import MAX_UTILISATION
 from isotruss_ros.nodes.components import common_parameters as common
-from isotruss_ros.nodes.components.sensors import (
-    describe_ages,
-    forget_pressures,
-    subscribe_input,
-    subscribe_joint_states,
-    subscribe_object_pose,
-    subscribe_tube_pressures,
-)
+from isotruss_ros.nodes.components.sensors import Inputs
 from isotruss_ros.nodes.components.transforms import TransformBroadcaster
 from isotruss_ros.nodes.conversions.grasp_messages import (
     read_external_wrench,
@@ -105,23 +98,18 @@ class GraspAnalysisNode(ManagedNode):
         self._arrays = self.create_lifecycle_publisher(MarkerArray, 'grasp/markers', RELIABLE)
         self._transforms = TransformBroadcaster(self, self._robot)
         self._markers = GraspMarkers(self._robot.frame)
-        subscribe_joint_states(self, self._robot, self._monitor)
-        subscribe_object_pose(self, self._robot, self._monitor)
         self._monitor.pressure_timeout = values.pressure_timeout
-        subscribe_tube_pressures(self, self._robot, self._monitor)
-        subscribe_input(
-            self,
-            WrenchStamped,
-            'external_wrench',
-            partial(read_external_wrench, frame=self._robot.frame),
-            self._monitor,
-            'wrench',
-        )
+        self._inputs = Inputs(self, self._robot, self._monitor)
+        self._inputs.keep_joint_states()
+        self._inputs.keep_object_pose()
+        self._inputs.keep_tube_pressures()
+        read_wrench = partial(read_external_wrench, frame=self._robot.frame)
+        self._inputs.keep(WrenchStamped, 'external_wrench', read_wrench, 'wrench')
         self.diagnostics.hardware_id = self._robot.name
 
     def activate(self) -> None:
         """Start the cycle and offer the service."""
-        self.cycle = Cycle(self, self.values.rate, self._step, self._clear_inputs)
+        self.cycle = Cycle(self, self.values.rate, self._step, self._inputs.clear)
         self.create_service(AnalyzeGrasp, 'analyze_grasp', self._analyze)
 
     def cleanup(self) -> None:
@@ -130,22 +118,10 @@ class GraspAnalysisNode(ManagedNode):
 
     def details(self) -> dict[str, object]:
         """Return cycle times and ages of the inputs."""
-        monitor = self._monitor
-        if monitor is None:
+        if self._monitor is None:
             return {}
-        ages = describe_ages(
-            self.now(),
-            joint_states=monitor.rollers,
-            object_pose=monitor.pose,
-            external_wrench=monitor.wrench,
-            tube_pressures=monitor.pressures,
-        )
-        return ages | ({'cycles': 0} if self.cycle is None else self.cycle.summary())
-
-    def _clear_inputs(self) -> None:
-        """Discard the inputs: after a jump of the clock their ages are unknown."""
-        self._monitor.rollers = self._monitor.pose = self._monitor.wrench = None
-        forget_pressures(self._monitor)
+        cycles = {'cycles': 0} if self.cycle is None else self.cycle.summary()
+        return self._inputs.describe_ages() | cycles
 
     def _apply(self) -> None:
         """Apply changed parameters from the next cycle on."""

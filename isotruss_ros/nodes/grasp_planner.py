@@ -20,9 +20,8 @@ from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.planning.searcher import Answer, Outcome, Searcher
 from isotruss_ros.core.planning.workers import MAX_WORKERS
 from isotruss_ros.nodes.components import common_parameters as common
-from isotruss_ros.nodes.components.sensors import describe_ages, subscribe_joint_states
+from isotruss_ros.nodes.components.sensors import Inputs, TrackedShape
 from isotruss_ros.nodes.components.single_goal import SingleGoal
-from isotruss_ros.nodes.components.tracked_shape import TrackedShape
 from isotruss_ros.nodes.conversions.plan_messages import (
     read_goal,
     to_feedback_message,
@@ -72,7 +71,8 @@ class GraspPlanner(ManagedNode):
         self._searcher = Searcher(workers)
         self._shape = TrackedShape(self._robot, self.values.command_timeout)
         self.values.on_change(self._apply)
-        subscribe_joint_states(self, self._robot, self._shape)
+        self._inputs = Inputs(self, self._robot, self._shape)
+        self._inputs.keep_joint_states()
         # There while the node is inactive too, so that a goal that ends then gets its result.
         self._goal = SingleGoal(
             self,
@@ -107,9 +107,7 @@ class GraspPlanner(ManagedNode):
         """Return the progress of the search and the age of the joint states."""
         if self._goal is None:
             return {}
-        details: dict[str, object] = {'searching': self._goal.active} | describe_ages(
-            self.now(), joint_states=self._shape.rollers
-        )
+        details = {'searching': self._goal.active} | self._inputs.describe_ages()
         progress = self._searcher.progress()
         if progress is not None:
             details |= {'evaluations': progress.evaluations, 'grasps found': progress.found}

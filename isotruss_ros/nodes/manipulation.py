@@ -28,24 +28,17 @@ from isotruss_ros.nodes.components.failed_rollers import (
     FailedRollers,
 )
 from isotruss_ros.nodes.components.roller_commands import RollerCommands
-from isotruss_ros.nodes.components.sensors import (
-    describe_ages,
-    forget_pressures,
-    subscribe_input,
-    subscribe_joint_states,
-    subscribe_object_pose,
-    subscribe_tube_pressures,
-)
+from isotruss_ros.nodes.components.sensors import Inputs
 from isotruss_ros.nodes.components.servo_settings import apply_settings
 from isotruss_ros.nodes.components.servo_settings import SPECS as SERVO_SPECS
 from isotruss_ros.nodes.components.status_report import StatusReport
 from isotruss_ros.nodes.components.trajectory_following import TrajectoryFollowing
-from isotruss_ros.nodes.conversions.messages import check_frame, MessageError, read_twist
+from isotruss_ros.nodes.conversions.messages import check_frame, read_twist
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import ParameterError, Spec, Value
 from isotruss_ros.nodes.framework.runner import run
-from isotruss_ros.nodes.framework.subscriptions import discard_waiting, subscribe_newest
+from isotruss_ros.nodes.framework.subscriptions import discard_waiting
 from rclpy.parameter import Parameter
 from rclpy.time import Time
 from std_srvs.srv import SetBool
@@ -150,15 +143,13 @@ class Manipulation(ManagedNode):
         self._others = None
         self._apply_failures()
         self._commands = RollerCommands(self, len(self._robot.roller_names))
-        subscribe_joint_states(self, self._robot, self._servo)
-        subscribe_object_pose(self, self._robot, self._servo)
-        subscribe_tube_pressures(self, self._robot, self._servo)
-        if values.use_stamped_twist:
-            self._twists = subscribe_input(
-                self, TwistStamped, 'cmd_vel', self._read_stamped_twist, self._servo, 'twist'
-            )
-        else:
-            self._twists = subscribe_newest(self, Twist, 'cmd_vel', self._receive_twist)
+        inputs = self._inputs = Inputs(self, self._robot, self._servo)
+        stamped = values.use_stamped_twist
+        kind, read = (TwistStamped, self._read_stamped_twist) if stamped else (Twist, read_twist)
+        self._twists = inputs.keep(kind, 'cmd_vel', read, 'twist', 'twist')
+        inputs.keep_joint_states()
+        inputs.keep_object_pose()
+        inputs.keep_tube_pressures()
         self.create_timer(TYPE_CHECK_PERIOD, self._check_twist_type)
         self.diagnostics.hardware_id = self._robot.name
 
@@ -201,14 +192,7 @@ class Manipulation(ManagedNode):
             details['grip'] = ', '.join(servo.members)
         else:
             details['grip module'] = servo.grip_module
-        details |= describe_ages(
-            self.now(),
-            twist=servo.twist,
-            joint_states=servo.rollers,
-            object_pose=servo.pose,
-            tube_pressures=servo.pressures,
-            state_estimate=servo.estimate,
-        )
+        details |= self._inputs.describe_ages()
         if servo.failed:
             details['failed rollers'] = ', '.join(sorted(servo.failed))
             details['reachable twists'] = describe_reachable_twists(servo)
@@ -256,8 +240,7 @@ class Manipulation(ManagedNode):
 
     def _clear_inputs(self) -> None:
         """Discard the inputs: after a jump of the clock their ages are unknown."""
-        self._servo.twist = self._servo.rollers = self._servo.pose = None
-        forget_pressures(self._servo)
+        self._inputs.clear()
         self._trajectory.abort('the clock jumped back or stopped')
 
     def _halt_on_stopped_clock(self, now: Time) -> None:
@@ -346,12 +329,6 @@ class Manipulation(ManagedNode):
         if servo.squeeze is None or servo.squeeze.fault is not None:
             servo.squeeze = SqueezeControl(settings)
         servo.squeeze.settings = settings
-
-    def _receive_twist(self, message: Twist) -> None:
-        try:
-            self._servo.twist = StampedInput(read_twist(message), self.now())
-        except MessageError as error:
-            self._servo.twist = RejectedInput(str(error))
 
     def _read_stamped_twist(self, message: TwistStamped) -> tuple[float, float, float]:
         check_frame('twist', message.header, self._robot.frame)

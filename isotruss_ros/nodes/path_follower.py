@@ -25,12 +25,7 @@ from isotruss_ros.core.control.path_tracking import Tracking, TrackingSettings
 from isotruss_ros.core.errors import GraspError, NoMotionError, PathError
 from isotruss_ros.core.planning.foresee_path import foresee_grip
 from isotruss_ros.nodes.components import common_parameters as common
-from isotruss_ros.nodes.components.sensors import (
-    describe_ages,
-    subscribe_input,
-    subscribe_joint_states,
-    subscribe_object_pose,
-)
+from isotruss_ros.nodes.components.sensors import Inputs
 from isotruss_ros.nodes.components.single_goal import SingleGoal
 from isotruss_ros.nodes.components.twists import create_twist_publisher
 from isotruss_ros.nodes.conversions.path_messages import (
@@ -94,15 +89,11 @@ class PathFollower(ManagedNode):
         self._publish_twist = create_twist_publisher(
             self, values.use_stamped_twist, self._robot.frame
         )
-        subscribe_object_pose(self, self._robot, self._servo)
-        subscribe_joint_states(self, self._robot, self._servo)
-        subscribe_input(
-            self,
-            ManipulationStatus,
-            'manipulation/status',
-            self._read_status,
-            self._servo,
-            'servo_feedback',
+        self._inputs = Inputs(self, self._robot, self._servo)
+        self._inputs.keep_object_pose()
+        self._inputs.keep_joint_states()
+        self._inputs.keep(
+            ManipulationStatus, 'manipulation/status', _read_status, 'servo_feedback', 'status'
         )
         # There while the node is inactive too, so that a goal that ends then gets its result.
         self._goal = SingleGoal(
@@ -123,7 +114,7 @@ class PathFollower(ManagedNode):
             self,
             self.values.rate,
             self._step,
-            jumped_back=self._clear_inputs,
+            jumped_back=self._inputs.clear,
             stopped=self._abort_on_stopped_clock,
             progress_timeout=self._servo.timeout,
         )
@@ -140,18 +131,11 @@ class PathFollower(ManagedNode):
         """Return the state of the goal and ages of the inputs."""
         if self._servo is None:
             return {}
-        details: dict[str, object] = {'following': self._goal.active} | describe_ages(
-            self.now(), object_pose=self._servo.pose, status=self._servo.servo_feedback
-        )
+        details = {'following': self._goal.active} | self._inputs.describe_ages()
         if self._goal.active and self._last is not None:
             details |= {'phase': self._last.phase.name, 'progress': f'{self._last.progress:.3f}'}
             details |= {'position error [m]': f'{self._last.position_error:.6f}'}
         return details
-
-    # -- Inputs --
-
-    def _read_status(self, message: ManipulationStatus) -> ServoFeedback:
-        return ServoFeedback(message.code, message.scale, message.message, message.frequency)
 
     def _apply(self) -> None:
         """Apply changed parameters; gains and the like from the next goal on."""
@@ -242,14 +226,14 @@ class PathFollower(ManagedNode):
         self._goal.publish_feedback(lambda: to_feedback_message(step.tracking))
         self.diagnostics.set_status(Level.OK, step.tracking.phase.name.lower())
 
-    def _clear_inputs(self) -> None:
-        """Discard the inputs: after a jump of the clock their ages are unknown."""
-        self._servo.pose = self._servo.servo_feedback = self._servo.rollers = None
-
     def _abort_on_stopped_clock(self, now: Time) -> None:
         """Abort the goal: while the clock is stopped, old inputs do not age."""
-        self._clear_inputs()
+        self._inputs.clear()
         self._end(Outcome.STOPPED, f'simulated time stopped at {now}')
+
+
+def _read_status(message: ManipulationStatus) -> ServoFeedback:
+    return ServoFeedback(message.code, message.scale, message.message, message.frequency)
 
 
 def check_path(

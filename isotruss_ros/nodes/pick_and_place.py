@@ -23,12 +23,7 @@ from isotruss_ros.core.errors import GraspError
 from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.action_steps import CancelledError, Outcome, StepError, Steps
 from isotruss_ros.nodes.components.grasp_sequences import GraspSequences
-from isotruss_ros.nodes.components.sensors import (
-    describe_ages,
-    subscribe_input,
-    subscribe_joint_states,
-    subscribe_object_pose,
-)
+from isotruss_ros.nodes.components.sensors import Inputs
 from isotruss_ros.nodes.components.single_goal import SingleGoal
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.diagnostics import Level
@@ -56,9 +51,10 @@ class PickAndPlace(ManagedNode):
         robot = load_robot(self.values.robot)
         sequences = self._sequences = GraspSequences(self, robot)
         self.values.on_change(self._apply)
-        subscribe_joint_states(self, robot, sequences)
-        subscribe_object_pose(self, robot, sequences)
-        subscribe_input(self, GraspState, 'grasp/state', lambda state: state, sequences, 'grasp')
+        self._inputs = Inputs(self, robot, sequences)
+        self._inputs.keep_joint_states()
+        self._inputs.keep_object_pose()
+        self._inputs.keep(GraspState, 'grasp/state', lambda state: state, 'grasp')
         # There while the node is inactive too, so that a goal that ends then gets its result.
         self._actions = [
             self._offer(PickObject, 'pick_object', sequences.pick),
@@ -85,17 +81,10 @@ class PickAndPlace(ManagedNode):
 
     def details(self) -> dict[str, object]:
         """Return what is executed, and the ages of the inputs."""
-        sequences = self._sequences
-        if sequences is None:
+        if self._sequences is None:
             return {}
-        ages = describe_ages(
-            self.now(),
-            joint_states=sequences.rollers,
-            object_pose=sequences.pose,
-            grasp_state=sequences.grasp,
-        )
-        goal = self._goal
-        return {'executing': 'nothing' if goal is None else goal.kind.__name__} | ages
+        name = 'nothing' if self._goal is None else self._goal.kind.__name__
+        return {'executing': name} | self._inputs.describe_ages()
 
     @property
     def _goal(self) -> SingleGoal | None:

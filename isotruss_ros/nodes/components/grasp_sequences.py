@@ -49,8 +49,8 @@ from isotruss_ros.nodes.components.action_steps import (
     StepError,
     Steps,
 )
+from isotruss_ros.nodes.components.sensors import TrackedShape
 from isotruss_ros.nodes.components.single_goal import SUPERVISION
-from isotruss_ros.nodes.components.tracked_shape import TrackedShape
 from isotruss_ros.nodes.conversions.messages import (
     read_pose,
     stamp_header,
