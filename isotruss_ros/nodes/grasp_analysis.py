@@ -32,14 +32,13 @@ from isotruss_ros.nodes.conversions.grasp_messages import (
     to_state_message,
 )
 from isotruss_ros.nodes.conversions.markers import GraspMarkers
-from isotruss_ros.nodes.conversions.messages import name_object_frame, stamp_header, to_time
+from isotruss_ros.nodes.conversions.messages import make_header, name_object_frame
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import Spec
 from isotruss_ros.nodes.framework.qos import RELIABLE
 from isotruss_ros.nodes.framework.runner import run
-from rclpy.time import Time
 from std_msgs.msg import Bool
 from visualization_msgs.msg import MarkerArray
 
@@ -149,8 +148,8 @@ class GraspAnalysisNode(ManagedNode):
         response.state = to_state_message(report, self._robot.frame)
         return response
 
-    def _step(self, now: Time) -> None:
-        report = self._monitor.report(1e-9 * now.nanoseconds)
+    def _step(self, now: float) -> None:
+        report = self._monitor.report(now)
         state = to_state_message(report, self._robot.frame)
         self._states.publish(state)
         held = Bool(data=state.held)
@@ -158,13 +157,11 @@ class GraspAnalysisNode(ManagedNode):
         self._closures.publish(held)
         if report.grasp is not None:
             # A wrench has no code: without a result, none is published.
-            wrench = WrenchStamped(wrench=state.normal_wrench)
-            measured, frame = to_time(report.time), name_object_frame(self._robot.frame)
-            stamp_header(wrench.header, measured, frame)
-            self._wrenches.publish(wrench)
+            header = make_header(report.time, name_object_frame(self._robot.frame))
+            self._wrenches.publish(WrenchStamped(header=header, wrench=state.normal_wrench))
             grasp = report.grasp
             pose = grasp.body.pose
-            self._transforms.broadcast(grasp.config, pose[:2], measured)
+            self._transforms.broadcast(grasp.config, pose[:2], report.time)
             used, _ = max(grasp.utilisation.values())
             level = Level.OK if used <= MAX_UTILISATION else Level.WARN
             if report.code is not GraspCode.OK:
@@ -179,7 +176,7 @@ class GraspAnalysisNode(ManagedNode):
         """Publish markers if there is a subscriber, at the rate at which they are drawn."""
         now = time.monotonic()
         if now - self._drawn >= MARKER_PERIOD and self._arrays.get_subscription_count():
-            self._arrays.publish(self._markers.update(report, self.get_clock().now()))
+            self._arrays.publish(self._markers.update(report, self.now()))
             self._drawn = now
 
 

@@ -30,14 +30,14 @@ from isotruss_ros.nodes.conversions.plan_messages import (
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
-from isotruss_ros.nodes.framework.parameters import FixedSpec, ParameterError
+from isotruss_ros.nodes.framework.parameters import FixedSpec
 from isotruss_ros.nodes.framework.runner import run
 
 SPECS = (
     common.ROBOT,
     common.OBJECT,
     common.COMMAND_TIMEOUT,
-    FixedSpec('workers', 0, 'Processes that search, one for each core if 0'),
+    FixedSpec('workers', 0, 'Processes that search, one for each core if 0', (0, MAX_WORKERS)),
 )
 #: The node polls a search this often [s].
 PERIOD = 0.02
@@ -60,15 +60,9 @@ class GraspPlanner(ManagedNode):
 
     def configure(self) -> None:
         """Load the robot, subscribe to its joint states, and offer the action."""
-        workers = self.values.workers
-        if not 0 <= workers <= MAX_WORKERS:
-            raise ParameterError(
-                f'parameter workers: {workers}: must be from 0 (as many as there are cores) '
-                f'to {MAX_WORKERS}'
-            )
         self._robot = load_robot(self.values.robot)
         self._described = common.read_described(self.values)
-        self._searcher = Searcher(workers)
+        self._searcher = Searcher(self.values.workers)
         self._shape = TrackedShape(self._robot, self.values.command_timeout)
         self.values.on_change(self._apply)
         self._inputs = Inputs(self, self._robot, self._shape)

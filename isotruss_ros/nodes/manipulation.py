@@ -16,31 +16,24 @@ from functools import partial
 from geometry_msgs.msg import Twist, TwistStamped
 from isotruss_ros.core import load_robot, Status, TwistServo
 from isotruss_ros.core.control.inputs import RejectedInput, StampedInput
-from isotruss_ros.core.control.load_estimate import LoadSettings
-from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
-from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint
+from isotruss_ros.core.model.topology import check_roller_names
 from isotruss_ros.nodes.components import common_parameters as common
+from isotruss_ros.nodes.components.commands import RollerCommands
 from isotruss_ros.nodes.components.emergency_stop import EmergencyStop
-from isotruss_ros.nodes.components.failed_rollers import (
-    check_failed_rollers,
-    describe_reachable_twists,
-    FailedRollers,
-)
-from isotruss_ros.nodes.components.roller_commands import RollerCommands
+from isotruss_ros.nodes.components.failed_rollers import describe_reachable_twists, FailedRollers
 from isotruss_ros.nodes.components.sensors import Inputs
-from isotruss_ros.nodes.components.servo_settings import apply_settings
+from isotruss_ros.nodes.components.servo_settings import apply_settings, StatusReport
 from isotruss_ros.nodes.components.servo_settings import SPECS as SERVO_SPECS
-from isotruss_ros.nodes.components.status_report import StatusReport
 from isotruss_ros.nodes.components.trajectory_following import TrajectoryFollowing
 from isotruss_ros.nodes.conversions.messages import check_frame, read_twist
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import ParameterError, Spec, Value
+from isotruss_ros.nodes.framework.qos import NEWEST
 from isotruss_ros.nodes.framework.runner import run
-from isotruss_ros.nodes.framework.subscriptions import discard_waiting
+from isotruss_ros.nodes.framework.subscriptions import take_waiting
 from rclpy.parameter import Parameter
-from rclpy.time import Time
 from std_srvs.srv import SetBool
 
 MODES = ('object', 'joint')
@@ -57,43 +50,6 @@ SPECS = (
     common.USE_STAMPED_TWIST,
     common.REQUIRE_EMERGENCY_STOP,
     common.OBJECT,
-    common.FRICTION,
-    common.PRESSURE_TIMEOUT,
-    Spec(
-        'squeeze_force',
-        0.0,
-        'Mean normal force of the grasping members that is regulated, 0 to keep the angle of the '
-        'grip [N]',
-        (0.0, 1000.0),
-    ),
-    Spec(
-        'object_mass',
-        0.0,
-        'Mass of the object; 0: that of its description. Unknown, the loop takes its slow gains '
-        '[kg]',
-        (0.0, 1000.0),
-    ),
-    Spec(
-        'pose_gain',
-        0.0,
-        'With squeeze_force: gain of the pose, from which the others follow; 0: by the lowest '
-        'frequency of the held object [1/s]',
-        (0.0, 100.0),
-    ),
-    Spec('force_gain', False, 'Accept a pose_gain beyond what that frequency allows'),
-    Spec(
-        'frequency',
-        0.0,
-        'Lowest frequency of the held object, measured; 0: computed from the masses [rad/s]',
-        (0.0, 1000.0),
-    ),
-    Spec(
-        'expected_load',
-        0.0,
-        'With squeeze_force: size of the loads on the object that are expected; 0: none, and what '
-        'moves it by 5 mm for 2 s counts as a slip [N]',
-        (0.0, 1000.0),
-    ),
     *SERVO_SPECS,
 )
 
@@ -138,7 +94,6 @@ class Manipulation(ManagedNode):
         self._trajectory = TrajectoryFollowing(self, self._servo)
         apply_settings(self._servo, values)
         self._apply_mode()
-        self._apply_squeeze()
         self._failed_rollers.follow(self._servo.detector, self._robot)
         self._others = None
         self._apply_failures()
@@ -235,7 +190,7 @@ class Manipulation(ManagedNode):
 
     def _discard_twist(self) -> None:
         """Forget the last twist and those that wait: only a later one may move the object."""
-        discard_waiting(self._twists)
+        take_waiting([], self._twists, NEWEST.depth)
         self._servo.twist = None
 
     def _clear_inputs(self) -> None:
@@ -243,11 +198,11 @@ class Manipulation(ManagedNode):
         self._inputs.clear()
         self._trajectory.abort('the clock jumped back or stopped')
 
-    def _halt_on_stopped_clock(self, now: Time) -> None:
+    def _halt_on_stopped_clock(self, now: float) -> None:
         """Halt: while the clock is stopped, old inputs do not age."""
         self._clear_inputs()
         if self._servo.stopped is None:
-            self._servo.stopped = (Status.HALT_CLOCK, f'simulated time stopped at {now}')
+            self._servo.stopped = (Status.HALT_CLOCK, f'simulated time stopped at {now:.3f} s')
         self._step(now)
         self._servo.stopped = self._halt()
 
@@ -267,21 +222,18 @@ class Manipulation(ManagedNode):
 
     def _check(self, new: dict[str, Value]) -> None:
         common.check_grip(self._robot, new)
-        check_failed_rollers(self._robot, new)
+        failed = set(new.get('failed_rollers', ())) - {''}
+        check_roller_names('parameter failed_rollers', failed, self._robot.roller_names)
         mode, joint = (new.get(name, getattr(self.values, name)) for name in ('mode', 'joint'))
         if mode not in MODES:
             raise ParameterError(f'parameter mode: {mode!r}: must be one of {MODES}')
         if joint or mode == 'joint':
-            try:
-                check_joint(self._robot, joint)
-            except GraspError as error:
-                raise ParameterError(f'parameter joint: {error}') from error
+            check_joint(self._robot, joint)
 
     def _apply(self) -> None:
         """Apply changed parameters from the next cycle on."""
         apply_settings(self._servo, self.values)
         self._apply_mode()
-        self._apply_squeeze()
         self._apply_failures()
         if self.cycle is not None:
             self.cycle.change(self.values.rate, self._servo.timeout)
@@ -307,29 +259,6 @@ class Manipulation(ManagedNode):
         response.message = result.reason or f'cmd_vel moves the {moved}'
         return response
 
-    def _apply_squeeze(self) -> None:
-        """Regulate the squeeze from the next cycle on, or keep the angle of the grip."""
-        values, servo = self.values, self._servo
-        servo.object_mass = values.object_mass or None
-        servo.pressure_timeout = values.pressure_timeout
-        servo.friction = values.friction
-        if servo.body is not None and servo.body.friction is not None:
-            servo.friction = servo.body.friction
-        if values.squeeze_force == 0.0:
-            servo.squeeze = None
-            return
-        settings = SqueezeSettings(
-            values.squeeze_force,
-            servo.friction,
-            pose_gain=values.pose_gain or None,
-            force_gain=values.force_gain,
-            frequency=values.frequency or None,
-            load=LoadSettings(values.expected_load),
-        )
-        if servo.squeeze is None or servo.squeeze.fault is not None:
-            servo.squeeze = SqueezeControl(settings)
-        servo.squeeze.settings = settings
-
     def _read_stamped_twist(self, message: TwistStamped) -> tuple[float, float, float]:
         check_frame('twist', message.header, self._robot.frame)
         return read_twist(message.twist)
@@ -351,9 +280,9 @@ class Manipulation(ManagedNode):
         elif twist == rejected:
             servo.twist = None
 
-    def _step(self, now: Time) -> None:
+    def _step(self, now: float) -> None:
         self._check_others()
-        decision = self._trajectory.decide(1e-9 * now.nanoseconds)
+        decision = self._trajectory.decide(now)
         self._commands.publish(decision.command.roller_velocities)
         self._report.publish(decision, now)
 

@@ -25,13 +25,13 @@ from isotruss_ros.core.control.path_tracking import Tracking, TrackingSettings
 from isotruss_ros.core.errors import GraspError, NoMotionError, PathError
 from isotruss_ros.core.planning.foresee_path import foresee_grip
 from isotruss_ros.nodes.components import common_parameters as common
+from isotruss_ros.nodes.components.commands import create_twist_publisher
 from isotruss_ros.nodes.components.sensors import Inputs
 from isotruss_ros.nodes.components.single_goal import SingleGoal
-from isotruss_ros.nodes.components.twists import create_twist_publisher
 from isotruss_ros.nodes.conversions.path_messages import (
     read_object_path,
-    to_feedback_message,
-    to_result_message,
+    to_path_feedback,
+    to_path_result,
 )
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.diagnostics import Level
@@ -39,7 +39,6 @@ from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import Parameters, Spec
 from isotruss_ros.nodes.framework.runner import run
 import numpy as np
-from rclpy.time import Time
 
 SPECS = (
     common.ROBOT,
@@ -202,12 +201,12 @@ class PathFollower(ManagedNode):
             return
         self._waiting = None
         self._publish_twist(np.zeros(3))
-        result = to_result_message(outcome, message, self._servo.tracker, self._last)
+        result = to_path_result(outcome, message, self._servo.tracker, self._last)
         self._goal.report_end(outcome, result, 'no path to follow')
 
     # -- The cycle --
 
-    def _step(self, now: Time) -> None:
+    def _step(self, now: float) -> None:
         if not self._goal.active:
             return
         if (loss := self._goal.find_loss(self._servo.timeout)) is not None:
@@ -217,19 +216,19 @@ class PathFollower(ManagedNode):
             self._publish_twist(np.zeros(3))
             self._begin_foreseen()
             return
-        step = self._servo.decide(1e-9 * now.nanoseconds)
+        step = self._servo.decide(now)
         self._last = step.tracking or self._last
         if step.outcome is not None:
             self._end(step.outcome, step.message)
             return
         self._publish_twist(step.twist)
-        self._goal.publish_feedback(lambda: to_feedback_message(step.tracking))
+        self._goal.publish_feedback(lambda: to_path_feedback(step.tracking))
         self.diagnostics.set_status(Level.OK, step.tracking.phase.name.lower())
 
-    def _abort_on_stopped_clock(self, now: Time) -> None:
+    def _abort_on_stopped_clock(self, now: float) -> None:
         """Abort the goal: while the clock is stopped, old inputs do not age."""
         self._inputs.clear()
-        self._end(Outcome.STOPPED, f'simulated time stopped at {now}')
+        self._end(Outcome.STOPPED, f'simulated time stopped at {now:.3f} s')
 
 
 def _read_status(message: ManipulationStatus) -> ServoFeedback:

@@ -24,8 +24,8 @@ from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.calibration.oscillation import fit_oscillation, Oscillation
 from isotruss_ros.core import load_robot, Status
 from isotruss_ros.nodes.components import common_parameters as common
+from isotruss_ros.nodes.components.commands import create_twist_publisher
 from isotruss_ros.nodes.components.robot_frame import RobotFrame
-from isotruss_ros.nodes.components.twists import create_twist_publisher
 from isotruss_ros.nodes.conversions.messages import read_object_pose, read_stamp
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.parameters import Spec

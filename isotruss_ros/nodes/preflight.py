@@ -20,10 +20,10 @@ from isotruss_ros.core import IsotrussError, load_robot
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.joint_markers import JointMarkers, LATEST, WINDOW
+from isotruss_ros.nodes.conversions.joint_state_messages import RollerStateReader
 from isotruss_ros.nodes.conversions.messages import (
     read_object_pose,
     read_stamp,
-    RollerStateReader,
 )
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.parameters import Spec

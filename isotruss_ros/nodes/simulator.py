@@ -33,7 +33,6 @@ from isotruss_ros.core.simulation.simulated_robot import SimulatedObject
 from isotruss_ros.mujoco_plant.driven_robot import DrivenRobot
 from isotruss_ros.mujoco_plant.recording import PlantRecorder
 from isotruss_ros.nodes.components import common_parameters as common
-from isotruss_ros.nodes.components.clock_source import CLOCK_SPEED, ClockSource
 from isotruss_ros.nodes.components.mujoco_object import (
     make_driven_robot,
     make_recorder,
@@ -42,7 +41,7 @@ from isotruss_ros.nodes.components.mujoco_object import (
 from isotruss_ros.nodes.components.simulated_object import SPECS as OBJECT_SPECS
 from isotruss_ros.nodes.components.simulated_object import StartingObject
 from isotruss_ros.nodes.components.simulated_sensors import SENSOR_SPECS, SimulatedSensors
-from isotruss_ros.nodes.components.simulated_truth import SimulatedTruth
+from isotruss_ros.nodes.components.simulated_truth import CLOCK_SPEED, ClockSource, SimulatedTruth
 from isotruss_ros.nodes.components.sparse_messages import NewestMessage
 from isotruss_ros.nodes.conversions.grasp_messages import read_external_wrench
 from isotruss_ros.nodes.conversions.messages import (
@@ -56,7 +55,6 @@ from isotruss_ros.nodes.framework.parameters import FixedSpec, ParameterError, S
 from isotruss_ros.nodes.framework.qos import RELIABLE
 from isotruss_ros.nodes.framework.runner import run
 import numpy as np
-from rclpy.time import Time
 from std_msgs.msg import Float64MultiArray
 
 KINEMATIC, ELASTIC, MUJOCO = 'kinematic', 'elastic', 'mujoco'
@@ -90,7 +88,7 @@ SPECS = (
         'Mean share of the roller travel by which the tube slips; encoders do not measure it',
         (0.0, 0.5),
     ),
-    FixedSpec('seed', 0, 'Seed of the noise and the slip, not negative'),
+    FixedSpec('seed', 0, 'Seed of the noise and the slip', (0, 2**31 - 1)),
     FixedSpec(
         'zero_deviation',
         0.0,
@@ -170,8 +168,6 @@ class Simulator(ManagedNode):
 
     def _make_robot(self) -> SimulatedRobot | DrivenRobot:
         values = self.values
-        if values.seed < 0:
-            raise ParameterError(f'parameter seed: {values.seed}: must not be negative')
         home = self._robot.home
         stuck = frozenset({values.stuck_roller} - {''})
         faults = RollerFaults(values.speed_limit, values.roller_noise, stuck, values.roller_slip)
@@ -229,7 +225,7 @@ class Simulator(ManagedNode):
 
     def _receive_command(self, message: Float64MultiArray) -> None:
         # The previous command was active until now: integrate it before it is replaced.
-        self._advance(self.get_clock().now())
+        self._advance(self.now())
         try:
             self._simulated.command(message.data)
         except ConfigurationError as error:
@@ -263,9 +259,8 @@ class Simulator(ManagedNode):
         except MessageError as error:
             self.warn('external_wrench', str(error))
 
-    def _advance(self, time: Time) -> None:
+    def _advance(self, now: float) -> None:
         """Integrate to a time; a command that is not repeated ends after `command_timeout`."""
-        now = 1e-9 * time.nanoseconds
         expiry = self._commanded + self.values.command_timeout
         elapsed = min(now, expiry) - self._time
         try:
@@ -280,17 +275,17 @@ class Simulator(ManagedNode):
             self._simulated.advance(now - max(expiry, self._time))
         self._time = now
 
-    def _step(self, now: Time) -> None:
+    def _step(self, now: float) -> None:
         self._advance(now)
         if self._elastic is not None:
             self._report_hold(self._elastic)
         elif self._driven is not None:
             self._report_contact(self._driven)
         if self._recorder is not None:
-            self._recorder.record(1e-9 * now.nanoseconds)
-        simulated, seconds = self._simulated, 1e-9 * now.nanoseconds
+            self._recorder.record(now)
+        simulated = self._simulated
         self._sensors.publish(
-            seconds,
+            now,
             simulated.roller_positions,
             simulated.roller_velocities,
             simulated.object_pose,

@@ -25,11 +25,11 @@ from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.robot_frame import RobotFrame
 from isotruss_ros.nodes.conversions.estimate_messages import to_estimate_message
+from isotruss_ros.nodes.conversions.joint_state_messages import RollerStateReader
 from isotruss_ros.nodes.conversions.marker_messages import read_joint_markers
 from isotruss_ros.nodes.conversions.messages import (
     read_object_pose,
     read_stamp,
-    RollerStateReader,
 )
 from isotruss_ros.nodes.framework.cycle import Cycle, CycleTimes
 from isotruss_ros.nodes.framework.diagnostics import Level
@@ -38,7 +38,6 @@ from isotruss_ros.nodes.framework.parameters import Spec
 from isotruss_ros.nodes.framework.qos import RELIABLE
 from isotruss_ros.nodes.framework.runner import run
 from isotruss_ros.nodes.framework.subscriptions import subscribe_newest
-from rclpy.time import Time
 from sensor_msgs.msg import JointState, MultiDOFJointState
 
 #: What is known of a robot that was not homed.
@@ -192,7 +191,7 @@ class StateEstimatorNode(ManagedNode):
         deviation = self.values.marker_deviation
         self._estimator.take_markers(read_stamp(message.header), joints, deviation)
 
-    def _step(self, now: Time) -> None:
+    def _step(self, now: float) -> None:
         try:
             estimate = self._estimator.estimate()
         except IsotrussError as error:
@@ -201,7 +200,7 @@ class StateEstimatorNode(ManagedNode):
         if estimate is None:
             self.diagnostics.set_status(Level.WARN, 'no joint_states received yet')
             return
-        age, most = 1e-9 * now.nanoseconds - estimate.time, self.values.command_timeout
+        age, most = now - estimate.time, self.values.command_timeout
         if age > most:
             self.diagnostics.set_status(
                 Level.ERROR, f'joint_states: {age:.3f} s old; must be at most {most} s'

@@ -22,7 +22,7 @@ import time
 import tty
 
 from isotruss_ros.nodes.components import common_parameters as common
-from isotruss_ros.nodes.components.twists import create_twist_publisher
+from isotruss_ros.nodes.components.commands import create_twist_publisher
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.parameters import FixedSpec, Spec
 from isotruss_ros.nodes.framework.runner import run, StoppableNode

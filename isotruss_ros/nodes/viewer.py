@@ -28,11 +28,12 @@ from isotruss_ros.nodes.components.view_requests import (
     ObjectGoals,
     SimulatorRestart,
 )
+from isotruss_ros.nodes.conversions.grasp_messages import to_wrench_message
 from isotruss_ros.nodes.conversions.messages import (
+    make_header,
     MessageError,
     name_object_frame,
     request_parameters,
-    stamp_header,
     to_twist_message,
 )
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
@@ -225,11 +226,8 @@ class Viewer(StoppableNode):
         wrench = self._controls.control.wrench
         if wrench == ZERO and not self._pulling:
             return
-        message = WrenchStamped()
-        frame = name_object_frame(self.picture.robot.frame)
-        stamp_header(message.header, self.get_clock().now(), frame)
-        message.wrench.force.x, message.wrench.force.y, message.wrench.torque.z = wrench
-        self._wrenches.publish(message)
+        header = make_header(self.now(), name_object_frame(self.picture.robot.frame))
+        self._wrenches.publish(WrenchStamped(header=header, wrench=to_wrench_message(wrench)))
         # Once one was published it goes on: an old one is not relied on.
         self._pulling = True
 

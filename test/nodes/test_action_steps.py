@@ -43,8 +43,8 @@ from isotruss_ros.nodes.components.grasp_sequences import (
     GraspSequences,
 )
 from isotruss_ros.nodes.conversions.messages import to_pose_message
+from isotruss_ros.nodes.conversions.path_messages import read_duration
 from isotruss_ros.nodes.conversions.plan_messages import read_goal
-from isotruss_ros.nodes.conversions.trajectory_messages import read_duration
 from isotruss_ros.nodes.pick_and_place import find_outcome
 from nav_msgs.msg import Path
 import numpy as np

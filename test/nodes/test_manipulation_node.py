@@ -17,7 +17,7 @@ from types import SimpleNamespace
 from geometry_msgs.msg import Pose, PoseStamped, Quaternion
 from isotruss_ros.core import Status, tangent_center, TwistServo
 from isotruss_ros.nodes.components import servo_settings
-from isotruss_ros.nodes.conversions.messages import read_stamp, stamp_header
+from isotruss_ros.nodes.conversions.messages import make_header, read_stamp
 from isotruss_ros.nodes.simulator import Simulator
 from manual_world import world
 import numpy as np
@@ -124,7 +124,7 @@ def test_halts_where_another_module_than_the_grip_holds_the_object(module):
             w.probe.send_joints()
             w.probe.send_twist()
             message = PoseStamped(pose=pose_with(position_x=held[0], position_y=held[1]))
-            stamp_header(message.header, w.probe.past(0.0), 'truss')
+            message.header = make_header(w.probe.past(0.0), 'truss')
             w.probe.object_poses.publish(message)
 
         status = w.until_code(Status.HALT_NO_GRASP, send)

@@ -15,7 +15,7 @@ from collections.abc import Mapping
 
 from isotruss_ros.core import ConvexObject, Disc, read_object, Robot
 from isotruss_ros.core.control import inputs
-from isotruss_ros.core.manipulation.grip import FEWEST, members_at, MOST
+from isotruss_ros.core.manipulation.grip import FEWEST, find_members, members_at, MOST
 from isotruss_ros.nodes.framework.parameters import ParameterError, Parameters, Spec, Value
 
 ROBOT = Spec('robot', 'nine_member', 'Preset, or path of a robot file', read_only=True)
@@ -89,21 +89,12 @@ def check_grip(robot: Robot, values: Mapping[str, Value]) -> None:
 
     :param robot: the robot.
     :param values: new values of parameters by name; others than these are ignored.
-    :raises ParameterError: names what there is, or not two or three different members.
+    :raises IsotrussError: names what there is, or not two or three different members.
     """
-    module = values.get(GRIP_MODULE.name)
-    if module and module not in robot.module_names:
-        raise ParameterError(
-            f'parameter grip_module: {module!r}: robot {robot.name} has no such module; '
-            f'must be one of {", ".join(robot.module_names)}'
-        )
-    names = named_members(values.get(GRIP.name, []))
-    unknown = [name for name in names if name not in robot.member_names]
-    if unknown:
-        raise ParameterError(
-            f'parameter grip: {", ".join(unknown)}: robot {robot.name} has no such member; must '
-            f'be of {", ".join(robot.member_names)}'
-        )
+    if values.get('grip_module'):
+        members_at(robot, values['grip_module'])
+    names = named_members(values.get('grip', []))
+    find_members(robot, names)
     if names and not FEWEST <= len(set(names)) == len(names) <= MOST:
         raise ParameterError(
             f'parameter grip: {", ".join(names)}: must be {FEWEST} or {MOST} different members'

@@ -52,13 +52,12 @@ from isotruss_ros.nodes.components.action_steps import (
 from isotruss_ros.nodes.components.sensors import TrackedShape
 from isotruss_ros.nodes.components.single_goal import SUPERVISION
 from isotruss_ros.nodes.conversions.messages import (
+    make_header,
     read_pose,
-    stamp_header,
     to_pose_message,
-    to_time,
 )
 from isotruss_ros.nodes.conversions.object_messages import to_object_message
-from isotruss_ros.nodes.conversions.trajectory_messages import read_duration, to_trajectory_message
+from isotruss_ros.nodes.conversions.path_messages import read_duration, to_trajectory_message
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.qos import RELIABLE
 from nav_msgs.msg import Path
@@ -110,9 +109,8 @@ class GraspSequences(TrackedShape):
         """Return where the object was measured last; None before."""
         if not isinstance(self.pose, StampedInput):
             return None
-        message = PoseStamped(pose=to_pose_message(self.pose.value))
-        stamp_header(message.header, to_time(self.pose.time), self._robot.frame)
-        return message
+        header = make_header(self.pose.time, self._robot.frame)
+        return PoseStamped(header=header, pose=to_pose_message(self.pose.value))
 
     def distance_left(self, path: Path) -> tuple[float, float]:
         """

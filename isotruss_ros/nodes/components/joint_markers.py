@@ -19,8 +19,9 @@ from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.core import Robot
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.nodes.components.robot_frame import RobotFrame
+from isotruss_ros.nodes.conversions.joint_state_messages import RollerStateReader
 from isotruss_ros.nodes.conversions.marker_messages import read_joint_markers
-from isotruss_ros.nodes.conversions.messages import MessageError, read_stamp, RollerStateReader
+from isotruss_ros.nodes.conversions.messages import MessageError, read_stamp
 from isotruss_ros.nodes.framework.parameters import Spec
 from isotruss_ros.nodes.framework.qos import RELIABLE
 import numpy as np

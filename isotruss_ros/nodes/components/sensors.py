@@ -31,13 +31,15 @@ from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.kinematics.configuration import ConfigurationTracker
 from isotruss_ros.nodes.components.robot_frame import RobotFrame
 from isotruss_ros.nodes.conversions.estimate_messages import read_estimate
+from isotruss_ros.nodes.conversions.joint_state_messages import (
+    read_tube_pressures,
+    RollerStateReader,
+)
 from isotruss_ros.nodes.conversions.messages import (
     MessageError,
     read_object_pose,
     read_stamp,
-    RollerStateReader,
 )
-from isotruss_ros.nodes.conversions.pressure_messages import read_tube_pressures
 from isotruss_ros.nodes.framework.runner import StoppableNode
 from isotruss_ros.nodes.framework.subscriptions import subscribe_newest
 import numpy as np

@@ -18,7 +18,7 @@ from isotruss_ros.core import Pose, Robot
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.simulation.sensor_channel import SensorChannel, SensorFaults
 from isotruss_ros.nodes.conversions.marker_messages import to_joint_markers
-from isotruss_ros.nodes.conversions.messages import stamp_header, to_pose_message, to_time
+from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import FixedSpec, ParameterError, Parameters, Spec
 from isotruss_ros.nodes.framework.qos import RELIABLE
@@ -127,22 +127,22 @@ class SimulatedSensors:
         for found in self._encoders.measure(now, lambda: np.append(travel, speeds)):
             positions, velocities = np.split(found.values[0], 2)
             states = JointState(
+                header=make_header(found.time),
                 name=list(self._robot.roller_names),
                 position=positions.tolist(),
                 velocity=velocities.tolist(),
             )
-            stamp_header(states.header, to_time(found.time))
             self._joint_states.publish(states)
         for found in self._tracker.measure(now, lambda: pose):
-            placed = PoseStamped(pose=to_pose_message(Pose(*found.values[0].tolist())))
-            stamp_header(placed.header, to_time(found.time), self._robot.frame)
-            self._object_pose.publish(placed)
+            header = make_header(found.time, self._robot.frame)
+            measured = to_pose_message(Pose(*found.values[0].tolist()))
+            self._object_pose.publish(PoseStamped(header=header, pose=measured))
         if self._values.marker_rate == 0.0:
             return
         for found in self._markers.measure(now, lambda: self._marker_places(joints())):
             places = {self._marked[i]: found.values[i] for i in np.flatnonzero(found.seen)}
             markers = to_joint_markers(places)
-            stamp_header(markers.header, to_time(found.time), self._robot.frame)
+            markers.header = make_header(found.time, self._robot.frame)
             self._joint_markers.publish(markers)
 
     def _marker_places(self, joints: Array) -> Array:

@@ -22,10 +22,9 @@ from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.control.grasp_report import GraspQuery, GraspReport
 from isotruss_ros.nodes.conversions.messages import (
     check_frame,
+    make_header,
     MessageError,
     name_object_frame,
-    stamp_header,
-    to_time,
 )
 from isotruss_ros.nodes.conversions.object_messages import describes_object, read_object_message
 import numpy as np
@@ -127,7 +126,7 @@ def to_state_message(report: GraspReport, frame: str) -> GraspState:
     :param frame: the robot's frame.
     """
     state = GraspState(code=int(report.code), message=report.message)
-    stamp_header(state.header, to_time(report.time), frame)
+    state.header = make_header(report.time, frame)
     if report.grasp is None:
         state.closure_residual = state.required_friction = math.inf
         state.closure_margin = -math.inf

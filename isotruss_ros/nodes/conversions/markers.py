@@ -20,10 +20,9 @@ from isotruss_ros.core.control.grasp_report import AnalyzedGrasp, GraspReport
 from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.numerics.arrays import Points
 from isotruss_ros.core.statics.wrinkling import MAX_UTILISATION
-from isotruss_ros.nodes.conversions.messages import stamp_header
+from isotruss_ros.nodes.conversions.messages import make_header
 import numpy as np
 from rclpy.duration import Duration
-from rclpy.time import Time
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -60,7 +59,7 @@ class GraspMarkers:
         self._frame = frame
         self._shown: set[tuple[str, int]] = set()
 
-    def update(self, report: GraspReport, time: Time) -> MarkerArray:
+    def update(self, report: GraspReport, time: float) -> MarkerArray:
         """
         Return the markers to be shown, and those to be deleted.
 
@@ -75,7 +74,7 @@ class GraspMarkers:
         for name, number in sorted(self._shown - shown):
             markers.append(Marker(ns=name, id=number, action=Marker.DELETE))
         for marker in markers:
-            stamp_header(marker.header, time, self._frame)
+            marker.header = make_header(time, self._frame)
         self._shown = shown
         return MarkerArray(markers=markers)
 

@@ -21,7 +21,12 @@ from dataclasses import dataclass
 from functools import partial
 
 from isotruss_ros.core import IsotrussError
-from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
 from rclpy.exceptions import InvalidParameterValueException, ParameterException
 from rclpy.lifecycle import LifecycleNode
 from rclpy.node import Node
@@ -123,7 +128,11 @@ class Parameters:
             descriptor.read_only = spec.read_only
         if spec.bounds is not None:
             low, high = spec.bounds
-            descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
+            if spec.name in self._real:
+                reach = FloatingPointRange(from_value=low, to_value=high)
+                descriptor.floating_point_range = [reach]
+            else:
+                descriptor.integer_range = [IntegerRange(from_value=low, to_value=high, step=1)]
         default, read = spec.default, None
         if given is not None:
             (read,) = self._read_whole_numbers([given])

@@ -24,33 +24,19 @@ from __future__ import annotations
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-
-def _last(
-    depth: int,
-    reliability: ReliabilityPolicy = ReliabilityPolicy.RELIABLE,
-    durability: DurabilityPolicy = DurabilityPolicy.VOLATILE,
-) -> QoSProfile:
-    return QoSProfile(
-        history=HistoryPolicy.KEEP_LAST,
-        depth=depth,
-        reliability=reliability,
-        durability=durability,
-    )
-
-
 #: Not 1: while the only message is being taken the next one has no room, and Fast DDS then loses
 #: the memory of that, some 100 bytes for each message of a flood.
-NEWEST = _last(2, ReliabilityPolicy.BEST_EFFORT)
-RELIABLE = _last(1)
+NEWEST = QoSProfile(depth=2, reliability=ReliabilityPolicy.BEST_EFFORT)
+RELIABLE = QoSProfile(depth=1)
 #: Subscribers have this long to acknowledge the last command.
 ACKNOWLEDGE_TIME = Duration(seconds=0.5)
 #: What tools that show `/diagnostics` expect.
-DIAGNOSTICS = _last(10)
+DIAGNOSTICS = QoSProfile(depth=10)
 #: For a record of what is published seldom: a best-effort subscription loses what a publisher
 #: sends at once.
-EVENTS = _last(100)
+EVENTS = QoSProfile(depth=100)
 #: For what holds until the next message: late joiners receive it.
-LATCHED = _last(100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 #: For `EveryMessage`: all publishers, and what those that latch have published before. Reliable
 #: both: what a publisher sends before a best-effort subscription has discovered it is lost. All
 #: messages are kept, up to the 5000 of Fast DDS; then the publishers wait, and where they do not,

@@ -50,15 +50,6 @@ def subscribe_newest(
     return subscription
 
 
-def discard_waiting(subscription: Subscription) -> None:
-    """
-    Drop the messages that wait for a callback.
-
-    :param subscription: of a node.
-    """
-    take_waiting([], subscription, NEWEST.depth)
-
-
 def take_waiting(taken: list[Any], subscription: Subscription, most: int) -> list[Any]:
     """
     Return messages with those that wait behind them, in order.
