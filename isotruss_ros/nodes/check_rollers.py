@@ -51,7 +51,8 @@ class CheckRollers(StoppableNode):
     """
     Turn each roller of the empty robot forth and back.
 
-    :ivar right: names of the rollers that were found right."""
+    :ivar right: names of the rollers that were found right.
+    """
 
     node_name = 'check_rollers'
     specs = SPECS

@@ -72,7 +72,6 @@ class GraspAnalysisNode(ManagedNode):
     node_name = 'grasp_analysis'
     specs = SPECS
     awaited = ('joint_states', 'object_pose')
-    _monitor: GraspMonitor | None = None
     #: When markers were published last.
     _drawn = 0.0
 
@@ -111,16 +110,9 @@ class GraspAnalysisNode(ManagedNode):
         self.cycle = Cycle(self, self.values.rate, self._step, self._inputs.clear)
         self.create_service(AnalyzeGrasp, 'analyze_grasp', self._analyze)
 
-    def cleanup(self) -> None:
-        """Release the robot."""
-        self._monitor = None
-
     def details(self) -> dict[str, object]:
-        """Return cycle times and ages of the inputs."""
-        if self._monitor is None:
-            return {}
-        cycles = {'cycles': 0} if self.cycle is None else self.cycle.summary()
-        return self._inputs.describe_ages() | cycles
+        """Return the ages of the inputs."""
+        return self._inputs.describe_ages() if self.configured else {}
 
     def _apply(self) -> None:
         """Apply changed parameters from the next cycle on."""

@@ -14,7 +14,7 @@ from __future__ import annotations
 from functools import partial
 
 from isotruss_msgs.action import PlanGrasp
-from isotruss_ros.core import ConvexObject, IsotrussError, load_robot
+from isotruss_ros.core import IsotrussError, load_robot
 from isotruss_ros.core.control.inputs import InputError
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.planning.searcher import Answer, Outcome, Searcher
@@ -54,9 +54,6 @@ class GraspPlanner(ManagedNode):
     specs = SPECS
     awaited = ('plan_grasp',)
     _searcher: Searcher | None = None
-    _described: ConvexObject | None = None
-    _shape: TrackedShape | None = None
-    _goal: SingleGoal | None = None
 
     def configure(self) -> None:
         """Load the robot, subscribe to its joint states, and offer the action."""
@@ -87,10 +84,6 @@ class GraspPlanner(ManagedNode):
         """End the search and its processes."""
         self._abort('the node was deactivated')
 
-    def cleanup(self) -> None:
-        """Release the robot."""
-        self._goal = self._shape = None
-
     def destroy_node(self) -> None:
         """Destroy the node and end the processes."""
         if self._searcher is not None:
@@ -99,7 +92,7 @@ class GraspPlanner(ManagedNode):
 
     def details(self) -> dict[str, object]:
         """Return the progress of the search and the age of the joint states."""
-        if self._goal is None:
+        if not self.configured:
             return {}
         details = {'searching': self._goal.active} | self._inputs.describe_ages()
         progress = self._searcher.progress()

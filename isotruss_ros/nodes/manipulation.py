@@ -134,7 +134,7 @@ class Manipulation(ManagedNode):
         self._servo = self._trajectory = None
 
     def details(self) -> dict[str, object]:
-        """Return cycle times, ages of the inputs and failed rollers."""
+        """Return ages of the inputs and failed rollers."""
         details: dict[str, object] = {'emergency stop': self._stop.reason or 'no'}
         servo = self._servo
         if servo is None:
@@ -153,7 +153,7 @@ class Manipulation(ManagedNode):
             details['reachable twists'] = describe_reachable_twists(servo)
         status = self._report.status
         details |= {'status': status.name, 'status code': int(status)}
-        return details | ({'cycles': 0} if self.cycle is None else self.cycle.summary())
+        return details
 
     def _wait_for_zero(self) -> bool:
         """Return whether the subscribers have received the last command, zero."""

@@ -69,8 +69,6 @@ class PathFollower(ManagedNode):
     node_name = 'path_follower'
     specs = SPECS
     awaited = ('follow_object_path',)
-    _servo: PathServo | None = None
-    _goal: SingleGoal | None = None
     _last: Tracking | None = None
     #: A path that is being foreseen, in a thread, so that inputs are received meanwhile.
     _waiting: tuple[Future[None], ObjectPath, TrackingSettings] | None = None
@@ -122,13 +120,9 @@ class PathFollower(ManagedNode):
         """Leave the object at rest."""
         self._end(Outcome.STOPPED, 'the node was deactivated')
 
-    def cleanup(self) -> None:
-        """Release the inputs."""
-        self._servo = self._goal = None
-
     def details(self) -> dict[str, object]:
         """Return the state of the goal and ages of the inputs."""
-        if self._servo is None:
+        if not self.configured:
             return {}
         details = {'following': self._goal.active} | self._inputs.describe_ages()
         if self._goal.active and self._last is not None:

@@ -11,7 +11,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -42,7 +42,6 @@ class PickAndPlace(ManagedNode):
     specs = SPECS
     awaited = ('pick_object', 'move_object', 'place_object')
     _sequences: GraspSequences | None = None
-    _actions: Sequence[SingleGoal] = ()
     _course: Steps | None = None
     _cancelling = False
 
@@ -76,12 +75,12 @@ class PickAndPlace(ManagedNode):
 
     def cleanup(self) -> None:
         """Release the clients."""
-        self._sequences.close()
-        self._sequences, self._actions = None, ()
+        if self._sequences is not None:
+            self._sequences.close()
 
     def details(self) -> dict[str, object]:
         """Return what is executed, and the ages of the inputs."""
-        if self._sequences is None:
+        if not self.configured:
             return {}
         name = 'nothing' if self._goal is None else self._goal.kind.__name__
         return {'executing': name} | self._inputs.describe_ages()

@@ -57,7 +57,8 @@ class Pluck(StoppableNode):
     """
     Push the held object once by a twist, and fit an oscillation to its poses.
 
-    :ivar found: what was fitted; None before."""
+    :ivar found: what was fitted; None before.
+    """
 
     node_name = 'pluck'
     specs = SPECS

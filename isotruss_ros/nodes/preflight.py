@@ -49,7 +49,8 @@ class Preflight(StoppableNode):
     """
     Listen for a while, and judge what was heard; nothing moves.
 
-    :ivar faults: names of the checks that failed."""
+    :ivar faults: names of the checks that failed.
+    """
 
     node_name = 'preflight'
     specs = SPECS

@@ -87,6 +87,7 @@ REFUSED = [
     ('grasp_planner', {'object': '{shape: star}'}, 'must be one of'),
     ('grasp_planner', {'workers': -1}, 'workers: -1: out of range; must be from 0 to 256'),
     ('grasp_planner', {'workers': 257}, 'workers: 257: out of range; must be from 0 to 256'),
+    ('pick_and_place', {'robot': 'nobody'}, 'no such preset'),
     ('simulator', {'robot': '/nowhere.yaml'}, 'no such file'),
     ('simulator', {'plant': 'soft'}, 'kinematic, elastic or mujoco'),
     ('simulator', {'grip_module': 'nobody'}, 'its modules are'),

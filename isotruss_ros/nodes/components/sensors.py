@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable
 import contextlib
 from functools import partial
-from typing import Any, Protocol
+from typing import Any
 
 from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.msg import StateEstimate
@@ -47,16 +47,6 @@ from rclpy.subscription import Subscription
 from sensor_msgs.msg import JointState
 
 
-class InputHolder(Protocol):
-    """
-    What keeps the latest inputs, as attributes, and decides by them.
-
-    :ivar timeout: largest age of an input [s].
-    """
-
-    timeout: float
-
-
 class Inputs:
     """
     Subscriptions of a node; what decides by the inputs gets each as an attribute.
@@ -66,10 +56,10 @@ class Inputs:
 
     :param node: subscribes.
     :param robot: whose rollers, tubes and frame messages must have.
-    :param holder: gets the inputs.
+    :param holder: gets the inputs; its `timeout` is the largest age of an input [s].
     """
 
-    def __init__(self, node: StoppableNode, robot: Robot, holder: InputHolder) -> None:
+    def __init__(self, node: StoppableNode, robot: Robot, holder: Any) -> None:
         self._node, self._robot, self._holder = node, robot, holder
         #: What each attribute is, in words.
         self._words: dict[str, str] = {}

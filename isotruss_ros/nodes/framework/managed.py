@@ -44,6 +44,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
     anything else leaves it unconfigured; the reason is logged and in the diagnostics.
 
     :cvar awaited: topics and actions without which the active node does nothing, as it logs.
+    :ivar configured: whether `configure` has succeeded, and what it made is there.
     :ivar active: whether publishers are enabled, in the transitions to and from `active` too.
     :ivar diagnostics: status of the node.
     :ivar cycle: None while the node is not active, too.
@@ -51,7 +52,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
 
     awaited: ClassVar[tuple[str, ...]] = ()
     base_specs = (AUTOSTART,)
-    active = False
+    configured = active = False
     _failure: Exception | None = None
 
     # -- The steps, for subclasses to override --
@@ -72,7 +73,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
         """Release what is no entity of the node; called after every `configure`."""
 
     def details(self) -> dict[str, object]:
-        """Return values for the diagnostics by name; called in every state."""
+        """Return values for the diagnostics by name, besides cycles; called in every state."""
         return {}
 
     # -- Public interface --
@@ -83,7 +84,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
 
         :raises IsotrussError: a step failed.
         """
-        self.diagnostics = Diagnostics(self, self.details)
+        self.diagnostics = Diagnostics(self, self._describe)
         #: The entities that were there before a state, whose end they outlive.
         self._before: dict[str, dict[Any, Callable[[Any], object]]] = {}
         ignore_negative_time(self)
@@ -137,6 +138,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
         self._before['configured'] = self._list_entities()
         result = self._try_step('configure', self.configure)
         if result == SUCCESS:
+            self.configured = True
             self.diagnostics.set_status(Level.WARN, 'inactive')
         else:
             self._release()
@@ -214,8 +216,12 @@ class ManagedNode(StoppableNode, LifecycleNode):
 
     def _release(self) -> None:
         self.values.release()
+        self.configured = False
         self._destroy_since('configured')
         self.cleanup()
+
+    def _describe(self) -> dict[str, object]:
+        return ({} if self.cycle is None else self.cycle.summary()) | self.details()
 
     def _list_entities(self) -> dict[Any, Callable[[Any], object]]:
         """Return every entity with what destroys it: timers first and publishers last."""
