@@ -82,7 +82,9 @@ class GraspPlanner(ManagedNode):
 
     def deactivate(self) -> None:
         """End the search and its processes."""
-        self._abort('the node was deactivated')
+        self._searcher.close()
+        if self._goal.active:
+            self._end(Answer(Outcome.FAILED, 'the node was deactivated'))
 
     def destroy_node(self) -> None:
         """Destroy the node and end the processes."""
@@ -128,12 +130,6 @@ class GraspPlanner(ManagedNode):
             self._end(answer)
         elif self._goal.active:
             self._goal.publish_feedback(lambda: to_feedback_message(self._searcher.progress()))
-
-    def _abort(self, why: str) -> None:
-        """Abort the goal, if there is one, and end the processes."""
-        self._searcher.close()
-        if self._goal.active:
-            self._end(Answer(Outcome.FAILED, why))
 
     def _end(self, answer: Answer) -> None:
         """Publish the result of the goal."""

@@ -28,6 +28,7 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.holding.loaded_frame import held_joints
+from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.simulation.simulated_robot import SimulatedObject
 from isotruss_ros.mujoco_plant.driven_robot import DrivenRobot
@@ -118,12 +119,11 @@ class Simulator(ManagedNode):
     def configure(self) -> None:
         """Put the robot at home, with the object grasped or free."""
         self._robot = self._load_robot()
-        self._check({'pull_joint': self.values.pull_joint})
+        self.values.on_change(self._apply, self._check)
         self._simulated = self._make_robot()
         plant = None if self._driven is None else self._driven.plant
         self._recorder = make_recorder(plant, self.values.recording)
         self._sensors = SimulatedSensors(self, self._robot, self.values, self.values.seed)
-        self.values.on_change(self._apply, self._check)
         self._apply()
         self._truth = SimulatedTruth(self, self._robot)
         self.diagnostics.hardware_id = self._robot.name
@@ -207,11 +207,8 @@ class Simulator(ManagedNode):
             self.cycle.change(self.values.rate)
 
     def _check(self, new: dict[str, Value]) -> None:
-        joint, known = new.get('pull_joint', ''), self._robot.topology.joint_names
-        if joint and joint not in known:
-            raise ParameterError(
-                f'parameter pull_joint: {joint!r}: must be one of {", ".join(known)}, or empty'
-            )
+        if new.get('pull_joint'):
+            check_joint(self._robot, new['pull_joint'])
 
     def _pull(self) -> tuple[float, float]:
         """Return what pulls at a joint (fx, fy) [N]."""

@@ -92,24 +92,17 @@ class SimulatedSensors:
     def apply(self) -> None:
         """Take the present values of the parameters."""
         values, none = self._values, np.zeros(len(self._robot.roller_names))
-        self._encoders.faults = SensorFaults(
-            values.encoder_rate,
-            values.encoder_delay,
-            values.encoder_dropouts,
-            np.append(none + values.encoder_noise, none),
-            np.append(none + values.encoder_step, none),
-        )
-        self._tracker.faults = SensorFaults(
-            values.pose_rate,
-            values.pose_delay,
-            values.pose_dropouts,
-            (values.pose_noise, values.pose_noise, values.angle_noise),
-        )
-        self._markers.faults = SensorFaults(
-            values.marker_rate,
-            values.marker_delay,
-            values.marker_dropouts,
-            values.marker_noise,
+        noise = np.append(none + values.encoder_noise, none)
+        step = np.append(none + values.encoder_step, none)
+        self._encoders.faults = SensorFaults(*self._channel('encoder'), noise, step)
+        noise = values.pose_noise, values.pose_noise, values.angle_noise
+        self._tracker.faults = SensorFaults(*self._channel('pose'), noise)
+        self._markers.faults = SensorFaults(*self._channel('marker'), values.marker_noise)
+
+    def _channel(self, sensor: str) -> tuple[float, float, float]:
+        """Return rate, delay and dropouts of a sensor."""
+        return tuple(
+            getattr(self._values, f'{sensor}_{what}') for what in ('rate', 'delay', 'dropouts')
         )
 
     def publish(
