@@ -87,27 +87,21 @@ def _make_grasp_markers(grasp: AnalyzedGrasp) -> list[Marker]:
     strongest = float(analysis.normal_forces.max(initial=0.0))
     scale = min(ARROW_SCALE, LONGEST_ARROW / max(strongest, TINY))
     arrow, thin = (ARROW_WIDTH, 2.0 * ARROW_WIDTH, 0.0), (0.5 * LINE_WIDTH, 0.0, 0.0)
+    members = map(_flat, member_lines(grasp.config))
+    deformed = map(_flat, deformed_lines(grasp.config, analysis))
+    strips = map(_strip, regions, 0.5 * np.array(widths))
+    forces = map(_flat, force_lines(grasp.body, analysis, scale))
+    same = itertools.repeat
+    rows = (
+        ('members', strip, same(UNDEFORMED), thin, members),
+        ('deformed', strip, used, (LINE_WIDTH, 0.0, 0.0), deformed),
+        ('contact_regions', Marker.TRIANGLE_LIST, same(REGION), UNIT, strips),
+        ('contact_forces', Marker.ARROW, same(FORCE), arrow, forces),
+    )
     return [
-        *(
-            _make_marker('members', i, strip, UNDEFORMED, thin, _flat(line))
-            for i, line in enumerate(member_lines(grasp.config))
-        ),
-        *(
-            _make_marker('deformed', i, strip, color, (LINE_WIDTH, 0.0, 0.0), _flat(line))
-            for i, (line, color) in enumerate(
-                zip(deformed_lines(grasp.config, analysis), used, strict=True)
-            )
-        ),
-        *(
-            _make_marker(
-                'contact_regions', i, Marker.TRIANGLE_LIST, REGION, UNIT, _strip(line, 0.5 * width)
-            )
-            for i, (line, width) in enumerate(zip(regions, widths, strict=True))
-        ),
-        *(
-            _make_marker('contact_forces', i, Marker.ARROW, FORCE, arrow, _flat(ends))
-            for i, ends in enumerate(force_lines(grasp.body, analysis, scale))
-        ),
+        _make_marker(name, number, kind, color, scale, points)
+        for name, kind, colors, scale, lines in rows
+        for number, (color, points) in enumerate(zip(colors, lines, strict=False))
     ]
 
 
