@@ -31,7 +31,7 @@ from isotruss_ros.nodes.conversions.messages import (
     read_stamp,
     to_twist_message,
 )
-from isotruss_ros.nodes.framework.qos import RELIABLE
+from isotruss_ros.nodes.framework.topics import RELIABLE
 import numpy as np
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node

@@ -29,8 +29,8 @@ from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.joint_markers import DEVIATION, JointMarkers, WINDOW
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.parameters import FixedSpec, Spec
-from isotruss_ros.nodes.framework.qos import LATCHED, RELIABLE
 from isotruss_ros.nodes.framework.runner import run, StoppableNode
+from isotruss_ros.nodes.framework.topics import LATCHED, RELIABLE
 import numpy as np
 from std_msgs.msg import Bool, Float64MultiArray
 

@@ -33,12 +33,11 @@ from isotruss_ros.nodes.conversions.grasp_messages import (
 )
 from isotruss_ros.nodes.conversions.markers import GraspMarkers
 from isotruss_ros.nodes.conversions.messages import make_header, name_object_frame
-from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import Spec
-from isotruss_ros.nodes.framework.qos import RELIABLE
 from isotruss_ros.nodes.framework.runner import run
+from isotruss_ros.nodes.framework.topics import RELIABLE
 from std_msgs.msg import Bool
 from visualization_msgs.msg import MarkerArray
 
@@ -107,7 +106,7 @@ class GraspAnalysisNode(ManagedNode):
 
     def activate(self) -> None:
         """Start the cycle and offer the service."""
-        self.cycle = Cycle(self, self.values.rate, self._step, self._inputs.clear)
+        self.begin_cycle(self._step, self._inputs.clear)
         self.create_service(AnalyzeGrasp, 'analyze_grasp', self._analyze)
 
     def details(self) -> dict[str, object]:
@@ -122,8 +121,6 @@ class GraspAnalysisNode(ManagedNode):
         self._monitor.flattening = self.values.flattening
         self._monitor.timeout = self.values.command_timeout
         self._monitor.pressure_timeout = self.values.pressure_timeout
-        if self.cycle is not None:
-            self.cycle.change(self.values.rate)
 
     def _analyze(
         self, request: AnalyzeGrasp.Request, response: AnalyzeGrasp.Response

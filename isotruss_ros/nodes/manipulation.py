@@ -27,12 +27,10 @@ from isotruss_ros.nodes.components.servo_settings import apply_settings, StatusR
 from isotruss_ros.nodes.components.servo_settings import SPECS as SERVO_SPECS
 from isotruss_ros.nodes.components.trajectory_following import TrajectoryFollowing
 from isotruss_ros.nodes.conversions.messages import check_frame, read_twist
-from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import ParameterError, Spec, Value
-from isotruss_ros.nodes.framework.qos import NEWEST
 from isotruss_ros.nodes.framework.runner import run
-from isotruss_ros.nodes.framework.subscriptions import take_waiting
+from isotruss_ros.nodes.framework.topics import NEWEST, take_waiting
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool
 
@@ -113,14 +111,7 @@ class Manipulation(ManagedNode):
         self._discard_twist()
         self._trajectory.subscribe()
         self._commands.subscribe()
-        self.cycle = Cycle(
-            self,
-            self.values.rate,
-            self._step,
-            jumped_back=self._clear_inputs,
-            stopped=self._halt_on_stopped_clock,
-            progress_timeout=self._servo.timeout,
-        )
+        self.begin_cycle(self._step, self._clear_inputs, self._halt_on_stopped_clock)
 
     def deactivate(self) -> None:
         """Command zero velocities, and wait until the subscribers have received them."""
@@ -235,8 +226,6 @@ class Manipulation(ManagedNode):
         apply_settings(self._servo, self.values)
         self._apply_mode()
         self._apply_failures()
-        if self.cycle is not None:
-            self.cycle.change(self.values.rate, self._servo.timeout)
 
     def _apply_mode(self) -> None:
         """Choose what twists move; where that changes, halt at once until the next twist."""

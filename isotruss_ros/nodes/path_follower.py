@@ -33,7 +33,6 @@ from isotruss_ros.nodes.conversions.path_messages import (
     to_path_feedback,
     to_path_result,
 )
-from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import Parameters, Spec
@@ -107,14 +106,7 @@ class PathFollower(ManagedNode):
     def activate(self) -> None:
         """Accept goals from now on."""
         self.diagnostics.set_status(Level.OK, 'no path to follow')
-        self.cycle = Cycle(
-            self,
-            self.values.rate,
-            self._step,
-            jumped_back=self._inputs.clear,
-            stopped=self._abort_on_stopped_clock,
-            progress_timeout=self._servo.timeout,
-        )
+        self.begin_cycle(self._step, self._inputs.clear, self._abort_on_stopped_clock)
 
     def deactivate(self) -> None:
         """Leave the object at rest."""
@@ -134,8 +126,6 @@ class PathFollower(ManagedNode):
         """Apply changed parameters; gains and the like from the next goal on."""
         self._servo.timeout = self.values.command_timeout
         self._servo.period = 1.0 / self.values.rate
-        if self.cycle is not None:
-            self.cycle.change(self.values.rate, self._servo.timeout)
 
     # -- The action --
 

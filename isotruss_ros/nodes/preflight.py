@@ -27,8 +27,8 @@ from isotruss_ros.nodes.conversions.messages import (
 )
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.parameters import Spec
-from isotruss_ros.nodes.framework.qos import LATCHED, RELIABLE
 from isotruss_ros.nodes.framework.runner import run, StoppableNode
+from isotruss_ros.nodes.framework.topics import LATCHED, RELIABLE
 import numpy as np
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool

@@ -27,8 +27,8 @@ from isotruss_ros.nodes.components.transforms import TFMessage
 from isotruss_ros.nodes.conversions.message_text import schema_text, type_name
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.parameters import FixedSpec, ParameterError
-from isotruss_ros.nodes.framework.qos import EVENTS, NEWEST
 from isotruss_ros.nodes.framework.runner import run, StoppableNode
+from isotruss_ros.nodes.framework.topics import EVENTS, NEWEST
 from isotruss_ros.viewer.names import MissingPackageError
 from rclpy.duration import Duration
 from rclpy.qos import QoSProfile

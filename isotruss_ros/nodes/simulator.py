@@ -49,12 +49,11 @@ from isotruss_ros.nodes.conversions.messages import (
     MessageError,
     read_object_pose,
 )
-from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import FixedSpec, ParameterError, Spec, Value
-from isotruss_ros.nodes.framework.qos import RELIABLE
 from isotruss_ros.nodes.framework.runner import run
+from isotruss_ros.nodes.framework.topics import RELIABLE
 import numpy as np
 from std_msgs.msg import Float64MultiArray
 
@@ -145,8 +144,7 @@ class Simulator(ManagedNode):
             (WrenchStamped, 'external_wrench', self._receive_wrench),
         ):
             NewestMessage(self, kind, topic, receive, self._report_missing)
-        rate = self.values.rate
-        self.cycle = Cycle(self, rate, self._step, self._stop_on_clock_jump)
+        self.begin_cycle(self._step, self._stop_on_clock_jump)
 
     def deactivate(self) -> None:
         """Stop the rollers."""
@@ -203,8 +201,6 @@ class Simulator(ManagedNode):
             for joint in self._robot.topology.joint_names:
                 pulled = joint == values.pull_joint
                 self._driven.plant.load_joint(joint, self._pull() if pulled else (0.0, 0.0))
-        if self.cycle is not None:
-            self.cycle.change(self.values.rate)
 
     def _check(self, new: dict[str, Value]) -> None:
         if new.get('pull_joint'):

@@ -31,13 +31,12 @@ from isotruss_ros.nodes.conversions.messages import (
     read_object_pose,
     read_stamp,
 )
-from isotruss_ros.nodes.framework.cycle import Cycle, CycleTimes
+from isotruss_ros.nodes.framework.cycle import CycleTimes
 from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import Spec
-from isotruss_ros.nodes.framework.qos import RELIABLE
 from isotruss_ros.nodes.framework.runner import run
-from isotruss_ros.nodes.framework.subscriptions import subscribe_newest
+from isotruss_ros.nodes.framework.topics import RELIABLE, subscribe_newest
 from sensor_msgs.msg import JointState, MultiDOFJointState
 
 #: What is known of a robot that was not homed.
@@ -102,7 +101,7 @@ class StateEstimatorNode(ManagedNode):
     def configure(self) -> None:
         """Load the robot, create publisher and subscriptions."""
         self._robot = load_robot(self.values.robot)
-        self.values.on_change(self._apply, partial(common.check_grip, self._robot))
+        self.values.on_change(self._apply_grip, partial(common.check_grip, self._robot))
         self._cycle_times = CycleTimes()
         self._reader = RollerStateReader(self._robot.roller_names)
         self._frame = RobotFrame.heard_by(self, self._robot.frame)
@@ -120,7 +119,7 @@ class StateEstimatorNode(ManagedNode):
 
     def activate(self) -> None:
         """Start the cycle."""
-        self.cycle = Cycle(self, self.values.rate, self._step, self._begin)
+        self.begin_cycle(self._step, self._begin)
 
     def cleanup(self) -> None:
         """Release the robot."""
@@ -151,12 +150,6 @@ class StateEstimatorNode(ManagedNode):
         )
         self._estimator, self._last = StateEstimator(self._robot, settings), None
         self._apply_grip()
-
-    def _apply(self) -> None:
-        """Apply changed parameters from now on."""
-        self._apply_grip()
-        if self.cycle is not None:
-            self.cycle.change(self.values.rate)
 
     def _apply_grip(self) -> None:
         """Expect the object between the members of the parameters."""

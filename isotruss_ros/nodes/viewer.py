@@ -38,9 +38,8 @@ from isotruss_ros.nodes.conversions.messages import (
 )
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.parameters import FixedSpec, Spec
-from isotruss_ros.nodes.framework.qos import LATCHED, RELIABLE
 from isotruss_ros.nodes.framework.runner import run, StoppableNode
-from isotruss_ros.nodes.framework.subscriptions import subscribe_newest
+from isotruss_ros.nodes.framework.topics import LATCHED, RELIABLE, subscribe_newest
 from isotruss_ros.viewer.control import ZERO
 from isotruss_ros.viewer.drag import LEVER, PATIENCE, place_on_circle
 from isotruss_ros.viewer.names import (

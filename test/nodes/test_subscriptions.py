@@ -10,8 +10,7 @@
 """The newest message of a topic counts."""
 
 from geometry_msgs.msg import PoseStamped
-from isotruss_ros.nodes.framework.qos import NEWEST
-from isotruss_ros.nodes.framework.subscriptions import subscribe_newest, take_waiting
+from isotruss_ros.nodes.framework.topics import NEWEST, subscribe_newest, take_waiting
 from probe import begin_context
 import pytest
 import rclpy

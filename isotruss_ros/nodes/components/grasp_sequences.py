@@ -59,7 +59,7 @@ from isotruss_ros.nodes.conversions.messages import (
 from isotruss_ros.nodes.conversions.object_messages import to_object_message
 from isotruss_ros.nodes.conversions.path_messages import read_duration, to_trajectory_message
 from isotruss_ros.nodes.framework.managed import ManagedNode
-from isotruss_ros.nodes.framework.qos import RELIABLE
+from isotruss_ros.nodes.framework.topics import RELIABLE
 from nav_msgs.msg import Path
 import numpy as np
 from rcl_interfaces.srv import SetParameters

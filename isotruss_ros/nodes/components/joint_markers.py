@@ -23,7 +23,7 @@ from isotruss_ros.nodes.conversions.joint_state_messages import RollerStateReade
 from isotruss_ros.nodes.conversions.marker_messages import read_joint_markers
 from isotruss_ros.nodes.conversions.messages import MessageError, read_stamp
 from isotruss_ros.nodes.framework.parameters import Spec
-from isotruss_ros.nodes.framework.qos import RELIABLE
+from isotruss_ros.nodes.framework.topics import RELIABLE
 import numpy as np
 from rclpy.node import Node
 from sensor_msgs.msg import JointState, MultiDOFJointState

@@ -41,7 +41,7 @@ from isotruss_ros.nodes.conversions.messages import (
     read_stamp,
 )
 from isotruss_ros.nodes.framework.runner import StoppableNode
-from isotruss_ros.nodes.framework.subscriptions import subscribe_newest
+from isotruss_ros.nodes.framework.topics import subscribe_newest
 import numpy as np
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import JointState

@@ -26,7 +26,7 @@ from isotruss_ros.nodes.conversions.messages import make_header, to_twist_messag
 from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import Parameters, Spec
-from isotruss_ros.nodes.framework.qos import RELIABLE
+from isotruss_ros.nodes.framework.topics import RELIABLE
 
 #: Statuses that are no warning: no motion is commanded, or all is well.
 NORMAL = frozenset(

@@ -21,7 +21,7 @@ from isotruss_ros.nodes.conversions.marker_messages import to_joint_markers
 from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import FixedSpec, ParameterError, Parameters, Spec
-from isotruss_ros.nodes.framework.qos import RELIABLE
+from isotruss_ros.nodes.framework.topics import RELIABLE
 import numpy as np
 from sensor_msgs.msg import JointState, MultiDOFJointState
 

@@ -21,7 +21,7 @@ from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import FixedSpec, ParameterError
-from isotruss_ros.nodes.framework.qos import RELIABLE
+from isotruss_ros.nodes.framework.topics import RELIABLE
 from rclpy.time import Time
 from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import JointState, MultiDOFJointState

@@ -16,7 +16,7 @@ from collections.abc import Callable
 from functools import partial
 import time
 
-from isotruss_ros.nodes.framework.subscriptions import take_waiting
+from isotruss_ros.nodes.framework.topics import take_waiting
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.executors import SingleThreadedExecutor, TimeoutException

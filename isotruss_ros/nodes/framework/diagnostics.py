@@ -16,7 +16,7 @@ import time
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
-from isotruss_ros.nodes.framework.qos import DIAGNOSTICS
+from isotruss_ros.nodes.framework.topics import DIAGNOSTICS
 from rclpy.node import Node
 
 #: From one report to the next when nothing changes [s].

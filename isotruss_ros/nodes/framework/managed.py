@@ -17,6 +17,7 @@ import traceback
 from typing import Any, ClassVar
 
 from isotruss_ros.core import IsotrussError
+from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.diagnostics import Diagnostics, Level
 from isotruss_ros.nodes.framework.parameters import AUTOSTART
 from isotruss_ros.nodes.framework.runner import StoppableNode
@@ -87,6 +88,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
         self.diagnostics = Diagnostics(self, self._describe)
         #: The entities that were there before a state, whose end they outlive.
         self._before: dict[str, dict[Any, Callable[[Any], object]]] = {}
+        self.add_post_set_parameters_callback(lambda _: self._change_cycle())
         ignore_negative_time(self)
         _reject_unknown_transitions(self)
         self.create()
@@ -107,6 +109,22 @@ class ManagedNode(StoppableNode, LifecycleNode):
         except rclpy_implementation.RCLError:  # it was interrupted in a transition, or has ended
             if self.active:
                 self.deactivate()
+
+    def begin_cycle(
+        self,
+        step: Callable[[float], None],
+        jumped_back: Callable[[], None],
+        stopped: Callable[[float], None] | None = None,
+    ) -> None:
+        """
+        Begin the cycle of the active node, with its parameters `rate` and `command_timeout`.
+
+        :param step: see `Cycle`, whose clock may stop for that timeout.
+        :param jumped_back: see `Cycle`.
+        :param stopped: see `Cycle`.
+        """
+        values = self.values
+        self.cycle = Cycle(self, values.rate, step, jumped_back, stopped, values.command_timeout)
 
     def keep(self, entity: object) -> None:
         """
@@ -219,6 +237,10 @@ class ManagedNode(StoppableNode, LifecycleNode):
         self.configured = False
         self._destroy_since('configured')
         self.cleanup()
+
+    def _change_cycle(self) -> None:
+        if self.cycle is not None:
+            self.cycle.change(self.values.rate, self.values.command_timeout)
 
     def _describe(self) -> dict[str, object]:
         return ({} if self.cycle is None else self.cycle.summary()) | self.details()
