@@ -16,17 +16,20 @@ from collections.abc import Mapping
 from isotruss_ros.core import ConvexObject, Disc, read_object, Robot
 from isotruss_ros.core.control import inputs
 from isotruss_ros.core.manipulation.grip import FEWEST, find_members, members_at, MOST
-from isotruss_ros.nodes.framework.parameters import ParameterError, Parameters, Spec, Value
-
-ROBOT = Spec('robot', 'nine_member', 'Preset, or path of a robot file', read_only=True)
-OBJECT_DIAMETER = Spec(
-    'object_diameter', 0.3, "The object's own diameter [m]", bounds=(0.001, 100.0)
+from isotruss_ros.nodes.framework.parameters import (
+    FixedSpec,
+    ParameterError,
+    Parameters,
+    Spec,
+    Value,
 )
-OBJECT = Spec(
+
+ROBOT = FixedSpec('robot', 'nine_member', 'Preset, or path of a robot file')
+OBJECT_DIAMETER = Spec('object_diameter', 0.3, "The object's own diameter [m]", (0.001, 100.0))
+OBJECT = FixedSpec(
     'object',
     '',
     'Object that is no disc: path of a YAML file, or YAML in braces; empty: of object_diameter',
-    read_only=True,
 )
 GRIP_MODULE = Spec(
     'grip_module',
@@ -39,24 +42,22 @@ GRIP = Spec(
     "Members t/j-k that hold the object, two or three, instead of the sides of grip_module; [''] "
     'for none',
 )
-FRICTION = Spec(
-    'friction', 0.5, 'Coefficient of friction between tube and object', bounds=(0.0, 10.0)
-)
+FRICTION = Spec('friction', 0.5, 'Coefficient of friction between tube and object', (0.0, 10.0))
 #: The object, where it may be held anywhere.
 OBJECT_SPECS = (OBJECT_DIAMETER, OBJECT, FRICTION)
 # Not below the rate of MemberLengthLimit, which keeps members in their limits in quicker loops.
-RATE = Spec('rate', 100.0, 'Cycles per second [Hz]', bounds=(10.0, 2000.0))
+RATE = Spec('rate', 100.0, 'Cycles per second [Hz]', (10.0, 2000.0))
 COMMAND_TIMEOUT = Spec(
-    'command_timeout', 0.2, 'Inputs older than this are not relied on [s]', bounds=(0.001, 10.0)
+    'command_timeout', 0.2, 'Inputs older than this are not relied on [s]', (0.001, 10.0)
 )
 PRESSURE_TIMEOUT = Spec(
     'pressure_timeout',
     inputs.PRESSURE_TIMEOUT,
     'Tube pressures older than this are not relied on [s]',
-    bounds=(0.001, 3600.0),
+    (0.001, 3600.0),
 )
-USE_STAMPED_TWIST = Spec(
-    'use_stamped_twist', False, 'cmd_vel is a TwistStamped instead of a Twist', read_only=True
+USE_STAMPED_TWIST = FixedSpec(
+    'use_stamped_twist', False, 'cmd_vel is a TwistStamped instead of a Twist'
 )
 REQUIRE_EMERGENCY_STOP = Spec(
     'require_emergency_stop', False, 'No motion before a message of emergency_stop is received'
