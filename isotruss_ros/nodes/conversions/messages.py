@@ -15,6 +15,7 @@ from collections.abc import Mapping, Sequence
 import math
 from typing import Any
 
+from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Pose as PoseMessage
 from geometry_msgs.msg import PoseStamped, Twist
 from isotruss_ros.core import IsotrussError, Pose
@@ -22,7 +23,6 @@ from isotruss_ros.core.errors import quote
 from isotruss_ros.core.numerics.arrays import Array
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
-from rclpy.time import Time
 from std_msgs.msg import Header
 
 #: No object is farther away, and no roller has travelled farther [m].
@@ -51,7 +51,8 @@ def make_header(when: float, frame: str = '') -> Header:
     :param when: its stamp, zero for a time before [s].
     :param frame: its frame.
     """
-    return Header(stamp=Time(nanoseconds=max(0, round(1e9 * when))).to_msg(), frame_id=frame)
+    seconds, nanoseconds = divmod(max(0, round(1e9 * when)), 1_000_000_000)
+    return Header(stamp=Time(sec=seconds, nanosec=nanoseconds), frame_id=frame)
 
 
 def read_twist(twist: Twist) -> tuple[float, float, float]:
