@@ -11,8 +11,6 @@
 
 from pathlib import Path
 
-from isotruss_ros.nodes import viewer
-from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.launching import describe_launch
 from launch import LaunchDescription
 
@@ -20,28 +18,5 @@ from launch import LaunchDescription
 def generate_launch_description() -> LaunchDescription:
     """Return the nodes; what describes the real robot and object has no default."""
     return describe_launch(
-        Path(__file__).parent,
-        {
-            'manipulation': (
-                common.OBJECT_DIAMETER,
-                common.OBJECT,
-                common.GRIP_MODULE,
-                common.GRIP,
-                common.RATE,
-                common.USE_STAMPED_TWIST,
-                common.REQUIRE_EMERGENCY_STOP,
-            ),
-            'grasp_analysis': common.OBJECT_SPECS,
-            'path_follower': (*common.OBJECT_SPECS, common.USE_STAMPED_TWIST),
-            'grasp_planner': (common.OBJECT,),
-            'pick_and_place': common.OBJECT_SPECS,
-            'state_estimator': (
-                common.OBJECT_DIAMETER,
-                common.OBJECT,
-                common.GRIP_MODULE,
-                common.GRIP,
-            ),
-            'viewer': (*common.OBJECT_SPECS, viewer.PORT),
-        },
-        required=(common.ROBOT, common.OBJECT_DIAMETER, common.GRIP_MODULE),
+        Path(__file__).parent, required=('robot', 'object_diameter', 'grip_module')
     )

@@ -23,15 +23,15 @@ from isotruss_ros.core import IsotrussError, Pose, Status
 from isotruss_ros.demo.path import Phase, Wrench
 from isotruss_ros.demo.record import PhaseRecord, Snapshot
 from isotruss_ros.nodes.conversions.grasp_messages import to_wrench_message
+from isotruss_ros.nodes.conversions.joint_state_messages import RollerStateReader
 from isotruss_ros.nodes.conversions.messages import (
+    make_header,
     name_object_frame,
     read_pose,
     read_stamp,
-    RollerStateReader,
-    stamp_header,
     to_twist_message,
 )
-from isotruss_ros.nodes.framework.qos import RELIABLE
+from isotruss_ros.nodes.framework.topics import RELIABLE
 import numpy as np
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -324,7 +324,7 @@ class DemoClient(Node):
         if pulls:
             record.pull, record.pulled = wrench, (min(record.pulled[0], seconds), seconds)
         message = WrenchStamped(wrench=to_wrench_message(wrench))
-        stamp_header(message.header, now, name_object_frame(self.frame_id))
+        message.header = make_header(1e-9 * now.nanoseconds, name_object_frame(self.frame_id))
         self._wrenches.publish(message)
 
     def _wait_for_rest(self, check: Callable[[], None], what: str) -> None:

@@ -22,8 +22,8 @@ from isotruss_ros.core.control.roller_trajectory import DEFAULT
 from isotruss_ros.demo.client import DEADLINE, DemoClient, DemoError
 from isotruss_ros.demo.record import PhaseRecord
 from isotruss_ros.nodes.conversions.messages import to_pose_message
-from isotruss_ros.nodes.conversions.trajectory_messages import read_duration, to_duration
-from isotruss_ros.nodes.framework.qos import RELIABLE
+from isotruss_ros.nodes.conversions.path_messages import read_duration, to_duration
+from isotruss_ros.nodes.framework.topics import RELIABLE
 import numpy as np
 from rclpy.action import ActionClient
 from rclpy.task import Future

@@ -15,6 +15,7 @@ from collections.abc import Sequence
 
 from isotruss_ros.core import Robot
 from isotruss_ros.demo.record import PhaseRecord
+from isotruss_ros.demo.tables import make_table
 import numpy as np
 from rich.table import Table
 
@@ -57,27 +58,21 @@ def truth_table(records: Sequence[PhaseRecord], robot: Robot, squeeze: float) ->
     :param robot: as its file has it.
     :param squeeze: that is regulated [N].
     """
-    table = Table(
-        title=(
-            'True squeeze against its target; against the truth:\n'
-            'estimated squeeze, estimated joints and joints by encoders alone;\n'
-            'true object against the twists'
+    table = make_table(
+        'True squeeze against its target; against the truth:\n'
+        'estimated squeeze, estimated joints and joints by encoders alone;\n'
+        'true object against the twists',
+        ('phase',),
+        (
+            'squeeze, end\n%',
+            'worst\n%',
+            'estimated\n%',
+            'joints\nmm',
+            'by encoders\nmm',
+            'pose\nmm',
+            'pose\ndeg',
         ),
-        box=None,
-        pad_edge=False,
-        collapse_padding=True,
     )
-    table.add_column('phase', no_wrap=True)
-    for heading in (
-        'squeeze, end\n%',
-        'worst\n%',
-        'estimated\n%',
-        'joints\nmm',
-        'by encoders\nmm',
-        'pose\nmm',
-        'pose\ndeg',
-    ):
-        table.add_column(heading, justify='right', no_wrap=True)
     for record in records:
         off = 100.0 * (np.array(record.squeezes) / squeeze - 1.0)
         joints, estimate = record.joints[-1], record.estimates[-1]

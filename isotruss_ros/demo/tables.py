@@ -19,27 +19,34 @@ import numpy as np
 from rich.table import Table
 
 
+def make_table(
+    title: str, names: Sequence[str], figures: Sequence[str], wrap: bool = False
+) -> Table:
+    """
+    Return a table without rows.
+
+    :param title: of the table.
+    :param names: headings of the first columns.
+    :param figures: headings of the others, with their units.
+    :param wrap: whether names may take several lines.
+    """
+    table = Table(title=title, box=None, pad_edge=False, collapse_padding=True)
+    for heading in names:
+        table.add_column(heading, no_wrap=not wrap)
+    for heading in figures:
+        table.add_column(heading, justify='right', no_wrap=True)
+    return table
+
+
 def plan_table(plan: PlanGrasp.Result) -> Table:
     """Return the planned grasps, best first; the robot takes the first."""
-    table = Table(
-        title=(
-            f'Planned: {plan.evaluations} configurations evaluated, {plan.analyses} of them '
-            f'by statics, in {plan.computing_time:.1f} s'
-        ),
-        box=None,
-        pad_edge=False,
-        collapse_padding=True,
+    table = make_table(
+        f'Planned: {plan.evaluations} configurations evaluated, {plan.analyses} of them '
+        f'by statics, in {plan.computing_time:.1f} s',
+        ('module', 'grasping members'),
+        ('squeeze\nN', 'slips\nat N', 'wrinkling\n%', 'travel\nm', 'least\nrigidity'),
+        wrap=True,
     )
-    table.add_column('module')
-    table.add_column('grasping members')
-    for heading in (
-        'squeeze\nN',
-        'slips\nat N',
-        'wrinkling\n%',
-        'travel\nm',
-        'least\nrigidity',
-    ):
-        table.add_column(heading, justify='right', no_wrap=True)
     for grasp in plan.grasps:
         table.add_row(
             grasp.module,
@@ -55,22 +62,11 @@ def plan_table(plan: PlanGrasp.Result) -> Table:
 
 def motion_table(records: Sequence[PhaseRecord]) -> Table:
     """Return how far the object moved, and the errors."""
-    table = Table(
-        title='Object: dx, dy in mm and rotation in degrees; roller: largest speed of any',
-        box=None,
-        pad_edge=False,
-        collapse_padding=True,
+    table = make_table(
+        'Object: dx, dy in mm and rotation in degrees; roller: largest speed of any',
+        ('phase',),
+        ('commanded', 'measured', 'error\nmm', 'error\ndeg', 'roller\nmm/s', 'loop\nHz'),
     )
-    table.add_column('phase')
-    for heading in (
-        'commanded',
-        'measured',
-        'error\nmm',
-        'error\ndeg',
-        'roller\nmm/s',
-        'loop\nHz',
-    ):
-        table.add_column(heading, justify='right', no_wrap=True)
     unit = np.array([1e3, 1e3, np.rad2deg(1.0)])
     for record in records:
         table.add_row(
@@ -95,28 +91,22 @@ def grasp_table(records: Sequence[PhaseRecord]) -> Table:
 
     :param records: of the phases.
     """
-    table = Table(
-        title=(
-            'Grasp: share of analyses by which the object is held; mean\n'
-            'normal force of a member; smallest wrench at which it slips;\n'
-            'share of friction used; length of contact at the end;\n'
-            'largest bending moment against the wrinkling moment'
+    table = make_table(
+        'Grasp: share of analyses by which the object is held; mean\n'
+        'normal force of a member; smallest wrench at which it slips;\n'
+        'share of friction used; length of contact at the end;\n'
+        'largest bending moment against the wrinkling moment',
+        ('phase',),
+        (
+            'held\n%',
+            'squeeze\nN',
+            'slips\nat N',
+            'used\n%',
+            'contact\nmm',
+            'wrinkles\n%',
+            'analysis\nms',
         ),
-        box=None,
-        pad_edge=False,
-        collapse_padding=True,
     )
-    table.add_column('phase', no_wrap=True)
-    for heading in (
-        'held\n%',
-        'squeeze\nN',
-        'slips\nat N',
-        'used\n%',
-        'contact\nmm',
-        'wrinkles\n%',
-        'analysis\nms',
-    ):
-        table.add_column(heading, justify='right', no_wrap=True)
     for record in records:
         analyses = record.analyses
         settled = [grasp for grasp in analyses if grasp.squeeze]
@@ -144,19 +134,12 @@ def contact_table(records: Sequence[PhaseRecord]) -> Table:
 
     :param records: of the phases.
     """
-    table = Table(
-        title=(
-            'Contact at the end of each phase, of the object held fast: length, largest\n'
-            'width and area of each region; mean and largest pressure on the object'
-        ),
-        box=None,
-        pad_edge=False,
-        collapse_padding=True,
+    table = make_table(
+        'Contact at the end of each phase, of the object held fast: length, largest\n'
+        'width and area of each region; mean and largest pressure on the object',
+        ('phase', 'member'),
+        ('length\nmm', 'width\nmm', 'area\ncm\u00b2', 'mean\nkPa', 'peak\nkPa'),
     )
-    table.add_column('phase', no_wrap=True)
-    table.add_column('member', no_wrap=True)
-    for heading in ('length\nmm', 'width\nmm', 'area\ncm\u00b2', 'mean\nkPa', 'peak\nkPa'):
-        table.add_column(heading, justify='right', no_wrap=True)
     for record in records:
         if not record.analyses:
             table.add_row(record.name, 'no analysis')

@@ -11,7 +11,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import partial
 import math
 from pathlib import Path
@@ -30,35 +29,33 @@ from isotruss_ros.nodes.components.joint_markers import (
     STILL,
     WINDOW,
 )
-from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
+from isotruss_ros.nodes.framework.parameters import FixedSpec
 from isotruss_ros.nodes.framework.runner import run, StoppableNode
 import numpy as np
-from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
-OUTPUT = params.Spec(
-    'output',
-    'calibrated_robot.yaml',
-    'Robot file that is written; it may be that of `robot`',
-    read_only=True,
+SPECS = (
+    common.ROBOT,
+    FixedSpec(
+        'output', 'calibrated_robot.yaml', 'Robot file that is written; it may be that of `robot`'
+    ),
+    WINDOW,
+    DEVIATION,
 )
-SPECS = (common.ROBOT, OUTPUT, WINDOW, DEVIATION)
 
 
 class Calibration(StoppableNode):
-    """
-    Measure the empty robot when it is asked to, and write what follows to a robot file.
+    """Measure the empty robot when it is asked to, and write what follows to a robot file."""
 
-    :param parameter_overrides: values of parameters other than the defaults.
-    :raises IsotrussError: a parameter is unusable.
-    """
+    node_name = 'calibration'
+    specs = SPECS
 
-    def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
-        super().__init__('calibration', SPECS, parameter_overrides)
-        self._robot = load_robot(self.values[common.ROBOT])
-        self._output = Path(self.values[OUTPUT])
-        self._markers = JointMarkers(self, self._robot, self.values[WINDOW])
+    def start(self) -> None:
+        """Subscribe, and offer the services."""
+        self._robot = load_robot(self.values.robot)
+        self._output = Path(self.values.output)
+        self._markers = JointMarkers(self, self._robot, self.values.window)
         self._postures: list[Posture] = []
         self._stiffness: StiffnessCalibration | None = None
         self.create_service(Trigger, 'calibrate_home', self._calibrate_home)
@@ -77,7 +74,7 @@ class Calibration(StoppableNode):
             posture, _ = self._measure()
             kept = [each for each in self._postures if not _is_same(each, posture)]
             self._postures = [*kept, posture]
-            found = calibrate_home(self._robot, self._postures, self.values[DEVIATION])
+            found = calibrate_home(self._robot, self._postures, self.values.marker_deviation)
             write_robot_file(self._robot, self._output, found, self._stiffness)
         except IsotrussError as error:
             response.message = str(error)
@@ -103,13 +100,13 @@ class Calibration(StoppableNode):
                     'no joints without the pull in this posture: call calibrate_home first'
                 )
             both = sorted(set(before[0].joints) & set(under.joints))
-            home = calibrate_home(self._robot, self._postures, self.values[DEVIATION])
+            home = calibrate_home(self._robot, self._postures, self.values.marker_deviation)
             found = calibrate_stiffness(
                 self._robot.configuration(under.roller_positions + home.zeros),
                 {request.joint: (request.force.x, request.force.y)},
                 {name: before[0].joints[name] for name in both},
                 {name: under.joints[name] for name in both},
-                self.values[DEVIATION] / math.sqrt(count),
+                self.values.marker_deviation / math.sqrt(count),
             )
             write_robot_file(self._robot, self._output, home, found)
             self._stiffness = found

@@ -27,26 +27,23 @@ from isotruss_ros.core import load_robot
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.joint_markers import DEVIATION, JointMarkers, WINDOW
-from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
-from isotruss_ros.nodes.framework.qos import LATCHED, RELIABLE
+from isotruss_ros.nodes.framework.parameters import FixedSpec, Spec
 from isotruss_ros.nodes.framework.runner import run, StoppableNode
+from isotruss_ros.nodes.framework.topics import LATCHED, RELIABLE
 import numpy as np
-from rclpy.parameter import Parameter
 from std_msgs.msg import Bool, Float64MultiArray
 
-TRAVEL = params.Spec('travel', 0.02, 'Each roller turns by this [m]', bounds=(0.005, 0.05))
-SPEED = params.Spec('speed', 0.01, 'So quickly [m/s]', bounds=(0.001, 0.05))
-SETTLE_TIME = params.Spec(
-    'settle_time', 1.0, 'The robot comes to rest in this time [s]', bounds=(0.0, 30.0)
+SPECS = (
+    common.ROBOT,
+    common.RATE,
+    Spec('travel', 0.02, 'Each roller turns by this [m]', (0.005, 0.05)),
+    Spec('speed', 0.01, 'So quickly [m/s]', (0.001, 0.05)),
+    Spec('settle_time', 1.0, 'The robot comes to rest in this time [s]', (0.0, 30.0)),
+    WINDOW,
+    DEVIATION,
+    FixedSpec('output', '', 'Robot file in which the rollers are noted as checked; none if empty'),
 )
-OUTPUT = params.Spec(
-    'output',
-    '',
-    'Robot file in which the rollers are noted as checked; none if empty',
-    read_only=True,
-)
-SPECS = (common.ROBOT, common.RATE, TRAVEL, SPEED, SETTLE_TIME, WINDOW, DEVIATION, OUTPUT)
 COMMANDS = 'roller_velocity_controller/commands'
 
 
@@ -55,24 +52,25 @@ class CheckRollers(StoppableNode):
     Turn each roller of the empty robot forth and back.
 
     :ivar right: names of the rollers that were found right.
-    :param parameter_overrides: values of parameters other than the defaults.
-    :raises IsotrussError: a parameter is unusable.
     """
 
-    def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
-        super().__init__('check_rollers', SPECS, parameter_overrides)
-        self._robot = load_robot(self.values[common.ROBOT])
+    node_name = 'check_rollers'
+    specs = SPECS
+
+    def start(self) -> None:
+        """Subscribe, and begin to wait for the markers."""
+        self._robot = load_robot(self.values.robot)
         self.right: list[str] = []
         self._commands = self.create_publisher(Float64MultiArray, COMMANDS, RELIABLE)
-        self._markers = JointMarkers(self, self._robot, self.values[WINDOW])
+        self._markers = JointMarkers(self, self._robot, self.values.window)
         self.create_subscription(Bool, 'emergency_stop', self._receive_stop, LATCHED)
         self._velocities = np.zeros(len(self._robot.roller_names))
         #: Own commands that may be on their way.
         self._sent: deque[list[float]] = deque([self._velocities.tolist()], maxlen=10)
         self.create_subscription(Float64MultiArray, COMMANDS, self._receive_command, RELIABLE)
         self._course = self._check_all()
-        self._due = self.now() + self.values[WINDOW] + self.values[SETTLE_TIME]
-        create_steady_timer(self, 1.0 / self.values[common.RATE], self._cycle)
+        self._due = self.now() + self.values.window + self.values.settle_time
+        create_steady_timer(self, 1.0 / self.values.rate, self._cycle)
 
     def stop(self) -> None:
         """Command all rollers to stand still."""
@@ -102,8 +100,8 @@ class CheckRollers(StoppableNode):
 
     def _check_all(self) -> Generator[float, None, None]:
         """Check one roller after the other; yields how long to wait before it goes on [s]."""
-        travel, speed = self.values[TRAVEL], self.values[SPEED]
-        rest = self.values[SETTLE_TIME] + self.values[WINDOW]
+        travel, speed = self.values.travel, self.values.speed
+        rest = self.values.settle_time + self.values.window
         for number, name in enumerate(self._robot.roller_names):
             before = self._markers.measure(self.now()).posture
             for direction in (1.0, -1.0):
@@ -120,7 +118,7 @@ class CheckRollers(StoppableNode):
             }
             turned = after.roller_positions - before.roller_positions
             middle = self._robot.configuration(before.roller_positions + 0.5 * turned)
-            why = judge_roller(middle, name, travel, moved, self.values[DEVIATION])
+            why = judge_roller(middle, name, travel, moved, self.values.marker_deviation)
             why = why or _judge_encoders(self._robot.roller_names, number, travel, turned)
             if why:
                 raise MeasurementError(f'roller {name}: {why}')
@@ -129,8 +127,8 @@ class CheckRollers(StoppableNode):
 
     def _finish(self) -> None:
         """Note the rollers in the robot file, and end."""
-        if self.values[OUTPUT]:
-            write_checked_rollers(self._robot, Path(self.values[OUTPUT]), self.right)
+        if self.values.output:
+            write_checked_rollers(self._robot, Path(self.values.output), self.right)
         self.done = True
 
 

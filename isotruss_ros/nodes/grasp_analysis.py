@@ -11,7 +11,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 import time
@@ -25,14 +24,7 @@ from isotruss_ros.core.control.grasp_report import GraspCode, GraspReport
 from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.statics.wrinkling import MAX_UTILISATION
 from isotruss_ros.nodes.components import common_parameters as common
-from isotruss_ros.nodes.components.sensors import (
-    describe_ages,
-    forget_pressures,
-    subscribe_input,
-    subscribe_joint_states,
-    subscribe_object_pose,
-    subscribe_tube_pressures,
-)
+from isotruss_ros.nodes.components.sensors import Inputs
 from isotruss_ros.nodes.components.transforms import TransformBroadcaster
 from isotruss_ros.nodes.conversions.grasp_messages import (
     read_external_wrench,
@@ -40,72 +32,61 @@ from isotruss_ros.nodes.conversions.grasp_messages import (
     to_state_message,
 )
 from isotruss_ros.nodes.conversions.markers import GraspMarkers
-from isotruss_ros.nodes.conversions.messages import name_object_frame, stamp_header, to_time
-from isotruss_ros.nodes.framework import parameters as params
-from isotruss_ros.nodes.framework.cycle import Cycle
-from isotruss_ros.nodes.framework.diagnostics import Level, WarningThrottle
+from isotruss_ros.nodes.conversions.messages import make_header, name_object_frame
+from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
-from isotruss_ros.nodes.framework.qos import RELIABLE
+from isotruss_ros.nodes.framework.parameters import Spec
 from isotruss_ros.nodes.framework.runner import run
-from rclpy.parameter import Parameter
-from rclpy.time import Time
+from isotruss_ros.nodes.framework.topics import RELIABLE
 from std_msgs.msg import Bool
 from visualization_msgs.msg import MarkerArray
 
-RATE = replace(common.RATE, bounds=(1.0, 1000.0))
-# Not finer: for an object as large as the robot, memory grows with the square of the points.
-SPACING = params.Spec(
-    'spacing', 0.005, 'Distance of the points that can touch, along the tubes [m]', (0.002, 0.1)
-)
-FLATTENING = params.Spec(
-    'flattening',
-    True,
-    "Whether tubes flatten where they are touched; if not, (5) to (10) in the paper's model, and "
-    'only whether the object is held with flattening',
-)
 SPECS = (
     common.ROBOT,
     *common.OBJECT_SPECS,
-    RATE,
+    replace(common.RATE, bounds=(1.0, 1000.0)),
     common.COMMAND_TIMEOUT,
     common.PRESSURE_TIMEOUT,
-    SPACING,
-    FLATTENING,
+    # Not finer: for an object as large as the robot, memory grows with the square of the points.
+    Spec(
+        'spacing',
+        0.005,
+        'Distance of the points that can touch, along the tubes [m]',
+        (0.002, 0.1),
+    ),
+    Spec(
+        'flattening',
+        True,
+        "Whether tubes flatten where they are touched; if not, (5) to (10) in the paper's model, "
+        'and only whether the object is held with flattening',
+    ),
 )
 #: Markers are published at most this often, as RViz draws [s].
 MARKER_PERIOD = 1.0 / 30.0
 
 
 class GraspAnalysisNode(ManagedNode):
-    """
-    Analyse the grasp in every cycle from the latest inputs.
+    """Analyse the grasp in every cycle from the latest inputs."""
 
-    :param parameter_overrides: values of parameters other than the defaults.
-    :raises IsotrussError: a parameter is unusable; the text names it and what would be right.
-    """
-
+    node_name = 'grasp_analysis'
+    specs = SPECS
     awaited = ('joint_states', 'object_pose')
-
-    def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
-        super().__init__('grasp_analysis', SPECS, parameter_overrides)
-        self._throttle = WarningThrottle(self.get_logger())
-        self._monitor: GraspMonitor | None = None
-        self._drawn = 0.0
-        self.start()
+    #: When markers were published last.
+    _drawn = 0.0
 
     def configure(self) -> None:
         """Load the robot, create publishers and subscriptions."""
         values = self.values
-        self._robot = load_robot(values[common.ROBOT])
+        self._robot = load_robot(values.robot)
         values.on_change(self._apply)
         self._monitor = GraspMonitor(
             self._robot,
-            values[common.OBJECT_DIAMETER],
-            values[common.FRICTION],
-            values[SPACING],
-            values[common.COMMAND_TIMEOUT],
+            values.object_diameter,
+            values.friction,
+            values.spacing,
+            values.command_timeout,
             common.read_described(values),
-            values[FLATTENING],
+            values.flattening,
         )
         self._states = self.create_lifecycle_publisher(GraspState, 'grasp/state', RELIABLE)
         self._held = self.create_lifecycle_publisher(Bool, 'grasp/held', RELIABLE)
@@ -114,69 +95,39 @@ class GraspAnalysisNode(ManagedNode):
         self._arrays = self.create_lifecycle_publisher(MarkerArray, 'grasp/markers', RELIABLE)
         self._transforms = TransformBroadcaster(self, self._robot)
         self._markers = GraspMarkers(self._robot.frame)
-        subscribe_joint_states(self, self._robot, self._monitor)
-        subscribe_object_pose(self, self._robot, self._monitor)
-        self._monitor.pressure_timeout = values[common.PRESSURE_TIMEOUT]
-        subscribe_tube_pressures(self, self._robot, self._monitor)
-        subscribe_input(
-            self,
-            WrenchStamped,
-            'external_wrench',
-            partial(read_external_wrench, frame=self._robot.frame),
-            self._monitor,
-            'wrench',
-        )
+        self._monitor.pressure_timeout = values.pressure_timeout
+        self._inputs = Inputs(self, self._robot, self._monitor)
+        self._inputs.keep_joint_states()
+        self._inputs.keep_object_pose()
+        self._inputs.keep_tube_pressures()
+        read_wrench = partial(read_external_wrench, frame=self._robot.frame)
+        self._inputs.keep(WrenchStamped, 'external_wrench', read_wrench, 'wrench')
         self.diagnostics.hardware_id = self._robot.name
 
     def activate(self) -> None:
         """Start the cycle and offer the service."""
-        self.cycle = Cycle(self, self.values[RATE], self._step, self._clear_inputs)
+        self.begin_cycle(self._step, self._inputs.clear)
         self.create_service(AnalyzeGrasp, 'analyze_grasp', self._analyze)
 
-    def deactivate(self) -> None:
-        """Stop the cycle."""
-        self.cycle = None
-
-    def cleanup(self) -> None:
-        """Release the robot."""
-        self._monitor = None
-
     def details(self) -> dict[str, object]:
-        """Return cycle times and ages of the inputs."""
-        monitor = self._monitor
-        if monitor is None:
-            return {}
-        ages = describe_ages(
-            self.now(),
-            joint_states=monitor.rollers,
-            object_pose=monitor.pose,
-            external_wrench=monitor.wrench,
-            tube_pressures=monitor.pressures,
-        )
-        return ages | ({'cycles': 0} if self.cycle is None else self.cycle.summary())
-
-    def _clear_inputs(self) -> None:
-        """Discard the inputs: after a jump of the clock their ages are unknown."""
-        self._monitor.rollers = self._monitor.pose = self._monitor.wrench = None
-        forget_pressures(self._monitor)
+        """Return the ages of the inputs."""
+        return self._inputs.describe_ages() if self.configured else {}
 
     def _apply(self) -> None:
         """Apply changed parameters from the next cycle on."""
-        self._monitor.object_diameter = self.values[common.OBJECT_DIAMETER]
-        self._monitor.friction = self.values[common.FRICTION]
-        self._monitor.spacing = self.values[SPACING]
-        self._monitor.flattening = self.values[FLATTENING]
-        self._monitor.timeout = self.values[common.COMMAND_TIMEOUT]
-        self._monitor.pressure_timeout = self.values[common.PRESSURE_TIMEOUT]
-        if self.cycle is not None:
-            self.cycle.change(self.values[RATE])
+        self._monitor.object_diameter = self.values.object_diameter
+        self._monitor.friction = self.values.friction
+        self._monitor.spacing = self.values.spacing
+        self._monitor.flattening = self.values.flattening
+        self._monitor.timeout = self.values.command_timeout
+        self._monitor.pressure_timeout = self.values.pressure_timeout
 
     def _analyze(
         self, request: AnalyzeGrasp.Request, response: AnalyzeGrasp.Response
     ) -> AnalyzeGrasp.Response:
         now = self.now()
         try:
-            query = read_query(request, self.values[SPACING], self.values[FLATTENING])
+            query = read_query(request, self.values.spacing, self.values.flattening)
         except IsotrussError as error:
             report = GraspReport(GraspCode.INVALID_REQUEST, str(error), now)
         else:
@@ -186,8 +137,8 @@ class GraspAnalysisNode(ManagedNode):
         response.state = to_state_message(report, self._robot.frame)
         return response
 
-    def _step(self, now: Time) -> None:
-        report = self._monitor.report(1e-9 * now.nanoseconds)
+    def _step(self, now: float) -> None:
+        report = self._monitor.report(now)
         state = to_state_message(report, self._robot.frame)
         self._states.publish(state)
         held = Bool(data=state.held)
@@ -195,20 +146,18 @@ class GraspAnalysisNode(ManagedNode):
         self._closures.publish(held)
         if report.grasp is not None:
             # A wrench has no code: without a result, none is published.
-            wrench = WrenchStamped(wrench=state.normal_wrench)
-            measured, frame = to_time(report.time), name_object_frame(self._robot.frame)
-            stamp_header(wrench.header, measured, frame)
-            self._wrenches.publish(wrench)
+            header = make_header(report.time, name_object_frame(self._robot.frame))
+            self._wrenches.publish(WrenchStamped(header=header, wrench=state.normal_wrench))
             grasp = report.grasp
             pose = grasp.body.pose
-            self._transforms.broadcast(grasp.config, pose[:2], measured)
+            self._transforms.broadcast(grasp.config, pose[:2], report.time)
             used, _ = max(grasp.utilisation.values())
             level = Level.OK if used <= MAX_UTILISATION else Level.WARN
             if report.code is not GraspCode.OK:
-                self._throttle.warn(report.code.name, f'{report.code}: {report.message}')
+                self.warn(report.code.name, f'{report.code}: {report.message}')
             self.diagnostics.set_status(level, report.message or 'analysing')
         else:
-            self._throttle.warn(report.code.name, f'{report.code}: {report.message}')
+            self.warn(report.code.name, f'{report.code}: {report.message}')
             self.diagnostics.set_status(Level.ERROR, f'{report.code}: {report.message}')
         self._draw(report)
 
@@ -216,7 +165,7 @@ class GraspAnalysisNode(ManagedNode):
         """Publish markers if there is a subscriber, at the rate at which they are drawn."""
         now = time.monotonic()
         if now - self._drawn >= MARKER_PERIOD and self._arrays.get_subscription_count():
-            self._arrays.publish(self._markers.update(report, self.get_clock().now()))
+            self._arrays.publish(self._markers.update(report, self.now()))
             self._drawn = now
 
 

@@ -11,35 +11,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import partial
 
 from isotruss_msgs.action import PlanGrasp
-from isotruss_ros.core import ConvexObject, IsotrussError, load_robot
+from isotruss_ros.core import IsotrussError, load_robot
 from isotruss_ros.core.control.inputs import InputError
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.planning.searcher import Answer, Outcome, Searcher
 from isotruss_ros.core.planning.workers import MAX_WORKERS
 from isotruss_ros.nodes.components import common_parameters as common
-from isotruss_ros.nodes.components.sensors import describe_ages, subscribe_joint_states
+from isotruss_ros.nodes.components.sensors import Inputs, TrackedShape
 from isotruss_ros.nodes.components.single_goal import SingleGoal
-from isotruss_ros.nodes.components.tracked_shape import TrackedShape
 from isotruss_ros.nodes.conversions.plan_messages import (
     read_goal,
     to_feedback_message,
     to_result_message,
 )
-from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
+from isotruss_ros.nodes.framework.parameters import FixedSpec
 from isotruss_ros.nodes.framework.runner import run
-from rclpy.parameter import Parameter
 
-WORKERS = params.Spec(
-    'workers', 0, 'Processes that search, one for each core if 0', read_only=True
+SPECS = (
+    common.ROBOT,
+    common.OBJECT,
+    common.COMMAND_TIMEOUT,
+    FixedSpec('workers', 0, 'Processes that search, one for each core if 0', (0, MAX_WORKERS)),
 )
-SPECS = (common.ROBOT, common.OBJECT, common.COMMAND_TIMEOUT, WORKERS)
 #: The node polls a search this often [s].
 PERIOD = 0.02
 
@@ -49,36 +48,22 @@ class GraspPlanner(ManagedNode):
     Execute one goal at a time, and reject others meanwhile.
 
     The search has a thread and processes of its own; a timer polls it.
-
-    :param parameter_overrides: values of parameters other than the defaults.
-    :raises IsotrussError: a parameter is unusable; the text names it and what would be right.
     """
 
+    node_name = 'grasp_planner'
+    specs = SPECS
     awaited = ('plan_grasp',)
-
-    def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
-        # First of all: where a parameter is of a wrong type the node is destroyed at once.
-        self._searcher: Searcher | None = None
-        super().__init__('grasp_planner', SPECS, parameter_overrides)
-        self._described: ConvexObject | None = None
-        self._shape: TrackedShape | None = None
-        self._goal: SingleGoal | None = None
-        self.start()
+    _searcher: Searcher | None = None
 
     def configure(self) -> None:
         """Load the robot, subscribe to its joint states, and offer the action."""
-        workers = self.values[WORKERS]
-        if not 0 <= workers <= MAX_WORKERS:
-            raise params.ParameterError(
-                f'parameter workers: {workers}: must be from 0 (as many as there are cores) '
-                f'to {MAX_WORKERS}'
-            )
-        self._robot = load_robot(self.values[common.ROBOT])
+        self._robot = load_robot(self.values.robot)
         self._described = common.read_described(self.values)
-        self._searcher = Searcher(workers)
-        self._shape = TrackedShape(self._robot, self.values[common.COMMAND_TIMEOUT])
+        self._searcher = Searcher(self.values.workers)
+        self._shape = TrackedShape(self._robot, self.values.command_timeout)
         self.values.on_change(self._apply)
-        subscribe_joint_states(self, self._robot, self._shape)
+        self._inputs = Inputs(self, self._robot, self._shape)
+        self._inputs.keep_joint_states()
         # There while the node is inactive too, so that a goal that ends then gets its result.
         self._goal = SingleGoal(
             self,
@@ -97,11 +82,9 @@ class GraspPlanner(ManagedNode):
 
     def deactivate(self) -> None:
         """End the search and its processes."""
-        self._abort('the node was deactivated')
-
-    def cleanup(self) -> None:
-        """Release the robot."""
-        self._goal = self._shape = None
+        self._searcher.close()
+        if self._goal.active:
+            self._end(Answer(Outcome.FAILED, 'the node was deactivated'))
 
     def destroy_node(self) -> None:
         """Destroy the node and end the processes."""
@@ -111,18 +94,16 @@ class GraspPlanner(ManagedNode):
 
     def details(self) -> dict[str, object]:
         """Return the progress of the search and the age of the joint states."""
-        if self._goal is None:
+        if not self.configured:
             return {}
-        details: dict[str, object] = {'searching': self._goal.active} | describe_ages(
-            self.now(), joint_states=self._shape.rollers
-        )
+        details = {'searching': self._goal.active} | self._inputs.describe_ages()
         progress = self._searcher.progress()
         if progress is not None:
             details |= {'evaluations': progress.evaluations, 'grasps found': progress.found}
         return details
 
     def _apply(self) -> None:
-        self._shape.timeout = self.values[common.COMMAND_TIMEOUT]
+        self._shape.timeout = self.values.command_timeout
 
     # -- The action --
 
@@ -149,12 +130,6 @@ class GraspPlanner(ManagedNode):
             self._end(answer)
         elif self._goal.active:
             self._goal.publish_feedback(lambda: to_feedback_message(self._searcher.progress()))
-
-    def _abort(self, why: str) -> None:
-        """Abort the goal, if there is one, and end the processes."""
-        self._searcher.close()
-        if self._goal.active:
-            self._end(Answer(Outcome.FAILED, why))
 
     def _end(self, answer: Answer) -> None:
         """Publish the result of the goal."""

@@ -11,168 +11,98 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import partial
 
 from geometry_msgs.msg import Twist, TwistStamped
 from isotruss_ros.core import load_robot, Status, TwistServo
 from isotruss_ros.core.control.inputs import RejectedInput, StampedInput
-from isotruss_ros.core.control.load_estimate import LoadSettings
-from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
-from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint
+from isotruss_ros.core.model.topology import check_roller_names
 from isotruss_ros.nodes.components import common_parameters as common
+from isotruss_ros.nodes.components.commands import RollerCommands
 from isotruss_ros.nodes.components.emergency_stop import EmergencyStop
-from isotruss_ros.nodes.components.failed_rollers import (
-    check_failed_rollers,
-    describe_reachable_twists,
-    FailedRollers,
-)
-from isotruss_ros.nodes.components.roller_commands import RollerCommands
-from isotruss_ros.nodes.components.sensors import (
-    describe_ages,
-    forget_pressures,
-    subscribe_input,
-    subscribe_joint_states,
-    subscribe_object_pose,
-    subscribe_tube_pressures,
-)
-from isotruss_ros.nodes.components.servo_settings import apply_settings, FAILED_ROLLERS
+from isotruss_ros.nodes.components.failed_rollers import describe_reachable_twists, FailedRollers
+from isotruss_ros.nodes.components.sensors import Inputs
+from isotruss_ros.nodes.components.servo_settings import apply_settings, StatusReport
 from isotruss_ros.nodes.components.servo_settings import SPECS as SERVO_SPECS
-from isotruss_ros.nodes.components.status_report import StatusReport
 from isotruss_ros.nodes.components.trajectory_following import TrajectoryFollowing
-from isotruss_ros.nodes.conversions.messages import check_frame, MessageError, read_twist
-from isotruss_ros.nodes.framework import parameters as params
-from isotruss_ros.nodes.framework.cycle import Cycle
+from isotruss_ros.nodes.conversions.messages import check_frame, read_twist
 from isotruss_ros.nodes.framework.managed import ManagedNode
+from isotruss_ros.nodes.framework.parameters import ParameterError, Spec, Value
 from isotruss_ros.nodes.framework.runner import run
-from isotruss_ros.nodes.framework.subscriptions import discard_waiting, subscribe_newest
+from isotruss_ros.nodes.framework.topics import NEWEST, take_waiting
 from rclpy.parameter import Parameter
-from rclpy.time import Time
 from std_srvs.srv import SetBool
 
-SQUEEZE_FORCE = params.Spec(
-    'squeeze_force',
-    0.0,
-    'Mean normal force of the grasping members that is regulated, 0 to keep the angle of the '
-    'grip [N]',
-    bounds=(0.0, 1000.0),
-)
-OBJECT_MASS = params.Spec(
-    'object_mass',
-    0.0,
-    'Mass of the object; 0: that of its description. Unknown, the loop takes its slow gains [kg]',
-    bounds=(0.0, 1000.0),
-)
-POSE_GAIN = params.Spec(
-    'pose_gain',
-    0.0,
-    'With squeeze_force: gain of the pose, from which the others follow; 0: by the lowest '
-    'frequency of the held object [1/s]',
-    bounds=(0.0, 100.0),
-)
-FORCE_GAIN = params.Spec(
-    'force_gain', False, 'Accept a pose_gain beyond what that frequency allows'
-)
-FREQUENCY = params.Spec(
-    'frequency',
-    0.0,
-    'Lowest frequency of the held object, measured; 0: computed from the masses [rad/s]',
-    bounds=(0.0, 1000.0),
-)
-EXPECTED_LOAD = params.Spec(
-    'expected_load',
-    0.0,
-    'With squeeze_force: size of the loads on the object that are expected; 0: none, and what '
-    'moves it by 5 mm for 2 s counts as a slip [N]',
-    bounds=(0.0, 1000.0),
-)
-MODE = params.Spec(
-    'mode',
-    'object',
-    "What cmd_vel moves: the held 'object', or a 'joint' of the robot without one",
-)
-JOINT = params.Spec('joint', '', "In the mode 'joint': name of the joint")
 MODES = ('object', 'joint')
 #: The type of the publishers of cmd_vel is looked up this often while no twist comes [s].
 TYPE_CHECK_PERIOD = 1.0
 SPECS = (
     common.ROBOT,
-    MODE,
-    JOINT,
+    Spec(
+        'mode',
+        'object',
+        "What cmd_vel moves: the held 'object', or a 'joint' of the robot without one",
+    ),
+    Spec('joint', '', "In the mode 'joint': name of the joint"),
     common.USE_STAMPED_TWIST,
     common.REQUIRE_EMERGENCY_STOP,
     common.OBJECT,
-    common.FRICTION,
-    common.PRESSURE_TIMEOUT,
-    SQUEEZE_FORCE,
-    OBJECT_MASS,
-    POSE_GAIN,
-    FORCE_GAIN,
-    FREQUENCY,
-    EXPECTED_LOAD,
     *SERVO_SPECS,
 )
 
 
 class Manipulation(ManagedNode):
-    """
-    Compute the roller velocities in every cycle from the latest inputs.
+    """Compute the roller velocities in every cycle from the latest inputs."""
 
-    :param parameter_overrides: values of parameters other than the defaults.
-    :raises IsotrussError: a parameter is unusable; the text names it and what would be right.
-    """
-
+    node_name = 'manipulation'
+    specs = SPECS
     awaited = ('joint_states', 'object_pose', 'cmd_vel')
+    _report: StatusReport | None = None
+    _servo: TwistServo | None = None
+    _trajectory: TrajectoryFollowing | None = None
+    #: Why the rollers are not this node's alone; None if they are.
+    _others: str | None = None
 
-    def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
-        super().__init__('manipulation', SPECS, parameter_overrides)
-        self._report: StatusReport | None = None
-        self._servo: TwistServo | None = None
-        self._trajectory: TrajectoryFollowing | None = None
-        #: Why the rollers are not this node's alone; None if they are.
-        self._others: str | None = None
+    def create(self) -> None:
+        """Listen to what stops the rollers, in every state."""
         self._stop = EmergencyStop(
             self,
-            lambda: self.values[common.REQUIRE_EMERGENCY_STOP],
+            lambda: self.values.require_emergency_stop,
             self._apply_stop,
             self._wait_for_zero,
         )
         self._failed_rollers = FailedRollers(self, self._apply_failures)
         self.create_service(SetBool, 'set_joint_mode', self._set_joint_mode)
-        self.start()
 
     def configure(self) -> None:
         """Load the robot, create publishers and subscriptions."""
         values = self.values
-        self._robot = load_robot(values[common.ROBOT])
+        self._robot = load_robot(values.robot)
         values.on_change(self._apply, self._check)
         self._report = StatusReport(self, self._robot.frame)
         self._servo = TwistServo(
             self._robot,
-            common.select_grip_module(self._robot, values[common.GRIP_MODULE]),
-            values[common.OBJECT_DIAMETER],
-            period=1.0 / values[common.RATE],
-            timeout=values[common.COMMAND_TIMEOUT],
+            common.select_grip_module(self._robot, values.grip_module),
+            values.object_diameter,
+            period=1.0 / values.rate,
+            timeout=values.command_timeout,
         )
         self._servo.body = common.read_described(values)
         self._trajectory = TrajectoryFollowing(self, self._servo)
         apply_settings(self._servo, values)
         self._apply_mode()
-        self._apply_squeeze()
         self._failed_rollers.follow(self._servo.detector, self._robot)
         self._others = None
         self._apply_failures()
         self._commands = RollerCommands(self, len(self._robot.roller_names))
-        subscribe_joint_states(self, self._robot, self._servo)
-        subscribe_object_pose(self, self._robot, self._servo)
-        subscribe_tube_pressures(self, self._robot, self._servo)
-        if values[common.USE_STAMPED_TWIST]:
-            self._twists = subscribe_input(
-                self, TwistStamped, 'cmd_vel', self._read_stamped_twist, self._servo, 'twist'
-            )
-        else:
-            self._twists = subscribe_newest(self, Twist, 'cmd_vel', self._receive_twist)
+        inputs = self._inputs = Inputs(self, self._robot, self._servo)
+        stamped = values.use_stamped_twist
+        kind, read = (TwistStamped, self._read_stamped_twist) if stamped else (Twist, read_twist)
+        self._twists = inputs.keep(kind, 'cmd_vel', read, 'twist', 'twist')
+        inputs.keep_joint_states()
+        inputs.keep_object_pose()
+        inputs.keep_tube_pressures()
         self.create_timer(TYPE_CHECK_PERIOD, self._check_twist_type)
         self.diagnostics.hardware_id = self._robot.name
 
@@ -181,18 +111,10 @@ class Manipulation(ManagedNode):
         self._discard_twist()
         self._trajectory.subscribe()
         self._commands.subscribe()
-        self.cycle = Cycle(
-            self,
-            self.values[common.RATE],
-            self._step,
-            jumped_back=self._clear_inputs,
-            stopped=self._halt_on_stopped_clock,
-            progress_timeout=self._servo.timeout,
-        )
+        self.begin_cycle(self._step, self._clear_inputs, self._halt_on_stopped_clock)
 
     def deactivate(self) -> None:
         """Command zero velocities, and wait until the subscribers have received them."""
-        self.cycle = None
         self._trajectory.abort('the node was deactivated')
         self._commands.stop()
         if not self._wait_for_zero():
@@ -203,7 +125,7 @@ class Manipulation(ManagedNode):
         self._servo = self._trajectory = None
 
     def details(self) -> dict[str, object]:
-        """Return cycle times, ages of the inputs and failed rollers."""
+        """Return ages of the inputs and failed rollers."""
         details: dict[str, object] = {'emergency stop': self._stop.reason or 'no'}
         servo = self._servo
         if servo is None:
@@ -216,20 +138,13 @@ class Manipulation(ManagedNode):
             details['grip'] = ', '.join(servo.members)
         else:
             details['grip module'] = servo.grip_module
-        details |= describe_ages(
-            self.now(),
-            twist=servo.twist,
-            joint_states=servo.rollers,
-            object_pose=servo.pose,
-            tube_pressures=servo.pressures,
-            state_estimate=servo.estimate,
-        )
+        details |= self._inputs.describe_ages()
         if servo.failed:
             details['failed rollers'] = ', '.join(sorted(servo.failed))
             details['reachable twists'] = describe_reachable_twists(servo)
         status = self._report.status
         details |= {'status': status.name, 'status code': int(status)}
-        return details | ({'cycles': 0} if self.cycle is None else self.cycle.summary())
+        return details
 
     def _wait_for_zero(self) -> bool:
         """Return whether the subscribers have received the last command, zero."""
@@ -266,20 +181,19 @@ class Manipulation(ManagedNode):
 
     def _discard_twist(self) -> None:
         """Forget the last twist and those that wait: only a later one may move the object."""
-        discard_waiting(self._twists)
+        take_waiting([], self._twists, NEWEST.depth)
         self._servo.twist = None
 
     def _clear_inputs(self) -> None:
         """Discard the inputs: after a jump of the clock their ages are unknown."""
-        self._servo.twist = self._servo.rollers = self._servo.pose = None
-        forget_pressures(self._servo)
+        self._inputs.clear()
         self._trajectory.abort('the clock jumped back or stopped')
 
-    def _halt_on_stopped_clock(self, now: Time) -> None:
+    def _halt_on_stopped_clock(self, now: float) -> None:
         """Halt: while the clock is stopped, old inputs do not age."""
         self._clear_inputs()
         if self._servo.stopped is None:
-            self._servo.stopped = (Status.HALT_CLOCK, f'simulated time stopped at {now}')
+            self._servo.stopped = (Status.HALT_CLOCK, f'simulated time stopped at {now:.3f} s')
         self._step(now)
         self._servo.stopped = self._halt()
 
@@ -287,7 +201,7 @@ class Manipulation(ManagedNode):
         """Hold the rollers at zero that the topic or the parameter names."""
         if self._servo is None:
             return
-        by_parameter = set(self.values[FAILED_ROLLERS]) - {''}
+        by_parameter = set(self.values.failed_rollers) - {''}
         self._servo.failed = self._failed_rollers.select_named(self._robot) | by_parameter
         self._apply_halt()
 
@@ -297,30 +211,25 @@ class Manipulation(ManagedNode):
         if self._servo.stopped is not None:
             self._trajectory.abort(self._servo.stopped[1])
 
-    def _check(self, new: dict[str, params.Value]) -> None:
+    def _check(self, new: dict[str, Value]) -> None:
         common.check_grip(self._robot, new)
-        check_failed_rollers(self._robot, new)
-        mode, joint = (new.get(spec.name, self.values[spec]) for spec in (MODE, JOINT))
+        failed = set(new.get('failed_rollers', ())) - {''}
+        check_roller_names('parameter failed_rollers', failed, self._robot.roller_names)
+        mode, joint = (new.get(name, getattr(self.values, name)) for name in ('mode', 'joint'))
         if mode not in MODES:
-            raise params.ParameterError(f'parameter mode: {mode!r}: must be one of {MODES}')
+            raise ParameterError(f'parameter mode: {mode!r}: must be one of {MODES}')
         if joint or mode == 'joint':
-            try:
-                check_joint(self._robot, joint)
-            except GraspError as error:
-                raise params.ParameterError(f'parameter joint: {error}') from error
+            check_joint(self._robot, joint)
 
     def _apply(self) -> None:
         """Apply changed parameters from the next cycle on."""
         apply_settings(self._servo, self.values)
         self._apply_mode()
-        self._apply_squeeze()
         self._apply_failures()
-        if self.cycle is not None:
-            self.cycle.change(self.values[common.RATE], self._servo.timeout)
 
     def _apply_mode(self) -> None:
         """Choose what twists move; where that changes, halt at once until the next twist."""
-        joint = self.values[JOINT] if self.values[MODE] == 'joint' else None
+        joint = self.values.joint if self.values.mode == 'joint' else None
         if joint == self._servo.joint:
             return
         self._servo.joint = joint
@@ -333,40 +242,11 @@ class Manipulation(ManagedNode):
     ) -> SetBool.Response:
         """Set the parameter `mode`."""
         mode = 'joint' if request.data else 'object'
-        (result,) = self.set_parameters([Parameter(MODE.name, value=mode)])
+        (result,) = self.set_parameters([Parameter('mode', value=mode)])
         response.success = result.successful
-        moved = f'joint {self.values[JOINT]}' if request.data else 'object'
+        moved = f'joint {self.values.joint}' if request.data else 'object'
         response.message = result.reason or f'cmd_vel moves the {moved}'
         return response
-
-    def _apply_squeeze(self) -> None:
-        """Regulate the squeeze from the next cycle on, or keep the angle of the grip."""
-        values, servo = self.values, self._servo
-        servo.object_mass = values[OBJECT_MASS] or None
-        servo.pressure_timeout = values[common.PRESSURE_TIMEOUT]
-        servo.friction = values[common.FRICTION]
-        if servo.body is not None and servo.body.friction is not None:
-            servo.friction = servo.body.friction
-        if values[SQUEEZE_FORCE] == 0.0:
-            servo.squeeze = None
-            return
-        settings = SqueezeSettings(
-            values[SQUEEZE_FORCE],
-            servo.friction,
-            pose_gain=values[POSE_GAIN] or None,
-            force_gain=values[FORCE_GAIN],
-            frequency=values[FREQUENCY] or None,
-            load=LoadSettings(values[EXPECTED_LOAD]),
-        )
-        if servo.squeeze is None or servo.squeeze.fault is not None:
-            servo.squeeze = SqueezeControl(settings)
-        servo.squeeze.settings = settings
-
-    def _receive_twist(self, message: Twist) -> None:
-        try:
-            self._servo.twist = StampedInput(read_twist(message), self.now())
-        except MessageError as error:
-            self._servo.twist = RejectedInput(str(error))
 
     def _read_stamped_twist(self, message: TwistStamped) -> tuple[float, float, float]:
         check_frame('twist', message.header, self._robot.frame)
@@ -377,7 +257,7 @@ class Manipulation(ManagedNode):
         twist, servo = self._servo.twist, self._servo
         if isinstance(twist, StampedInput) and self.now() - twist.time < servo.timeout:
             return
-        stamped = self.values[common.USE_STAMPED_TWIST]
+        stamped = self.values.use_stamped_twist
         wrong, right = ('Twist', 'TwistStamped') if stamped else ('TwistStamped', 'Twist')
         found = self.get_publishers_info_by_topic('cmd_vel')
         rejected = RejectedInput(
@@ -389,9 +269,9 @@ class Manipulation(ManagedNode):
         elif twist == rejected:
             servo.twist = None
 
-    def _step(self, now: Time) -> None:
+    def _step(self, now: float) -> None:
         self._check_others()
-        decision = self._trajectory.decide(1e-9 * now.nanoseconds)
+        decision = self._trajectory.decide(now)
         self._commands.publish(decision.command.roller_velocities)
         self._report.publish(decision, now)
 

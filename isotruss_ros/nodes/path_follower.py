@@ -11,7 +11,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
@@ -26,57 +25,35 @@ from isotruss_ros.core.control.path_tracking import Tracking, TrackingSettings
 from isotruss_ros.core.errors import GraspError, NoMotionError, PathError
 from isotruss_ros.core.planning.foresee_path import foresee_grip
 from isotruss_ros.nodes.components import common_parameters as common
-from isotruss_ros.nodes.components.sensors import (
-    describe_ages,
-    subscribe_input,
-    subscribe_joint_states,
-    subscribe_object_pose,
-)
+from isotruss_ros.nodes.components.commands import create_twist_publisher
+from isotruss_ros.nodes.components.sensors import Inputs
 from isotruss_ros.nodes.components.single_goal import SingleGoal
-from isotruss_ros.nodes.components.twists import create_twist_publisher
 from isotruss_ros.nodes.conversions.path_messages import (
     read_object_path,
-    to_feedback_message,
-    to_result_message,
+    to_path_feedback,
+    to_path_result,
 )
-from isotruss_ros.nodes.framework import parameters as params
-from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
+from isotruss_ros.nodes.framework.parameters import Parameters, Spec
 from isotruss_ros.nodes.framework.runner import run
 import numpy as np
-from rclpy.parameter import Parameter
-from rclpy.time import Time
 
-RATE = replace(common.RATE, bounds=(10.0, 1000.0))
-POSITION_GAIN = params.Spec(
-    'position_gain', 2.0, 'Rate at which errors of position decay [1/s]', bounds=(0.0, 20.0)
-)
-ANGLE_GAIN = params.Spec(
-    'angle_gain', 2.0, 'Rate at which errors of orientation decay [1/s]', bounds=(0.0, 20.0)
-)
-RAMP_TIME = params.Spec(
-    'ramp_time', 0.5, 'From rest to the speed of the path, and back [s]', bounds=(0.01, 10.0)
-)
-PROGRESS_TIMEOUT = params.Spec(
-    'progress_timeout',
-    3.0,
-    'A goal is aborted after this long without progress [s]',
-    bounds=(0.5, 600.0),
-)
-SMOOTH_PATH = params.Spec(
-    'smooth_path', False, 'Round the corners of paths; straight from pose to pose if not'
-)
 SPECS = (
     common.ROBOT,
-    RATE,
+    replace(common.RATE, bounds=(10.0, 1000.0)),
     common.COMMAND_TIMEOUT,
     common.USE_STAMPED_TWIST,
-    POSITION_GAIN,
-    ANGLE_GAIN,
-    RAMP_TIME,
-    PROGRESS_TIMEOUT,
-    SMOOTH_PATH,
+    Spec('position_gain', 2.0, 'Rate at which errors of position decay [1/s]', (0.0, 20.0)),
+    Spec('angle_gain', 2.0, 'Rate at which errors of orientation decay [1/s]', (0.0, 20.0)),
+    Spec('ramp_time', 0.5, 'From rest to the speed of the path, and back [s]', (0.01, 10.0)),
+    Spec(
+        'progress_timeout',
+        3.0,
+        'A goal is aborted after this long without progress [s]',
+        (0.5, 600.0),
+    ),
+    Spec('smooth_path', False, 'Round the corners of paths; straight from pose to pose if not'),
     *common.OBJECT_SPECS,
 )
 
@@ -86,41 +63,33 @@ class PathFollower(ManagedNode):
     Follow one path at a time; publish nothing on `cmd_vel` while there is none.
 
     The action's callbacks only begin and end a goal; the cycle publishes the twists.
-
-    :param parameter_overrides: values of parameters other than the defaults.
-    :raises IsotrussError: a parameter is unusable; the text names it and what would be right.
     """
 
+    node_name = 'path_follower'
+    specs = SPECS
     awaited = ('follow_object_path',)
+    _last: Tracking | None = None
+    #: A path that is being foreseen, in a thread, so that inputs are received meanwhile.
+    _waiting: tuple[Future[None], ObjectPath, TrackingSettings] | None = None
 
-    def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
-        super().__init__('path_follower', SPECS, parameter_overrides)
-        self._servo: PathServo | None = None
-        self._goal: SingleGoal | None = None
-        self._last: Tracking | None = None
-        #: A path that is being foreseen, in a thread, so that inputs are received meanwhile.
+    def create(self) -> None:
+        """Create the thread."""
         self._thread = ThreadPoolExecutor(max_workers=1)
-        self._waiting: tuple[Future[None], ObjectPath, TrackingSettings] | None = None
-        self.start()
 
     def configure(self) -> None:
         """Create publishers and subscriptions, and offer the action."""
         values = self.values
-        self._robot = load_robot(values[common.ROBOT])
-        self._servo = PathServo(1.0 / values[RATE], values[common.COMMAND_TIMEOUT])
+        self._robot = load_robot(values.robot)
+        self._servo = PathServo(1.0 / values.rate, values.command_timeout)
         values.on_change(self._apply)
         self._publish_twist = create_twist_publisher(
-            self, values[common.USE_STAMPED_TWIST], self._robot.frame
+            self, values.use_stamped_twist, self._robot.frame
         )
-        subscribe_object_pose(self, self._robot, self._servo)
-        subscribe_joint_states(self, self._robot, self._servo)
-        subscribe_input(
-            self,
-            ManipulationStatus,
-            'manipulation/status',
-            self._read_status,
-            self._servo,
-            'servo_feedback',
+        self._inputs = Inputs(self, self._robot, self._servo)
+        self._inputs.keep_object_pose()
+        self._inputs.keep_joint_states()
+        self._inputs.keep(
+            ManipulationStatus, 'manipulation/status', _read_status, 'servo_feedback', 'status'
         )
         # There while the node is inactive too, so that a goal that ends then gets its result.
         self._goal = SingleGoal(
@@ -137,47 +106,26 @@ class PathFollower(ManagedNode):
     def activate(self) -> None:
         """Accept goals from now on."""
         self.diagnostics.set_status(Level.OK, 'no path to follow')
-        self.cycle = Cycle(
-            self,
-            self.values[RATE],
-            self._step,
-            jumped_back=self._clear_inputs,
-            stopped=self._abort_on_stopped_clock,
-            progress_timeout=self._servo.timeout,
-        )
+        self.begin_cycle(self._step, self._inputs.clear, self._abort_on_stopped_clock)
 
     def deactivate(self) -> None:
         """Leave the object at rest."""
-        self.cycle = None
         self._end(Outcome.STOPPED, 'the node was deactivated')
-
-    def cleanup(self) -> None:
-        """Release the inputs."""
-        self._servo = self._goal = None
 
     def details(self) -> dict[str, object]:
         """Return the state of the goal and ages of the inputs."""
-        if self._servo is None:
+        if not self.configured:
             return {}
-        details: dict[str, object] = {'following': self._goal.active} | describe_ages(
-            self.now(), object_pose=self._servo.pose, status=self._servo.servo_feedback
-        )
+        details = {'following': self._goal.active} | self._inputs.describe_ages()
         if self._goal.active and self._last is not None:
             details |= {'phase': self._last.phase.name, 'progress': f'{self._last.progress:.3f}'}
             details |= {'position error [m]': f'{self._last.position_error:.6f}'}
         return details
 
-    # -- Inputs --
-
-    def _read_status(self, message: ManipulationStatus) -> ServoFeedback:
-        return ServoFeedback(message.code, message.scale, message.message, message.frequency)
-
     def _apply(self) -> None:
         """Apply changed parameters; gains and the like from the next goal on."""
-        self._servo.timeout = self.values[common.COMMAND_TIMEOUT]
-        self._servo.period = 1.0 / self.values[RATE]
-        if self.cycle is not None:
-            self.cycle.change(self.values[RATE], self._servo.timeout)
+        self._servo.timeout = self.values.command_timeout
+        self._servo.period = 1.0 / self.values.rate
 
     # -- The action --
 
@@ -189,17 +137,17 @@ class PathFollower(ManagedNode):
             settings = TrackingSettings(
                 goal.position_tolerance,
                 goal.angle_tolerance,
-                values[POSITION_GAIN],
-                values[ANGLE_GAIN],
-                values[RAMP_TIME],
-                values[PROGRESS_TIMEOUT],
+                values.position_gain,
+                values.angle_gain,
+                values.ramp_time,
+                values.progress_timeout,
             )
             path = read_object_path(
                 goal.path,
                 goal.speed,
                 goal.turn_rate,
                 self._robot,
-                values[SMOOTH_PATH],
+                values.smooth_path,
                 self._servo.measured(self.now()),
             )
             foreseen = self._thread.submit(
@@ -237,12 +185,12 @@ class PathFollower(ManagedNode):
             return
         self._waiting = None
         self._publish_twist(np.zeros(3))
-        result = to_result_message(outcome, message, self._servo.tracker, self._last)
+        result = to_path_result(outcome, message, self._servo.tracker, self._last)
         self._goal.report_end(outcome, result, 'no path to follow')
 
     # -- The cycle --
 
-    def _step(self, now: Time) -> None:
+    def _step(self, now: float) -> None:
         if not self._goal.active:
             return
         if (loss := self._goal.find_loss(self._servo.timeout)) is not None:
@@ -252,27 +200,27 @@ class PathFollower(ManagedNode):
             self._publish_twist(np.zeros(3))
             self._begin_foreseen()
             return
-        step = self._servo.decide(1e-9 * now.nanoseconds)
+        step = self._servo.decide(now)
         self._last = step.tracking or self._last
         if step.outcome is not None:
             self._end(step.outcome, step.message)
             return
         self._publish_twist(step.twist)
-        self._goal.publish_feedback(lambda: to_feedback_message(step.tracking))
+        self._goal.publish_feedback(lambda: to_path_feedback(step.tracking))
         self.diagnostics.set_status(Level.OK, step.tracking.phase.name.lower())
 
-    def _clear_inputs(self) -> None:
-        """Discard the inputs: after a jump of the clock their ages are unknown."""
-        self._servo.pose = self._servo.servo_feedback = self._servo.rollers = None
-
-    def _abort_on_stopped_clock(self, now: Time) -> None:
+    def _abort_on_stopped_clock(self, now: float) -> None:
         """Abort the goal: while the clock is stopped, old inputs do not age."""
-        self._clear_inputs()
-        self._end(Outcome.STOPPED, f'simulated time stopped at {now}')
+        self._inputs.clear()
+        self._end(Outcome.STOPPED, f'simulated time stopped at {now:.3f} s')
+
+
+def _read_status(message: ManipulationStatus) -> ServoFeedback:
+    return ServoFeedback(message.code, message.scale, message.message, message.frequency)
 
 
 def check_path(
-    robot: Robot, values: params.Parameters, rollers: Input, path: ObjectPath, now: float
+    robot: Robot, values: Parameters, rollers: Input, path: ObjectPath, now: float
 ) -> None:
     """
     Check that the model of the held object can follow a path with the squeeze that it has.
@@ -288,11 +236,11 @@ def check_path(
     :raises PathError: names the place where the path would end, and why.
     """
     try:
-        (state,) = require_fresh(now, values[common.COMMAND_TIMEOUT], joint_states=rollers)
+        (state,) = require_fresh(now, values.command_timeout, joint_states=rollers)
     except InputError:
         return
     body = common.read_body(values)
-    friction = values[common.FRICTION] if body.friction is None else body.friction
+    friction = values.friction if body.friction is None else body.friction
     config = robot.configuration(state.value.positions)
     try:
         found = foresee_grip(config, body.moved_to(path.poses[0]), friction, path.poses)

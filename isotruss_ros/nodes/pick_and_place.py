@@ -11,7 +11,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -23,18 +23,12 @@ from isotruss_ros.core.errors import GraspError
 from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.action_steps import CancelledError, Outcome, StepError, Steps
 from isotruss_ros.nodes.components.grasp_sequences import GraspSequences
-from isotruss_ros.nodes.components.sensors import (
-    describe_ages,
-    subscribe_input,
-    subscribe_joint_states,
-    subscribe_object_pose,
-)
+from isotruss_ros.nodes.components.sensors import Inputs
 from isotruss_ros.nodes.components.single_goal import SingleGoal
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.runner import run
-from rclpy.parameter import Parameter
 
 SPECS = (common.ROBOT, *common.OBJECT_SPECS, common.COMMAND_TIMEOUT)
 #: A sequence is taken on this often [s].
@@ -42,31 +36,24 @@ PERIOD = 0.02
 
 
 class PickAndPlace(ManagedNode):
-    """
-    Execute one goal at a time, and reject others meanwhile.
+    """Execute one goal at a time, and reject others meanwhile."""
 
-    :param parameter_overrides: values of parameters other than the defaults.
-    :raises IsotrussError: a parameter is unusable; the text names it and what would be right.
-    """
-
+    node_name = 'pick_and_place'
+    specs = SPECS
     awaited = ('pick_object', 'move_object', 'place_object')
-
-    def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
-        self._sequences: GraspSequences | None = None
-        super().__init__('pick_and_place', SPECS, parameter_overrides)
-        self._actions: list[SingleGoal] = []
-        self._course: Steps | None = None
-        self._cancelling = False
-        self.start()
+    _sequences: GraspSequences | None = None
+    _course: Steps | None = None
+    _cancelling = False
 
     def configure(self) -> None:
         """Load the robot, create clients and subscriptions, and offer the actions."""
-        robot = load_robot(self.values[common.ROBOT])
+        robot = load_robot(self.values.robot)
         sequences = self._sequences = GraspSequences(self, robot)
         self.values.on_change(self._apply)
-        subscribe_joint_states(self, robot, sequences)
-        subscribe_object_pose(self, robot, sequences)
-        subscribe_input(self, GraspState, 'grasp/state', lambda state: state, sequences, 'grasp')
+        self._inputs = Inputs(self, robot, sequences)
+        self._inputs.keep_joint_states()
+        self._inputs.keep_object_pose()
+        self._inputs.keep(GraspState, 'grasp/state', lambda state: state, 'grasp')
         # There while the node is inactive too, so that a goal that ends then gets its result.
         self._actions = [
             self._offer(PickObject, 'pick_object', sequences.pick),
@@ -88,29 +75,22 @@ class PickAndPlace(ManagedNode):
 
     def cleanup(self) -> None:
         """Release the clients."""
-        self._sequences.close()
-        self._sequences, self._actions = None, []
+        if self._sequences is not None:
+            self._sequences.close()
 
     def details(self) -> dict[str, object]:
         """Return what is executed, and the ages of the inputs."""
-        sequences = self._sequences
-        if sequences is None:
+        if not self.configured:
             return {}
-        ages = describe_ages(
-            self.now(),
-            joint_states=sequences.rollers,
-            object_pose=sequences.pose,
-            grasp_state=sequences.grasp,
-        )
-        goal = self._goal
-        return {'executing': 'nothing' if goal is None else goal.kind.__name__} | ages
+        name = 'nothing' if self._goal is None else self._goal.kind.__name__
+        return {'executing': name} | self._inputs.describe_ages()
 
     @property
     def _goal(self) -> SingleGoal | None:
         return next((action for action in self._actions if action.active), None)
 
     def _apply(self) -> None:
-        self._sequences.timeout = self.values[common.COMMAND_TIMEOUT]
+        self._sequences.timeout = self.values.command_timeout
 
     def _offer(self, kind: type, name: str, sequence: Callable[[Any], Steps]) -> SingleGoal:
         def begin(goal: Any) -> None:

@@ -16,7 +16,6 @@ fitted to the poses that follow. The node ends by itself.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import partial
 
 from geometry_msgs.msg import PoseStamped
@@ -25,38 +24,32 @@ from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.calibration.oscillation import fit_oscillation, Oscillation
 from isotruss_ros.core import load_robot, Status
 from isotruss_ros.nodes.components import common_parameters as common
+from isotruss_ros.nodes.components.commands import create_twist_publisher
 from isotruss_ros.nodes.components.robot_frame import RobotFrame
-from isotruss_ros.nodes.components.twists import create_twist_publisher
 from isotruss_ros.nodes.conversions.messages import read_object_pose, read_stamp
-from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
-from isotruss_ros.nodes.framework.qos import RELIABLE
+from isotruss_ros.nodes.framework.parameters import Spec
 from isotruss_ros.nodes.framework.runner import run, StoppableNode
+from isotruss_ros.nodes.framework.topics import RELIABLE
 import numpy as np
-from rclpy.parameter import Parameter
 
-VX = params.Spec('vx', 0.04, 'Twist of the push: along x [m/s]', bounds=(-1.0, 1.0))
-VY = params.Spec('vy', 0.0, 'Along y [m/s]', bounds=(-1.0, 1.0))
-OMEGA = params.Spec('omega', 0.0, 'About the origin of the object [rad/s]', bounds=(-10.0, 10.0))
-PUSH_TIME = params.Spec('push_time', 0.15, 'Duration of the push [s]', bounds=(0.01, 2.0))
-LISTEN_TIME = params.Spec(
-    'listen_time', 3.0, 'Poses after it are taken for so long [s]', bounds=(0.5, 60.0)
-)
-WAIT_TIME = params.Spec(
-    'wait_time', 10.0, 'Poses and the status of `manipulation` must come within [s]', (0.1, 600.0)
-)
 SPECS = (
     common.ROBOT,
     common.OBJECT_DIAMETER,
     common.OBJECT,
     common.RATE,
     common.USE_STAMPED_TWIST,
-    VX,
-    VY,
-    OMEGA,
-    PUSH_TIME,
-    LISTEN_TIME,
-    WAIT_TIME,
+    Spec('vx', 0.04, 'Twist of the push: along x [m/s]', (-1.0, 1.0)),
+    Spec('vy', 0.0, 'Along y [m/s]', (-1.0, 1.0)),
+    Spec('omega', 0.0, 'About the origin of the object [rad/s]', (-10.0, 10.0)),
+    Spec('push_time', 0.15, 'Duration of the push [s]', (0.01, 2.0)),
+    Spec('listen_time', 3.0, 'Poses after it are taken for so long [s]', (0.5, 60.0)),
+    Spec(
+        'wait_time',
+        10.0,
+        'Poses and the status of `manipulation` must come within [s]',
+        (0.1, 600.0),
+    ),
 )
 
 
@@ -65,17 +58,18 @@ class Pluck(StoppableNode):
     Push the held object once by a twist, and fit an oscillation to its poses.
 
     :ivar found: what was fitted; None before.
-    :param parameter_overrides: values of parameters other than the defaults.
-    :raises IsotrussError: a parameter is unusable.
     """
 
-    def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
-        super().__init__('pluck', SPECS, parameter_overrides)
+    node_name = 'pluck'
+    specs = SPECS
+
+    def start(self) -> None:
+        """Subscribe, and begin to wait for the inputs."""
         values = self.values
         self.found: Oscillation | None = None
-        self._frame = RobotFrame.heard_by(self, load_robot(values[common.ROBOT]).frame)
+        self._frame = RobotFrame.heard_by(self, load_robot(values.robot).frame)
         self._arm = common.read_body(values).arm
-        stamped = values[common.USE_STAMPED_TWIST]
+        stamped = values.use_stamped_twist
         self._twists = create_twist_publisher(self, stamped, self._frame.frame)
         self._times: list[float] = []
         self._poses: list[tuple[float, ...]] = []
@@ -86,7 +80,7 @@ class Pluck(StoppableNode):
         )
         self._began = self.now()
         self._pushed: float | None = None
-        create_steady_timer(self, 1.0 / values[common.RATE], self._cycle)
+        create_steady_timer(self, 1.0 / values.rate, self._cycle)
 
     def stop(self) -> None:
         """Publish a zero twist before the node ends."""
@@ -107,9 +101,9 @@ class Pluck(StoppableNode):
         now, values = self.now(), self.values
         if self._pushed is None:
             self._wait(now)
-        elif now < self._pushed + values[PUSH_TIME]:
+        elif now < self._pushed + values.push_time:
             self._publish_twist(1.0)
-        elif now < self._pushed + values[PUSH_TIME] + values[LISTEN_TIME]:
+        elif now < self._pushed + values.push_time + values.listen_time:
             self._publish_twist(0.0)
         else:
             self._report()
@@ -117,7 +111,7 @@ class Pluck(StoppableNode):
     def _wait(self, now: float) -> None:
         """Begin to push as soon as the object is held and poses come."""
         self._publish_twist(0.0)
-        status, waited = self._status, now - self._began > self.values[WAIT_TIME]
+        status, waited = self._status, now - self._began > self.values.wait_time
         if status is not None and status.pose_gain > 0.0:
             raise MeasurementError(
                 'manipulation regulates the squeeze, which changes the oscillation: set its '
@@ -132,7 +126,7 @@ class Pluck(StoppableNode):
     def _report(self) -> None:
         """Fit the oscillation and end."""
         times = np.array(self._times)
-        after = times > self._pushed + self.values[PUSH_TIME]
+        after = times > self._pushed + self.values.push_time
         self.found = fit_oscillation(times[after], np.array(self._poses)[after], self._arm)
         frequency, damping, amplitude = self.found
         self.get_logger().info(
@@ -144,7 +138,7 @@ class Pluck(StoppableNode):
 
     def _publish_twist(self, share: float) -> None:
         values = self.values
-        self._twists([share * values[each] for each in (VX, VY, OMEGA)])
+        self._twists([share * each for each in (values.vx, values.vy, values.omega)])
 
 
 #: Pluck the object, log what was found, and end.

@@ -20,44 +20,28 @@ from isotruss_ros.core import IsotrussError, load_robot
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.joint_markers import JointMarkers, LATEST, WINDOW
+from isotruss_ros.nodes.conversions.joint_state_messages import RollerStateReader
 from isotruss_ros.nodes.conversions.messages import (
     read_object_pose,
     read_stamp,
-    RollerStateReader,
 )
-from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
-from isotruss_ros.nodes.framework.qos import LATCHED, RELIABLE
+from isotruss_ros.nodes.framework.parameters import Spec
 from isotruss_ros.nodes.framework.runner import run, StoppableNode
+from isotruss_ros.nodes.framework.topics import LATCHED, RELIABLE
 import numpy as np
-from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
-LISTEN_TIME = params.Spec(
-    'listen_time', 3.0, 'Topics are heard for so long [s]', bounds=(0.5, 60.0)
-)
-JOINT_RATE = params.Spec(
-    'joint_rate', 50.0, 'Least messages of joint_states in a second [Hz]', bounds=(1.0, 2000.0)
-)
-POSE_RATE = params.Spec(
-    'pose_rate', 10.0, 'Least messages of object_pose in a second [Hz]', bounds=(1.0, 2000.0)
-)
-OBJECT_MASS = params.Spec(
-    'object_mass', 0.0, 'Mass of the object; 0: that of its description [kg]', (0.0, 1000.0)
-)
-ZERO_ERROR = params.Spec(
-    'zero_error', 0.01, 'Markers may be as far off the encoders as this [m]', (0.0, 1.0)
-)
 SPECS = (
     common.ROBOT,
     common.OBJECT,
     WINDOW,
-    LISTEN_TIME,
-    JOINT_RATE,
-    POSE_RATE,
-    OBJECT_MASS,
-    ZERO_ERROR,
+    Spec('listen_time', 3.0, 'Topics are heard for so long [s]', (0.5, 60.0)),
+    Spec('joint_rate', 50.0, 'Least messages of joint_states in a second [Hz]', (1.0, 2000.0)),
+    Spec('pose_rate', 10.0, 'Least messages of object_pose in a second [Hz]', (1.0, 2000.0)),
+    Spec('object_mass', 0.0, 'Mass of the object; 0: that of its description [kg]', (0.0, 1000.0)),
+    Spec('zero_error', 0.01, 'Markers may be as far off the encoders as this [m]', (0.0, 1.0)),
 )
 
 
@@ -66,14 +50,15 @@ class Preflight(StoppableNode):
     Listen for a while, and judge what was heard; nothing moves.
 
     :ivar faults: names of the checks that failed.
-    :param parameter_overrides: values of parameters other than the defaults.
-    :raises IsotrussError: a parameter is unusable.
     """
 
-    def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
-        super().__init__('preflight', SPECS, parameter_overrides)
-        self._robot = load_robot(self.values[common.ROBOT])
-        self._markers = JointMarkers(self, self._robot, self.values[WINDOW])
+    node_name = 'preflight'
+    specs = SPECS
+
+    def start(self) -> None:
+        """Subscribe, and begin to listen."""
+        self._robot = load_robot(self.values.robot)
+        self._markers = JointMarkers(self, self._robot, self.values.window)
         self._joint_states: list[JointState] = []
         self._poses: list[PoseStamped] = []
         self._stops: list[Bool] = []
@@ -95,7 +80,7 @@ class Preflight(StoppableNode):
             'roller signs': self._check_signs,
             'masses': self._check_masses,
         }
-        create_steady_timer(self, self.values[LISTEN_TIME], self._report)
+        create_steady_timer(self, self.values.listen_time, self._report)
 
     def _report(self) -> None:
         """Print a line for each check, and end; with an error where one failed."""
@@ -133,10 +118,10 @@ class Preflight(StoppableNode):
             for name, place in posture.joints.items()
         }
         worst = max(off, key=off.__getitem__)
-        if off[worst] > self.values[ZERO_ERROR]:
+        if off[worst] > self.values.zero_error:
             raise MeasurementError(
                 f'joint {worst} is {1e3 * off[worst]:.0f} mm off the encoders; at most '
-                f'{1e3 * self.values[ZERO_ERROR]:.0f} mm: run calibrate_home again'
+                f'{1e3 * self.values.zero_error:.0f} mm: run calibrate_home again'
             )
         return f'{words}; joint {worst} is {1e3 * off[worst]:.1f} mm off the encoders'
 
@@ -171,12 +156,8 @@ class Preflight(StoppableNode):
         )
 
     def _check_rates(self) -> str:
-        return ', '.join(
-            (
-                self._check_rate('joint_states', self._joint_states, JOINT_RATE),
-                self._check_rate('object_pose', self._poses, POSE_RATE),
-            )
-        )
+        joints = self._check_rate('joint_states', self._joint_states, self.values.joint_rate)
+        return f'{joints}, {self._check_rate("object_pose", self._poses, self.values.pose_rate)}'
 
     def _check_signs(self) -> str:
         checked = self._robot.description.calibration.get('checked_rollers', ())
@@ -188,7 +169,7 @@ class Preflight(StoppableNode):
     def _check_masses(self) -> str:
         module = self._robot.description.module.mass
         described = common.read_described(self.values)
-        body = self.values[OBJECT_MASS] or (described.mass if described else None)
+        body = self.values.object_mass or (described.mass if described else None)
         if module is None or not body:
             which = 'module.mass of the robot file' if module is None else 'object_mass'
             raise MeasurementError(f'{which} is not given: the loop would be slow')
@@ -204,14 +185,12 @@ class Preflight(StoppableNode):
         return f'{1e3 * age:.0f} ms old'
 
     def _check_rate(
-        self, topic: str, messages: Sequence[JointState | PoseStamped], least: params.Spec
+        self, topic: str, messages: Sequence[JointState | PoseStamped], least: float
     ) -> str:
         """Return the rate of a topic in words; refuse one that is slow."""
-        rate = len(messages) / self.values[LISTEN_TIME]
-        if rate < 0.9 * self.values[least]:
-            raise MeasurementError(
-                f'{topic} comes {rate:.3g} times a second: must be {self.values[least]:g}'
-            )
+        rate = len(messages) / self.values.listen_time
+        if rate < 0.9 * least:
+            raise MeasurementError(f'{topic} comes {rate:.3g} times a second: must be {least:g}')
         return f'{topic} {rate:.3g} Hz'
 
 

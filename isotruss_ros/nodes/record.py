@@ -11,7 +11,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 import contextlib
 from functools import partial
 import json
@@ -25,13 +25,12 @@ from isotruss_msgs.msg import GraspState, ManipulationStatus
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.nodes.components.transforms import TFMessage
 from isotruss_ros.nodes.conversions.message_text import schema_text, type_name
-from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
-from isotruss_ros.nodes.framework.qos import EVENTS, NEWEST
+from isotruss_ros.nodes.framework.parameters import FixedSpec, ParameterError
 from isotruss_ros.nodes.framework.runner import run, StoppableNode
+from isotruss_ros.nodes.framework.topics import EVENTS, NEWEST
 from isotruss_ros.viewer.names import MissingPackageError
 from rclpy.duration import Duration
-from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64MultiArray
@@ -40,8 +39,8 @@ from visualization_msgs.msg import MarkerArray
 if TYPE_CHECKING:
     from mcap.writer import Writer
 
-FILE = params.Spec(
-    'file', '', 'MCAP file to be written, never over another; empty: by date and time', None, True
+SPECS = (
+    FixedSpec('file', '', 'MCAP file to be written, never over another; empty: by date and time'),
 )
 TOPICS = {
     'joint_states': JointState,
@@ -66,15 +65,13 @@ class RecordError(IsotrussError, OSError):
 
 
 class Record(StoppableNode):
-    """
-    Write every message of the topics that the view shows, from the first one on.
+    """Write every message of the topics that the view shows, from the first one on."""
 
-    :param parameter_overrides: values of parameters other than the defaults.
-    :raises IsotrussError: a parameter is unusable, or the file exists.
-    """
+    node_name = 'record'
+    specs = SPECS
 
-    def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
-        super().__init__('record', (FILE,), parameter_overrides)
+    def start(self) -> None:
+        """Subscribe; nothing is written before there is a file."""
         self._writer: Writer | None = None
         self._channels: dict[str, int] = {}
         self.count = 0
@@ -101,11 +98,11 @@ class Record(StoppableNode):
             from mcap.writer import Writer
         except ModuleNotFoundError as error:
             raise MissingPackageError(error) from error
-        name = self.values[FILE] or time.strftime('isotruss_%Y-%m-%d_%H-%M-%S.mcap')
+        name = self.values.file or time.strftime('isotruss_%Y-%m-%d_%H-%M-%S.mcap')
         try:
             self._stream = Path(name).open('xb')  # noqa: SIM115 - open until `stop`
         except OSError as error:
-            raise params.ParameterError(f'parameter file: {name}: {error.strerror}') from error
+            raise ParameterError(f'parameter file: {name}: {error.strerror}') from error
         self._writer = Writer(self._stream)
         self._writer.start(profile='ros2', library='isotruss_ros')
         return Path(name)

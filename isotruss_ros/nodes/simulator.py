@@ -11,7 +11,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import partial
 import math
 
@@ -29,111 +28,77 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.holding.loaded_frame import held_joints
+from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.simulation.simulated_robot import SimulatedObject
 from isotruss_ros.mujoco_plant.driven_robot import DrivenRobot
 from isotruss_ros.mujoco_plant.recording import PlantRecorder
 from isotruss_ros.nodes.components import common_parameters as common
-from isotruss_ros.nodes.components.clock_source import CLOCK_SPEED, ClockSource
 from isotruss_ros.nodes.components.mujoco_object import (
-    GROUND_FRICTION,
     make_driven_robot,
     make_recorder,
     MUJOCO_SPECS,
-    RECORDING,
 )
 from isotruss_ros.nodes.components.simulated_object import SPECS as OBJECT_SPECS
 from isotruss_ros.nodes.components.simulated_object import StartingObject
 from isotruss_ros.nodes.components.simulated_sensors import SENSOR_SPECS, SimulatedSensors
-from isotruss_ros.nodes.components.simulated_truth import SimulatedTruth
+from isotruss_ros.nodes.components.simulated_truth import CLOCK_SPEED, ClockSource, SimulatedTruth
 from isotruss_ros.nodes.components.sparse_messages import NewestMessage
 from isotruss_ros.nodes.conversions.grasp_messages import read_external_wrench
 from isotruss_ros.nodes.conversions.messages import (
     MessageError,
     read_object_pose,
 )
-from isotruss_ros.nodes.framework import parameters as params
-from isotruss_ros.nodes.framework.cycle import Cycle
-from isotruss_ros.nodes.framework.diagnostics import Level, WarningThrottle
+from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
-from isotruss_ros.nodes.framework.qos import RELIABLE
+from isotruss_ros.nodes.framework.parameters import FixedSpec, ParameterError, Spec, Value
 from isotruss_ros.nodes.framework.runner import run
+from isotruss_ros.nodes.framework.topics import RELIABLE
 import numpy as np
-from rclpy.parameter import Parameter
-from rclpy.time import Time
 from std_msgs.msg import Float64MultiArray
 
 KINEMATIC, ELASTIC, MUJOCO = 'kinematic', 'elastic', 'mujoco'
-PLANT = params.Spec(
-    'plant',
-    KINEMATIC,
-    'kinematic: the object is at rest in the grasp frame but for rolling; '
-    'elastic: it is where the equilibrium with the elastic tubes puts it, without masses, and can '
-    'slip; '
-    'mujoco: a dynamics engine moves robot and object',
-    read_only=True,
-)
-STIFFNESS_SCALE = params.Spec(
-    'stiffness_scale',
-    1.0,
-    'Stiffness of the elastic plant against that of the robot file',
-    bounds=(0.01, 100.0),
-    read_only=True,
-)
-NOISE = params.Spec(
-    'roller_noise',
-    0.0,
-    'Standard deviation of the speed of a moving roller [m/s]',
-    bounds=(0.0, 1.0),
-    read_only=True,
-)
-SPEED_LIMIT = params.Spec(
-    'speed_limit',
-    1.0,
-    'Larger commands are cut off at this [m/s]',
-    bounds=(0.0, 10.0),
-    read_only=True,
-)
-STUCK_ROLLER = params.Spec(
-    'stuck_roller', '', 'Roller t/j that does not move; none if empty', read_only=True
-)
-SLIP = params.Spec(
-    'roller_slip',
-    0.0,
-    'Mean share of the roller travel by which the tube slips; encoders do not measure it',
-    bounds=(0.0, 0.5),
-    read_only=True,
-)
-SEED = params.Spec('seed', 0, 'Seed of the noise and the slip, not negative', read_only=True)
-ZERO_DEVIATION = params.Spec(
-    'zero_deviation',
-    0.0,
-    "How far from the robot file's home the encoders read zero, drawn by `seed`: standard "
-    'deviation of the travel [m]',
-    bounds=(0.0, 0.1),
-    read_only=True,
-)
-PULL_JOINT = params.Spec('pull_joint', '', 'Joint at which something pulls; none if empty')
-PULL_FORCE = params.Spec('pull_force', 0.0, 'How much it pulls [N]', bounds=(0.0, 1e3))
-PULL_ANGLE = params.Spec(
-    'pull_angle', 0.0, 'Where to, from the x axis [rad]', bounds=(0.0, 2.0 * math.pi)
-)
 SPECS = (
     common.ROBOT,
     *OBJECT_SPECS,
-    PLANT,
-    STIFFNESS_SCALE,
+    FixedSpec(
+        'plant',
+        KINEMATIC,
+        'kinematic: the object is at rest in the grasp frame but for rolling; '
+        'elastic: it is where the equilibrium with the elastic tubes puts it, without masses, and '
+        'can slip; '
+        'mujoco: a dynamics engine moves robot and object',
+    ),
+    FixedSpec(
+        'stiffness_scale',
+        1.0,
+        'Stiffness of the elastic plant against that of the robot file',
+        (0.01, 100.0),
+    ),
     common.RATE,
     common.COMMAND_TIMEOUT,
-    NOISE,
-    SPEED_LIMIT,
-    STUCK_ROLLER,
-    SLIP,
-    SEED,
-    ZERO_DEVIATION,
-    PULL_JOINT,
-    PULL_FORCE,
-    PULL_ANGLE,
+    FixedSpec(
+        'roller_noise', 0.0, 'Standard deviation of the speed of a moving roller [m/s]', (0.0, 1.0)
+    ),
+    FixedSpec('speed_limit', 1.0, 'Larger commands are cut off at this [m/s]', (0.0, 10.0)),
+    FixedSpec('stuck_roller', '', 'Roller t/j that does not move; none if empty'),
+    FixedSpec(
+        'roller_slip',
+        0.0,
+        'Mean share of the roller travel by which the tube slips; encoders do not measure it',
+        (0.0, 0.5),
+    ),
+    FixedSpec('seed', 0, 'Seed of the noise and the slip', (0, 2**31 - 1)),
+    FixedSpec(
+        'zero_deviation',
+        0.0,
+        "How far from the robot file's home the encoders read zero, drawn by `seed`: standard "
+        'deviation of the travel [m]',
+        (0.0, 0.1),
+    ),
+    Spec('pull_joint', '', 'Joint at which something pulls; none if empty'),
+    Spec('pull_force', 0.0, 'How much it pulls [N]', (0.0, 1e3)),
+    Spec('pull_angle', 0.0, 'Where to, from the x axis [rad]', (0.0, 2.0 * math.pi)),
     CLOCK_SPEED,
     *SENSOR_SPECS,
     *MUJOCO_SPECS,
@@ -141,41 +106,32 @@ SPECS = (
 
 
 class Simulator(ManagedNode):
-    """
-    Follow roller velocity commands; publish joint states and the object's pose.
+    """Follow roller velocity commands; publish joint states and the object's pose."""
 
-    :param parameter_overrides: values of parameters other than the defaults.
-    :raises IsotrussError: a parameter is unusable; the text names it and what would be right.
-    """
-
+    node_name = 'simulator'
+    specs = SPECS
     awaited = ('roller_velocity_controller/commands',)
-
-    def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
-        super().__init__('simulator', SPECS, parameter_overrides)
-        self._throttle = WarningThrottle(self.get_logger())
-        self._dropped: HoldStatus | None = None
-        self._driven: DrivenRobot | None = None
-        self._recorder: PlantRecorder | None = None
-        self.start()
+    _dropped: HoldStatus | None = None
+    _driven: DrivenRobot | None = None
+    _recorder: PlantRecorder | None = None
 
     def configure(self) -> None:
         """Put the robot at home, with the object grasped or free."""
         self._robot = self._load_robot()
-        self._check({PULL_JOINT.name: self.values[PULL_JOINT]})
+        self.values.on_change(self._apply, self._check)
         self._simulated = self._make_robot()
         plant = None if self._driven is None else self._driven.plant
-        self._recorder = make_recorder(plant, self.values[RECORDING])
-        self._sensors = SimulatedSensors(self, self._robot, self.values, self.values[SEED])
-        self.values.on_change(self._apply, self._check)
+        self._recorder = make_recorder(plant, self.values.recording)
+        self._sensors = SimulatedSensors(self, self._robot, self.values, self.values.seed)
         self._apply()
         self._truth = SimulatedTruth(self, self._robot)
         self.diagnostics.hardware_id = self._robot.name
 
     def activate(self) -> None:
         """Follow commands from now on; none is active yet."""
-        speed = self.values[CLOCK_SPEED]
+        speed = self.values.clock_speed
         if speed > 0.0:
-            ClockSource(self, self.values[common.RATE], speed)
+            ClockSource(self, self.values.rate, speed)
         self._time = self._commanded = self.now()
         self.create_subscription(
             Float64MultiArray,
@@ -188,12 +144,10 @@ class Simulator(ManagedNode):
             (WrenchStamped, 'external_wrench', self._receive_wrench),
         ):
             NewestMessage(self, kind, topic, receive, self._report_missing)
-        rate = self.values[common.RATE]
-        self.cycle = Cycle(self, rate, self._step, self._stop_on_clock_jump)
+        self.begin_cycle(self._step, self._stop_on_clock_jump)
 
     def deactivate(self) -> None:
         """Stop the rollers."""
-        self.cycle = None
         self._simulated.stop()
 
     def cleanup(self) -> None:
@@ -204,44 +158,40 @@ class Simulator(ManagedNode):
 
     def _load_robot(self) -> Robot:
         """Return the robot with its home where the encoders read zero."""
-        robot, deviation = load_robot(self.values[common.ROBOT]), self.values[ZERO_DEVIATION]
+        robot, deviation = load_robot(self.values.robot), self.values.zero_deviation
         if deviation == 0.0:
             return robot
-        rng = np.random.default_rng(self.values[SEED])
+        rng = np.random.default_rng(self.values.seed)
         return Robot(move_home(robot, deviation * rng.normal(size=len(robot.roller_names))))
 
     def _make_robot(self) -> SimulatedRobot | DrivenRobot:
         values = self.values
-        if values[SEED] < 0:
-            raise params.ParameterError(f'parameter seed: {values[SEED]}: must not be negative')
         home = self._robot.home
-        stuck = frozenset({values[STUCK_ROLLER]} - {''})
-        faults = RollerFaults(values[SPEED_LIMIT], values[NOISE], stuck, values[SLIP])
-        if values[PLANT] not in (KINEMATIC, ELASTIC, MUJOCO):
-            raise params.ParameterError(
-                f'parameter plant: {values[PLANT]!r}: must be {KINEMATIC}, {ELASTIC} or {MUJOCO}'
+        stuck = frozenset({values.stuck_roller} - {''})
+        faults = RollerFaults(values.speed_limit, values.roller_noise, stuck, values.roller_slip)
+        if values.plant not in (KINEMATIC, ELASTIC, MUJOCO):
+            raise ParameterError(
+                f'parameter plant: {values.plant!r}: must be {KINEMATIC}, {ELASTIC} or {MUJOCO}'
             )
         self._object = StartingObject(self._robot, values)
         self._elastic = self._driven = None
-        if values[PLANT] == MUJOCO:
+        if values.plant == MUJOCO:
             sim_time = self.get_parameter('use_sim_time').value
-            self._driven = make_driven_robot(self._object, values, faults, values[SEED], sim_time)
+            self._driven = make_driven_robot(self._object, values, faults, values.seed, sim_time)
             return self._driven
-        if values[PLANT] == ELASTIC or self._object.is_free:
+        if values.plant == ELASTIC or self._object.is_free:
             simulated = self._put_object(self._object.pose)
         else:
             simulated = self._object.held()
-        return SimulatedRobot(home, simulated, faults, values[SEED])
+        return SimulatedRobot(home, simulated, faults, values.seed)
 
     def _put_object(self, pose: Pose) -> SimulatedObject:
         """Return an object that nothing holds until friction does."""
         self._elastic = None
-        if self.values[PLANT] == KINEMATIC:
+        if self.values.plant == KINEMATIC:
             return self._object.lying(pose)
         values = self.values
-        self._elastic = self._object.elastic(
-            pose, values[STIFFNESS_SCALE], values[GROUND_FRICTION]
-        )
+        self._elastic = self._object.elastic(pose, values.stiffness_scale, values.ground_friction)
         return self._elastic
 
     def _apply(self) -> None:
@@ -249,21 +199,16 @@ class Simulator(ManagedNode):
         self._sensors.apply()
         if self._driven is not None:
             for joint in self._robot.topology.joint_names:
-                pulled = joint == values[PULL_JOINT]
+                pulled = joint == values.pull_joint
                 self._driven.plant.load_joint(joint, self._pull() if pulled else (0.0, 0.0))
-        if self.cycle is not None:
-            self.cycle.change(self.values[common.RATE])
 
-    def _check(self, new: dict[str, params.Value]) -> None:
-        joint, known = new.get(PULL_JOINT.name, ''), self._robot.topology.joint_names
-        if joint and joint not in known:
-            raise params.ParameterError(
-                f'parameter pull_joint: {joint!r}: must be one of {", ".join(known)}, or empty'
-            )
+    def _check(self, new: dict[str, Value]) -> None:
+        if new.get('pull_joint'):
+            check_joint(self._robot, new['pull_joint'])
 
     def _pull(self) -> tuple[float, float]:
         """Return what pulls at a joint (fx, fy) [N]."""
-        force, angle = self.values[PULL_FORCE], self.values[PULL_ANGLE]
+        force, angle = self.values.pull_force, self.values.pull_angle
         return force * math.cos(angle), force * math.sin(angle)
 
     def _stop_on_clock_jump(self) -> None:
@@ -273,12 +218,12 @@ class Simulator(ManagedNode):
 
     def _receive_command(self, message: Float64MultiArray) -> None:
         # The previous command was active until now: integrate it before it is replaced.
-        self._advance(self.get_clock().now())
+        self._advance(self.now())
         try:
             self._simulated.command(message.data)
         except ConfigurationError as error:
             self._simulated.stop()
-            self._throttle.warn('command', f'rollers stopped: {error}')
+            self.warn('command', f'rollers stopped: {error}')
         self._commanded = self._time
 
     def _place_object(self, message: PoseStamped) -> None:
@@ -286,7 +231,7 @@ class Simulator(ManagedNode):
         try:
             pose = read_object_pose(message, self._robot.frame)
         except MessageError as error:
-            self._throttle.warn('place_object', str(error))
+            self.warn('place_object', str(error))
             return
         if isinstance(self._simulated, DrivenRobot):
             self._simulated.place_object(pose)
@@ -305,36 +250,35 @@ class Simulator(ManagedNode):
             elif self._elastic is not None:  # no force moves an object fixed in the grasp frame
                 self._elastic.external_wrench = wrench
         except MessageError as error:
-            self._throttle.warn('external_wrench', str(error))
+            self.warn('external_wrench', str(error))
 
-    def _advance(self, time: Time) -> None:
+    def _advance(self, now: float) -> None:
         """Integrate to a time; a command that is not repeated ends after `command_timeout`."""
-        now = 1e-9 * time.nanoseconds
-        expiry = self._commanded + self.values[common.COMMAND_TIMEOUT]
+        expiry = self._commanded + self.values.command_timeout
         elapsed = min(now, expiry) - self._time
         try:
             if elapsed > 0.0:  # simulated time advances in steps
                 self._simulated.advance(elapsed)
         except ConfigurationError as error:
             self._simulated.stop()
-            self._throttle.warn('blocked', f'rollers blocked: {error}')
+            self.warn('blocked', f'rollers blocked: {error}')
         if now > expiry:
             self._simulated.stop()
             # No time passes twice, and none is left out.
             self._simulated.advance(now - max(expiry, self._time))
         self._time = now
 
-    def _step(self, now: Time) -> None:
+    def _step(self, now: float) -> None:
         self._advance(now)
         if self._elastic is not None:
             self._report_hold(self._elastic)
         elif self._driven is not None:
             self._report_contact(self._driven)
         if self._recorder is not None:
-            self._recorder.record(1e-9 * now.nanoseconds)
-        simulated, seconds = self._simulated, 1e-9 * now.nanoseconds
+            self._recorder.record(now)
+        simulated = self._simulated
         self._sensors.publish(
-            seconds,
+            now,
             simulated.roller_positions,
             simulated.roller_velocities,
             simulated.object_pose,
@@ -352,9 +296,9 @@ class Simulator(ManagedNode):
         if self._elastic is not None and self._elastic.grasp is not None:
             joints = held_joints(self._elastic.grasp)
         values = self.values
-        if values[PULL_JOINT]:
-            loaded = deform(config, {values[PULL_JOINT]: self._pull()})
-            joints = joints + loaded.state.displacements[:count, :2] / values[STIFFNESS_SCALE]
+        if values.pull_joint:
+            loaded = deform(config, {values.pull_joint: self._pull()})
+            joints = joints + loaded.state.displacements[:count, :2] / values.stiffness_scale
         return joints
 
     def _forces(self) -> dict[str, float]:

@@ -11,7 +11,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 import time
@@ -26,50 +25,47 @@ from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.robot_frame import RobotFrame
 from isotruss_ros.nodes.conversions.estimate_messages import to_estimate_message
+from isotruss_ros.nodes.conversions.joint_state_messages import RollerStateReader
 from isotruss_ros.nodes.conversions.marker_messages import read_joint_markers
 from isotruss_ros.nodes.conversions.messages import (
     read_object_pose,
     read_stamp,
-    RollerStateReader,
 )
-from isotruss_ros.nodes.framework import parameters as params
-from isotruss_ros.nodes.framework.cycle import Cycle, CycleTimes
-from isotruss_ros.nodes.framework.diagnostics import Level, WarningThrottle
+from isotruss_ros.nodes.framework.cycle import CycleTimes
+from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
-from isotruss_ros.nodes.framework.qos import RELIABLE
+from isotruss_ros.nodes.framework.parameters import Spec
 from isotruss_ros.nodes.framework.runner import run
-from isotruss_ros.nodes.framework.subscriptions import subscribe_newest
-from rclpy.parameter import Parameter
-from rclpy.time import Time
+from isotruss_ros.nodes.framework.topics import RELIABLE, subscribe_newest
 from sensor_msgs.msg import JointState, MultiDOFJointState
 
 #: What is known of a robot that was not homed.
 KNOWN = EstimatorSettings()
 RATE = replace(common.RATE, default=50.0, bounds=(1.0, 1000.0))
-POSE_DEVIATION = params.Spec(
+POSE_DEVIATION = Spec(
     'pose_deviation', 1e-3, 'Standard deviation of x and y of object_pose [m]', (1e-6, 1.0)
 )
-ANGLE_DEVIATION = params.Spec(
+ANGLE_DEVIATION = Spec(
     'angle_deviation', 0.009, 'Standard deviation of its angle [rad]', (1e-6, 1.0)
 )
-MARKER_DEVIATION = params.Spec(
+MARKER_DEVIATION = Spec(
     'marker_deviation', 1e-3, 'Standard deviation of x and y of joint_markers [m]', (1e-6, 1.0)
 )
-ZERO_DEVIATION = params.Spec(
+ZERO_DEVIATION = Spec(
     'zero_deviation',
     KNOWN.zeros,
     "Standard deviation of the rollers' zeros; 0.001 after calibrate_home [m]",
     bounds=(1e-6, 1.0),
     read_only=True,
 )
-SLIP = params.Spec(
+SLIP = Spec(
     'slip',
     KNOWN.slip,
     'Share of its travel that a roller is expected to slip',
     (0.0, 1.0),
     read_only=True,
 )
-STIFFNESS_DEVIATION = params.Spec(
+STIFFNESS_DEVIATION = Spec(
     'stiffness_deviation',
     KNOWN.stiffness,
     'Standard deviation of the stiffness of the tubes, as a share of it',
@@ -94,27 +90,19 @@ SPECS = (
 
 
 class StateEstimatorNode(ManagedNode):
-    """
-    Take each measurement in as it comes, and publish the estimate in every cycle.
+    """Take each measurement in as it comes, and publish the estimate in every cycle."""
 
-    :param parameter_overrides: values of parameters other than the defaults.
-    :raises IsotrussError: a parameter is unusable; the text names it and what would be right.
-    """
-
+    node_name = 'state_estimator'
+    specs = SPECS
     awaited = ('joint_states',)
-
-    def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
-        super().__init__('state_estimator', SPECS, parameter_overrides)
-        self._throttle = WarningThrottle(self.get_logger())
-        self._cycle_times = CycleTimes()
-        self._estimator: StateEstimator | None = None
-        self._last: StateEstimate | None = None
-        self.start()
+    _estimator: StateEstimator | None = None
+    _last: StateEstimate | None = None
 
     def configure(self) -> None:
         """Load the robot, create publisher and subscriptions."""
-        self._robot = load_robot(self.values[common.ROBOT])
-        self.values.on_change(self._apply, partial(common.check_grip, self._robot))
+        self._robot = load_robot(self.values.robot)
+        self.values.on_change(self._apply_grip, partial(common.check_grip, self._robot))
+        self._cycle_times = CycleTimes()
         self._reader = RollerStateReader(self._robot.roller_names)
         self._frame = RobotFrame.heard_by(self, self._robot.frame)
         self._begin()
@@ -131,11 +119,7 @@ class StateEstimatorNode(ManagedNode):
 
     def activate(self) -> None:
         """Start the cycle."""
-        self.cycle = Cycle(self, self.values[RATE], self._step, self._begin)
-
-    def deactivate(self) -> None:
-        """Stop the cycle."""
-        self.cycle = None
+        self.begin_cycle(self._step, self._begin)
 
     def cleanup(self) -> None:
         """Release the robot."""
@@ -154,30 +138,24 @@ class StateEstimatorNode(ManagedNode):
         if estimate.pose is not None:
             spread = estimate.squeeze_deviation
             details['squeeze [N]'] = f'{estimate.squeeze:.1f}, deviation {spread:.1f}'
-        return details | self._cycle_times.summary(1.0 / self.values[RATE])
+        return details | self._cycle_times.summary(1.0 / self.values.rate)
 
     def _begin(self) -> None:
         """Begin with zeros that are not known: also after a jump of the clock."""
         values = self.values
         settings = EstimatorSettings(
-            zeros=values[ZERO_DEVIATION],
-            slip=values[SLIP],
-            stiffness=values[STIFFNESS_DEVIATION],
+            zeros=values.zero_deviation,
+            slip=values.slip,
+            stiffness=values.stiffness_deviation,
         )
         self._estimator, self._last = StateEstimator(self._robot, settings), None
         self._apply_grip()
 
-    def _apply(self) -> None:
-        """Apply changed parameters from now on."""
-        self._apply_grip()
-        if self.cycle is not None:
-            self.cycle.change(self.values[RATE])
-
     def _apply_grip(self) -> None:
         """Expect the object between the members of the parameters."""
         values = self.values
-        members = common.select_grip(self._robot, values[common.GRIP], values[common.GRIP_MODULE])
-        body = common.read_described(values) or ConvexObject(Disc(values[common.OBJECT_DIAMETER]))
+        members = common.select_grip(self._robot, values.grip, values.grip_module)
+        body = common.read_described(values) or ConvexObject(Disc(values.object_diameter))
         grip = Grip(members, body)
         if grip != self._estimator.grip:
             self._estimator.grip = grip
@@ -188,7 +166,7 @@ class StateEstimatorNode(ManagedNode):
         try:
             take(message)
         except IsotrussError as error:
-            self._throttle.warn(topic, f'{topic}: {error}')
+            self.warn(topic, f'{topic}: {error}')
         self._cycle_times.add(time.perf_counter() - began)
 
     def _take_encoders(self, message: JointState) -> None:
@@ -198,15 +176,15 @@ class StateEstimatorNode(ManagedNode):
     def _take_pose(self, message: PoseStamped) -> None:
         expressed, values = self._frame.express_pose(message), self.values
         pose = read_object_pose(expressed, self._robot.frame)
-        deviations = values[POSE_DEVIATION], values[POSE_DEVIATION], values[ANGLE_DEVIATION]
+        deviations = values.pose_deviation, values.pose_deviation, values.angle_deviation
         self._estimator.take_pose(read_stamp(message.header), pose, deviations)
 
     def _take_markers(self, message: MultiDOFJointState) -> None:
         joints = read_joint_markers(self._frame.express_markers(message), self._robot)
-        deviation = self.values[MARKER_DEVIATION]
+        deviation = self.values.marker_deviation
         self._estimator.take_markers(read_stamp(message.header), joints, deviation)
 
-    def _step(self, now: Time) -> None:
+    def _step(self, now: float) -> None:
         try:
             estimate = self._estimator.estimate()
         except IsotrussError as error:
@@ -215,7 +193,7 @@ class StateEstimatorNode(ManagedNode):
         if estimate is None:
             self.diagnostics.set_status(Level.WARN, 'no joint_states received yet')
             return
-        age, most = 1e-9 * now.nanoseconds - estimate.time, self.values[common.COMMAND_TIMEOUT]
+        age, most = now - estimate.time, self.values.command_timeout
         if age > most:
             self.diagnostics.set_status(
                 Level.ERROR, f'joint_states: {age:.3f} s old; must be at most {most} s'
@@ -225,7 +203,7 @@ class StateEstimatorNode(ManagedNode):
         self._estimates.publish(to_estimate_message(estimate, self._robot))
         doubts = _describe_doubts(estimate)
         if doubts:
-            self._throttle.warn('doubts', doubts)
+            self.warn('doubts', doubts)
         self.diagnostics.set_status(Level.WARN if doubts else Level.OK, doubts or 'estimating')
 
 

@@ -22,11 +22,10 @@ import time
 import tty
 
 from isotruss_ros.nodes.components import common_parameters as common
-from isotruss_ros.nodes.components.twists import create_twist_publisher
-from isotruss_ros.nodes.framework import parameters as params
+from isotruss_ros.nodes.components.commands import create_twist_publisher
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
+from isotruss_ros.nodes.framework.parameters import FixedSpec, Spec
 from isotruss_ros.nodes.framework.runner import run, StoppableNode
-from rclpy.parameter import Parameter
 
 HELP = """
 Move the grasped object (hold a key; let go to stop):
@@ -50,35 +49,36 @@ KEYS = {
 }
 FASTER = {'+': 1.25, '-': 0.8}
 
-RATE = params.Spec('rate', 20.0, 'Twists per second [Hz]', bounds=(1.0, 200.0))
-SPEED = params.Spec('speed', 0.03, 'Speed of translation [m/s]', bounds=(0.0, 1.0))
-TURN = params.Spec('turn', 0.2, 'Speed of rotation [rad/s]', bounds=(0.0, 10.0))
-KEY_TIMEOUT = params.Spec(
-    'key_timeout',
-    0.6,
-    'A key counts this long; longer than the delay of the key repeat [s]',
-    bounds=(0.01, 5.0),
+SPECS = (
+    Spec('rate', 20.0, 'Twists per second [Hz]', (1.0, 200.0)),
+    Spec('speed', 0.03, 'Speed of translation [m/s]', (0.0, 1.0)),
+    Spec('turn', 0.2, 'Speed of rotation [rad/s]', (0.0, 10.0)),
+    Spec(
+        'key_timeout',
+        0.6,
+        'A key counts this long; longer than the delay of the key repeat [s]',
+        (0.01, 5.0),
+    ),
+    common.USE_STAMPED_TWIST,
+    FixedSpec('frame_id', '', 'Frame of a TwistStamped'),
 )
-FRAME = params.Spec('frame_id', '', 'Frame of a TwistStamped', read_only=True)
-SPECS = (RATE, SPEED, TURN, KEY_TIMEOUT, common.USE_STAMPED_TWIST, FRAME)
 
 
 class Teleop(StoppableNode):
-    """
-    Publish the twist of the last key at `rate`, and zero once the key is released.
+    """Publish the twist of the last key at `rate`, and zero once the key is released."""
 
-    :param parameter_overrides: values of parameters other than the defaults.
-    """
+    node_name = 'teleop'
+    specs = SPECS
 
-    def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
-        super().__init__('teleop', SPECS, parameter_overrides)
+    def start(self) -> None:
+        """Begin to publish."""
         self._twists = create_twist_publisher(
-            self, self.values[common.USE_STAMPED_TWIST], self.values[FRAME]
+            self, self.values.use_stamped_twist, self.values.frame_id
         )
         self._direction = KEYS[' ']
         self._pressed = time.monotonic()
         self._gain = 1.0
-        create_steady_timer(self, 1.0 / self.values[RATE], self._cycle)
+        create_steady_timer(self, 1.0 / self.values.rate, self._cycle)
 
     def press(self, key: str) -> None:
         """
@@ -97,10 +97,10 @@ class Teleop(StoppableNode):
 
     def _cycle(self) -> None:
         held = time.monotonic() - self._pressed
-        self._publish_twist(self._direction if held < self.values[KEY_TIMEOUT] else KEYS[' '])
+        self._publish_twist(self._direction if held < self.values.key_timeout else KEYS[' '])
 
     def _publish_twist(self, direction: Sequence[float]) -> None:
-        speed, turn = self._gain * self.values[SPEED], self._gain * self.values[TURN]
+        speed, turn = self._gain * self.values.speed, self._gain * self.values.turn
         self._twists([speed * direction[0], speed * direction[1], turn * direction[2]])
 
 

@@ -11,7 +11,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import partial
 import math
 import time
@@ -29,19 +28,18 @@ from isotruss_ros.nodes.components.view_requests import (
     ObjectGoals,
     SimulatorRestart,
 )
+from isotruss_ros.nodes.conversions.grasp_messages import to_wrench_message
 from isotruss_ros.nodes.conversions.messages import (
+    make_header,
     MessageError,
     name_object_frame,
     request_parameters,
-    stamp_header,
     to_twist_message,
 )
-from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
-from isotruss_ros.nodes.framework.diagnostics import WarningThrottle
-from isotruss_ros.nodes.framework.qos import LATCHED, RELIABLE
+from isotruss_ros.nodes.framework.parameters import FixedSpec, Spec
 from isotruss_ros.nodes.framework.runner import run, StoppableNode
-from isotruss_ros.nodes.framework.subscriptions import subscribe_newest
+from isotruss_ros.nodes.framework.topics import LATCHED, RELIABLE, subscribe_newest
 from isotruss_ros.viewer.control import ZERO
 from isotruss_ros.viewer.drag import LEVER, PATIENCE, place_on_circle
 from isotruss_ros.viewer.names import (
@@ -58,7 +56,6 @@ from isotruss_ros.viewer.names import (
 )
 from isotruss_ros.viewer.picture import Picture
 from rcl_interfaces.srv import SetParameters
-from rclpy.parameter import Parameter
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
@@ -69,15 +66,14 @@ if TYPE_CHECKING:
     from isotruss_ros.viewer.controls import Controls
     from isotruss_ros.viewer.view import View
 
-HOST = params.Spec(
-    'host', LOCAL, 'Address that is served: only this machine, unless another', read_only=True
+SPECS = (
+    common.ROBOT,
+    *common.OBJECT_SPECS,
+    FixedSpec('host', LOCAL, 'Address that is served: only this machine, unless another'),
+    FixedSpec('port', 8080, 'Port of the server', (1, 65535)),
+    FixedSpec('rate', 20.0, 'Pictures per second [Hz]', (5.0, 60.0)),
+    Spec('max_speed', 0.05, 'Largest speed of what is dragged [m/s]', (0.001, 1.0)),
 )
-PORT = params.Spec('port', 8080, 'Port of the server', bounds=(1, 65535), read_only=True)
-RATE = params.Spec('rate', 20.0, 'Pictures per second [Hz]', bounds=(5.0, 60.0), read_only=True)
-MAX_SPEED = params.Spec(
-    'max_speed', 0.05, 'Largest speed of what is dragged [m/s]', bounds=(0.001, 1.0)
-)
-SPECS = (common.ROBOT, *common.OBJECT_SPECS, HOST, PORT, RATE, MAX_SPEED)
 #: Parameters of other nodes by the name of a request.
 SETTINGS = {
     'friction': ('friction', ('manipulation', 'grasp_analysis', 'pick_and_place')),
@@ -89,22 +85,17 @@ RELEASE_TIME = 2.0
 
 
 class Viewer(StoppableNode):
-    """
-    Show the newest messages; publish twists while the control is on and a handle was dragged.
+    """Show the newest messages; publish twists while the control is on and a handle is dragged."""
 
-    :param parameter_overrides: values of parameters other than the defaults.
-    :raises IsotrussError: a parameter is unusable.
-    """
+    node_name = 'viewer'
+    specs = SPECS
 
-    def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
-        super().__init__('viewer', SPECS, parameter_overrides)
-        self.picture = Picture(
-            load_robot(self.values[common.ROBOT]), self.values[common.OBJECT_DIAMETER]
-        )
+    def start(self) -> None:
+        """Create publishers, subscriptions and clients."""
+        self.picture = Picture(load_robot(self.values.robot), self.values.object_diameter)
         described = common.read_described(self.values)
         if described is not None:
             self.picture.shape = described.shape
-        self._throttle = WarningThrottle(self.get_logger())
         self._view: View | None = None
         self._controls: Controls | None = None
         self._moving = self._pulling = False
@@ -133,15 +124,15 @@ class Viewer(StoppableNode):
             from isotruss_ros.viewer.view import View
         except ModuleNotFoundError as error:
             raise MissingPackageError(error) from error
-        host = self.values[HOST]
+        host = self.values.host
         if host != LOCAL:
             self.get_logger().warning(
                 f'host {host}: whoever reaches this address can watch the robot and command it'
             )
-        self._view = View(self.picture, host, self.values[PORT])
-        self._controls = Controls(self._view.server, self.picture, self.values[common.FRICTION])
+        self._view = View(self.picture, host, self.values.port)
+        self._controls = Controls(self._view.server, self.picture, self.values.friction)
         print(f'viewer: {self._view.address}', flush=True)
-        create_steady_timer(self, 1.0 / self.values[RATE], self._step)
+        create_steady_timer(self, 1.0 / self.values.rate, self._step)
 
     def stop(self) -> None:
         """Publish a zero twist where one was published before, and end the server."""
@@ -168,13 +159,13 @@ class Viewer(StoppableNode):
         try:
             self.picture.receive_object_pose(self._frame.express_pose(message), now)
         except MessageError as error:
-            self._throttle.warn('object_pose', str(error))
+            self.warn('object_pose', str(error))
 
     def _receive_joint_states(self, message: JointState, now: float) -> None:
         try:
             self.picture.receive_joint_states(message, now)
         except ConfigurationError as error:
-            self._throttle.warn('joint_states', str(error))
+            self.warn('joint_states', str(error))
 
     def _step(self) -> None:
         controls, now = self._controls, time.monotonic()
@@ -225,7 +216,7 @@ class Viewer(StoppableNode):
             return
         if not self._moving:
             self._report_goal('')
-        vx, vy = drag.follow(position, self.values[MAX_SPEED], now)
+        vx, vy = drag.follow(position, self.values.max_speed, now)
         twist = (0.0, 0.0, vx / LEVER) if drag.turns else (vx, vy, 0.0)
         self._twists.publish(to_twist_message(twist))
         self._moving = True
@@ -234,11 +225,8 @@ class Viewer(StoppableNode):
         wrench = self._controls.control.wrench
         if wrench == ZERO and not self._pulling:
             return
-        message = WrenchStamped()
-        frame = name_object_frame(self.picture.robot.frame)
-        stamp_header(message.header, self.get_clock().now(), frame)
-        message.wrench.force.x, message.wrench.force.y, message.wrench.torque.z = wrench
-        self._wrenches.publish(message)
+        header = make_header(self.now(), name_object_frame(self.picture.robot.frame))
+        self._wrenches.publish(WrenchStamped(header=header, wrench=to_wrench_message(wrench)))
         # Once one was published it goes on: an old one is not relied on.
         self._pulling = True
 
@@ -282,13 +270,13 @@ class Viewer(StoppableNode):
             if response.success or time.monotonic() > end:
                 self.get_logger().info(f'release: {response.message}')
                 return
-        self._throttle.warn('release', 'no node offers release_emergency_stop')
+        self.warn('release', 'no node offers release_emergency_stop')
 
     def _send_parameters(self, node: str, values: dict[str, float | str]) -> None:
         """Set parameters of another node; what it rejects is logged."""
         client = self._set[node]
         if not client.service_is_ready():
-            self._throttle.warn(node, f'{node} is not there: its parameters are not set')
+            self.warn(node, f'{node} is not there: its parameters are not set')
             return
 
         def report(future: Future) -> None:

@@ -31,7 +31,7 @@ from isotruss_ros.demo.run import (
 )
 from isotruss_ros.demo.sensors import sensor_faults, truth_table
 from isotruss_ros.nodes import simulator
-from isotruss_ros.nodes.conversions.trajectory_messages import (
+from isotruss_ros.nodes.conversions.path_messages import (
     read_duration,
     to_trajectory_message,
 )

@@ -14,7 +14,7 @@ from isotruss_msgs.msg import ManipulationStatus, StateEstimate
 from isotruss_ros.core import load_robot
 from isotruss_ros.demo.client import DemoClient
 from isotruss_ros.nodes.conversions.marker_messages import to_joint_markers
-from isotruss_ros.nodes.framework.qos import RELIABLE
+from isotruss_ros.nodes.framework.topics import RELIABLE
 from probe import begin_context
 import pytest
 import rclpy

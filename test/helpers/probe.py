@@ -22,7 +22,7 @@ from geometry_msgs.msg import PoseStamped, Twist, TwistStamped, WrenchStamped
 from isotruss_msgs.msg import GraspState, ManipulationStatus
 from isotruss_ros.core import load_robot, Pose, tangent_center
 from isotruss_ros.nodes.conversions.grasp_messages import to_wrench_message
-from isotruss_ros.nodes.conversions.messages import stamp_header, to_pose_message, to_twist_message
+from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message, to_twist_message
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.manipulation import Manipulation
 from lifecycle_msgs.msg import Transition
@@ -108,11 +108,9 @@ class Probe(Node):
         """Return the last message of an output."""
         return self.seen[key][-1][1] if self.seen[key] else None
 
-    def past(self, age: float) -> Time:
-        """Return the time `age` seconds ago (in the future if negative)."""
-        now = self.get_clock().now().nanoseconds
-        then = max(0, now - int(age * 1e9))
-        return Time(nanoseconds=then, clock_type=self.get_clock().clock_type)
+    def past(self, age: float) -> float:
+        """Return the time `age` seconds ago (in the future if negative) [s]."""
+        return 1e-9 * self.get_clock().now().nanoseconds - age
 
     def tick(self, time_of: float) -> None:
         """Publish simulated time [s]."""
@@ -126,7 +124,7 @@ class Probe(Node):
         """Publish joint states at home, changed as given."""
         fields = {'name': list(ROBOT.roller_names), 'position': [0.0] * N} | changes
         message = JointState(**fields)
-        stamp_header(message.header, self.past(age))
+        message.header = make_header(self.past(age))
         self.joint_states.publish(message)
 
     def send_pose(
@@ -134,7 +132,7 @@ class Probe(Node):
     ) -> None:
         """Publish the object's pose, in the grip unless told otherwise."""
         message = PoseStamped(pose=to_pose_message(Pose(center[0], center[1], 0.3)))
-        stamp_header(message.header, self.past(age), frame)
+        message.header = make_header(self.past(age), frame)
         self.object_poses.publish(message)
 
     def send_wrench(
@@ -142,7 +140,7 @@ class Probe(Node):
     ) -> None:
         """Publish an external wrench on the object."""
         message = WrenchStamped(wrench=to_wrench_message(wrench))
-        stamp_header(message.header, self.past(age), frame)
+        message.header = make_header(self.past(age), frame)
         self.wrenches.publish(message)
 
     def send_all(self) -> None:
@@ -308,10 +306,10 @@ class Manager:
         return self._world.call(self._get, GetState.Request()).current_state.label
 
 
-def stamped(twist: tuple[float, float, float], time_of: Time, frame: str = '') -> TwistStamped:
+def stamped(twist: tuple[float, float, float], time_of: float, frame: str = '') -> TwistStamped:
     """Return a stamped twist."""
     message = TwistStamped(twist=to_twist_message(twist))
-    stamp_header(message.header, time_of, frame)
+    message.header = make_header(time_of, frame)
     return message
 
 

@@ -118,7 +118,7 @@ class Robot:
 
     def _check_rests(self, until: Callable[[Callable[[], bool]], None]) -> None:
         joints = self.w.probe.seen['joints']
-        begun, now = len(joints), 1e-9 * self.w.probe.past(0.0).nanoseconds
+        begun, now = len(joints), self.w.probe.past(0.0)
 
         def later() -> list[JointState]:
             # What comes late on a busy machine may be from before a motion.

@@ -29,7 +29,6 @@ from isotruss_ros.core.control.inputs import InputError, StampedInput
 from isotruss_ros.core.control.path_tracking import RETURN
 from isotruss_ros.core.planning.grasp_plan import NEAR_SHARE
 from isotruss_ros.nodes.components import action_steps, grasp_sequences
-from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.action_steps import (
     ActionStep,
     CANCEL_TICKS,
@@ -44,8 +43,8 @@ from isotruss_ros.nodes.components.grasp_sequences import (
     GraspSequences,
 )
 from isotruss_ros.nodes.conversions.messages import to_pose_message
+from isotruss_ros.nodes.conversions.path_messages import read_duration
 from isotruss_ros.nodes.conversions.plan_messages import read_goal
-from isotruss_ros.nodes.conversions.trajectory_messages import read_duration
 from isotruss_ros.nodes.pick_and_place import find_outcome
 from nav_msgs.msg import Path
 import numpy as np
@@ -354,7 +353,7 @@ def test_a_grip_of_two_or_three_members_can_be_opened():
 def sequences_at(grasp_age=0.0, held=True, pose_age=0.0, y=0.3, **values):
     """Return sequences whose inputs are so old [s], the object at (0.6, y)."""
     made = GraspSequences.__new__(GraspSequences)
-    made._node = SimpleNamespace(now=lambda: 10.0, values=values.pop('values', {}))
+    made._node = SimpleNamespace(now=lambda: 10.0, values=values.pop('values', None))
     made._robot, made._described, made.timeout, made.stage = ROBOT, None, 0.2, 0
     state = SimpleNamespace(held=held, message='', hold_message='it slips', slip_margin=1.0)
     state.grasping_members = ['north/P-Z', 'north/Z-R']
@@ -429,7 +428,7 @@ class Planner:
 
 @pytest.mark.parametrize('described', [None, ConvexObject(Ellipse((0.2, 0.1)), mass=2.0)])
 def test_object_and_members_are_those_that_are_planned_with(described):
-    values, planner = {common.OBJECT_DIAMETER: 0.25, common.FRICTION: 0.6}, Planner()
+    values, planner = SimpleNamespace(object_diameter=0.25, friction=0.6), Planner()
     sequences = sequences_at(held=False, values=values, _planner=planner, _described=described)
     with pytest.raises(StepError, match='nothing'):
         list(sequences.pick(PickObject.Goal(members=['south/P-Q', 'north/R-P'], squeeze=9.0)))
@@ -527,7 +526,7 @@ def test_a_grip_opens_slowly_until_it_is_apart(monkeypatch):
     released = SimpleNamespace(violation=None, path=path, apart=2)
     rollers = Rollers()
     sequences = sequences_at(
-        values={common.OBJECT_DIAMETER: 0.25, common.OBJECT: ''},
+        values=SimpleNamespace(object_diameter=0.25, object=''),
         _trajectories=rollers,
         configuration=lambda *_: ROBOT.home,
         _thread=ThreadPoolExecutor(1),

@@ -35,7 +35,8 @@ from isotruss_msgs.srv import AnalyzeGrasp
 from isotruss_ros.core import Pose, Status, TwistServo
 from isotruss_ros.core.control.grasp_report import GraspCode
 from isotruss_ros.core.control.inputs import RejectedInput, StampedInput
-from isotruss_ros.nodes.conversions.messages import MessageError, RollerStateReader, stamp_header
+from isotruss_ros.nodes.conversions.joint_state_messages import RollerStateReader
+from isotruss_ros.nodes.conversions.messages import make_header, MessageError
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from isotruss_ros.nodes.grasp_planner import GraspPlanner
 from isotruss_ros.nodes.manipulation import Manipulation
@@ -53,7 +54,6 @@ import robots
 from sensor_msgs.msg import JointState
 from std_msgs.msg import (
     Float64MultiArray,
-    Header,
     MultiArrayDimension,
     MultiArrayLayout,
 )
@@ -137,7 +137,7 @@ def code_of(codes, fault, topic):
 
 def header(w, frame='truss', age=0.0, sec=None, nanosec=0):
     """Return a header, for once with any stamp."""
-    made = stamp_header(Header(), w.probe.past(age), frame)
+    made = make_header(w.probe.past(age), frame)
     if sec is not None:
         made.stamp = Time(sec=sec, nanosec=nanosec)
     return made

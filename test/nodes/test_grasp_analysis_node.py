@@ -27,7 +27,7 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.control.grasp_report import GraspCode
 from isotruss_ros.nodes.conversions.grasp_messages import to_wrench_message
-from isotruss_ros.nodes.conversions.messages import read_stamp, to_pose_message
+from isotruss_ros.nodes.conversions.messages import make_header, read_stamp, to_pose_message
 from isotruss_ros.nodes.conversions.object_messages import to_object_message
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from manual_world import world
@@ -468,7 +468,7 @@ def test_measured_pressures_count_and_are_not_relied_on_once_they_are_old():
         def send(pressures=softer):
             feed(w)()
             message = JointState(name=list(ROBOT.description.pressures), effort=pressures)
-            message.header.stamp = w.probe.past(0.0).to_msg()
+            message.header = make_header(w.probe.past(0.0))
             gauge.publish(message)
 
         def softened():

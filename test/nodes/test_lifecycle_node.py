@@ -84,7 +84,7 @@ def test_manipulation_is_configured_for_another_robot():
         assert not manager.ask(Transition.TRANSITION_CONFIGURE)
         assert manager.state() == 'unconfigured'
         w.until(lambda: w.report('manipulation').level == DiagnosticStatus.ERROR)
-        assert 'must be one of' in w.report('manipulation').message
+        assert 'no such module' in w.report('manipulation').message
         assert node.set_parameters([Parameter('grip_module', value='main/T')])[0].successful
         assert all(manager.ask(transition) for transition in UP)
         triangle = load_robot('triangle')

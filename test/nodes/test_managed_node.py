@@ -38,13 +38,14 @@ ACCIDENT = ZeroDivisionError('an accident')
 class Toy(ManagedNode):
     """Does a bit of everything; fails where it is told to."""
 
+    node_name = 'toy'
+    specs = (PLACE, SPEED)
     awaited = ('heard', 'act')
 
     def __init__(self, failures=None, **values):
         self.steps = []
         self.failures = failures or {}
-        super().__init__('toy', (PLACE, SPEED), overrides(**values))
-        self.start()
+        super().__init__(overrides(**values))
 
     def _step(self, name):
         self.steps.append(name)
@@ -56,7 +57,7 @@ class Toy(ManagedNode):
         self.said = self.create_lifecycle_publisher(Bool, 'said', 1)
         self.asked = self.create_service(Trigger, 'asked', lambda request, response: response)
         self.server = ActionServer(self, FollowObjectPath, 'act', lambda goal: None)
-        self.place = self.values[PLACE]
+        self.place = self.values.place
         self.values.on_change(lambda: self.steps.append('changed'), self._check)
         self._step('configure')
 

@@ -12,7 +12,7 @@
 from boxes import ANGLE, BOX, box_between, SIDES
 from geometry_msgs.msg import PoseStamped
 from isotruss_ros.core import Pose, Status
-from isotruss_ros.nodes.conversions.messages import stamp_header, to_pose_message
+from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message
 from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.simulator import Simulator
 from manual_world import world
@@ -35,7 +35,7 @@ def send(w, twist=TWIST, moved=(0.0, 0.0, 0.0)):
     def publish():
         pose = Pose(*(np.array(box_between().body.pose) + moved))
         message = PoseStamped(pose=to_pose_message(pose))
-        stamp_header(message.header, w.probe.past(0.0), 'truss')
+        message.header = make_header(w.probe.past(0.0), 'truss')
         w.probe.send_joints()
         w.probe.object_poses.publish(message)
         w.probe.send_twist(twist)

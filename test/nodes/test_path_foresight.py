@@ -9,11 +9,12 @@
 
 """Paths on which a held object would slip are refused before it moves."""
 
+from types import SimpleNamespace
+
 from carries import FRICTION, make_robot, place
 from isotruss_ros.core import ObjectPath
 from isotruss_ros.core.control.inputs import RollerState, StampedInput
 from isotruss_ros.core.errors import PathError
-from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.path_follower import check_path
 import numpy as np
 import pytest
@@ -21,15 +22,15 @@ import pytest
 ROBOT, NOW = make_robot(), 10.0
 STILL = np.zeros(len(ROBOT.roller_names))
 BODY, _ = place(ROBOT, 'brick', 0.5)
-VALUES = {
-    common.OBJECT: (
+VALUES = SimpleNamespace(
+    object=(
         '{shape: polygon, corner_radius: 0.02, friction: 0.8, '
         'vertices: [[-0.15, -0.1], [0.15, -0.1], [0.15, 0.1], [-0.15, 0.1]]}'
     ),
-    common.OBJECT_DIAMETER: 0.3,
-    common.FRICTION: FRICTION,
-    common.COMMAND_TIMEOUT: 0.2,
-}
+    object_diameter=0.3,
+    friction=FRICTION,
+    command_timeout=0.2,
+)
 
 
 def check(displacement, time=NOW, begin=BODY.pose):

@@ -10,7 +10,7 @@
 """The command topic belongs to one node: what another one publishes there is noticed."""
 
 from isotruss_ros.core import Status
-from isotruss_ros.nodes.components.roller_commands import RollerCommands
+from isotruss_ros.nodes.components.commands import RollerCommands
 from isotruss_ros.nodes.manipulation import Manipulation
 from probe import N, overrides, world
 import pytest

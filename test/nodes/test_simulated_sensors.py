@@ -69,7 +69,7 @@ def test_sensors_are_as_late_and_as_rare_as_their_parameters(plant):
     with world(lambda: Simulator(overrides(plant=plant, indentation=0.01, **faults))) as w:
         heard = hear(w)
         for topic, delay in DELAYS.items():
-            ages = [1e-9 * came.nanoseconds - read_stamp(m.header) for came, m in heard[topic]]
+            ages = [came - read_stamp(m.header) for came, m in heard[topic]]
             assert np.array(ages) == pytest.approx(delay, abs=2e-3)
         counts = [len(heard[topic]) for topic in DELAYS]
         assert counts == pytest.approx([50, 20, 10], abs=1)

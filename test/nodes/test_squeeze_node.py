@@ -10,6 +10,7 @@
 """Manipulation with a squeeze force and the elastic simulator, together."""
 
 from isotruss_msgs.msg import ManipulationStatus
+from isotruss_ros.nodes.conversions.messages import make_header
 from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.simulator import Simulator
 from manual_world import world
@@ -105,7 +106,7 @@ def test_pressures_that_are_old_or_bad_halt_and_good_ones_go_on():
             still()
             names = list(ROBOT.description.pressures)
             message = JointState(name=names, effort=[pressure] * len(names))
-            message.header.stamp = w.probe.past(0.0).to_msg()
+            message.header = make_header(w.probe.past(0.0))
             gauge.publish(message)
 
         w.until_code(ManipulationStatus.OK, still)

@@ -15,7 +15,7 @@ from isotruss_ros.core.control.state_estimator import StateEstimator
 from isotruss_ros.nodes.components import robot_frame
 from isotruss_ros.nodes.conversions.estimate_messages import read_estimate
 from isotruss_ros.nodes.conversions.marker_messages import to_joint_markers
-from isotruss_ros.nodes.conversions.messages import MessageError, stamp_header
+from isotruss_ros.nodes.conversions.messages import make_header, MessageError
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.simulator import Simulator
@@ -59,7 +59,7 @@ def listen(w):
 def send_markers(w, markers, joints, frame='truss', age=0.0):
     """Publish joints by name."""
     message = to_joint_markers(joints)
-    stamp_header(message.header, w.probe.past(age), frame)
+    message.header = make_header(w.probe.past(age), frame)
     markers.publish(message)
 
 
@@ -133,7 +133,7 @@ def test_markers_and_poses_are_taken_from_any_frame_that_is_connected(monkeypatc
             send_markers(w, markers, places, 'camera')
             placed = PoseStamped()
             placed.pose.orientation.w = 1.0
-            stamp_header(placed.header, w.probe.past(0.0), 'camera')
+            placed.header = make_header(w.probe.past(0.0), 'camera')
             poses.publish(placed)
 
         w.spin(1.0, feed)
@@ -167,7 +167,7 @@ def test_nodes_add_the_offsets_to_the_encoders(make, holder):
     with world(make) as w:
         sent = w.probe.create_publisher(StateEstimate, 'state_estimate', 10)
         estimate = StateEstimate(roller_names=list(ROBOT.roller_names), offsets=[5e-3] * N)
-        stamp_header(estimate.header, w.probe.past(0.0), 'truss')
+        estimate.header = make_header(w.probe.past(0.0), 'truss')
         sent.publish(estimate)
         w.spin(0.1)
         w.spin(0.1, lambda: w.probe.send_joints(position=[0.01] * N))

@@ -10,7 +10,7 @@
 """The newest message of a topic counts."""
 
 from geometry_msgs.msg import PoseStamped
-from isotruss_ros.nodes.framework.subscriptions import discard_waiting, subscribe_newest
+from isotruss_ros.nodes.framework.topics import NEWEST, subscribe_newest, take_waiting
 from probe import begin_context
 import pytest
 import rclpy
@@ -51,7 +51,7 @@ def test_the_newest_message_counts(topic):
 
 def test_what_waits_can_be_discarded(topic):
     subscription, seen, executor = topic
-    discard_waiting(subscription)
+    assert len(take_waiting([], subscription, NEWEST.depth)) == NEWEST.depth
     for _ in range(5):
         executor.spin_once(timeout_sec=0.1)
     assert not seen

@@ -17,7 +17,6 @@ from isotruss_ros.nodes.components import transforms
 from isotruss_ros.nodes.components.transforms import TransformBroadcaster
 import numpy as np
 import pytest
-from rclpy.time import Time
 
 ROBOT = load_robot('nine_member')
 
@@ -37,8 +36,7 @@ class Node:
 
 def broadcast(node, config=ROBOT.home):
     """Broadcast once."""
-    time = Time(nanoseconds=1_500_000_000)
-    TransformBroadcaster(node, ROBOT).broadcast(config, (0.7, 0.4), time)
+    TransformBroadcaster(node, ROBOT).broadcast(config, (0.7, 0.4), 1.5)
 
 
 def test_the_frame_of_the_object_is_at_its_centre_and_parallel_to_the_robot(monkeypatch):

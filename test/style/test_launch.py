@@ -110,7 +110,7 @@ def specs_of(executable):
 
 
 def test_arguments_are_parameters_with_the_defaults_of_the_nodes(path, said, entities, nodes):
-    defaults = {spec.name: value for spec, value in said.get('DEFAULTS', {}).items()}
+    defaults = said.get('DEFAULTS', {})
     arguments = {e.args[0]: e for e in entities if e.kind == 'DeclareLaunchArgument'}
     assert len(nodes) >= 4
     used = {'namespace', 'parameters', *OPTIONAL}
@@ -189,7 +189,7 @@ def test_a_file_of_parameters_that_is_not_there_ends_the_launch(entities):
 def test_the_simulation_starts_with_an_object_that_is_held(robot, stand_in):
     """With the robot as the only argument: the grip fits it."""
     defaults = runpy.run_path(str(FOLDER / 'simulation.launch.py'))['DEFAULTS']
-    values = {'robot': robot} | {spec.name: value for spec, value in defaults.items()}
+    values = {'robot': robot} | defaults
 
     def maker(kind):
         names = {spec.name for spec in importlib.import_module(kind.__module__).SPECS}

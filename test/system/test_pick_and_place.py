@@ -178,7 +178,7 @@ class Client:
 
     def place(self):
         """Return where the object is, by a message that was sent after this call."""
-        now = 1e-9 * self.r.w.probe.past(0.0).nanoseconds
+        now = self.r.w.probe.past(0.0)
         self._until(lambda: read_stamp(self.r.w.probe.last('pose').header) > now)
         position = self.r.w.probe.last('pose').pose.position
         return np.array([position.x, position.y])

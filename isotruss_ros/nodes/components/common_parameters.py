@@ -15,18 +15,21 @@ from collections.abc import Mapping
 
 from isotruss_ros.core import ConvexObject, Disc, read_object, Robot
 from isotruss_ros.core.control import inputs
-from isotruss_ros.core.manipulation.grip import FEWEST, members_at, MOST
-from isotruss_ros.nodes.framework.parameters import ParameterError, Parameters, Spec, Value
-
-ROBOT = Spec('robot', 'nine_member', 'Preset, or path of a robot file', read_only=True)
-OBJECT_DIAMETER = Spec(
-    'object_diameter', 0.3, "The object's own diameter [m]", bounds=(0.001, 100.0)
+from isotruss_ros.core.manipulation.grip import FEWEST, find_members, members_at, MOST
+from isotruss_ros.nodes.framework.parameters import (
+    FixedSpec,
+    ParameterError,
+    Parameters,
+    Spec,
+    Value,
 )
-OBJECT = Spec(
+
+ROBOT = FixedSpec('robot', 'nine_member', 'Preset, or path of a robot file')
+OBJECT_DIAMETER = Spec('object_diameter', 0.3, "The object's own diameter [m]", (0.001, 100.0))
+OBJECT = FixedSpec(
     'object',
     '',
     'Object that is no disc: path of a YAML file, or YAML in braces; empty: of object_diameter',
-    read_only=True,
 )
 GRIP_MODULE = Spec(
     'grip_module',
@@ -39,24 +42,22 @@ GRIP = Spec(
     "Members t/j-k that hold the object, two or three, instead of the sides of grip_module; [''] "
     'for none',
 )
-FRICTION = Spec(
-    'friction', 0.5, 'Coefficient of friction between tube and object', bounds=(0.0, 10.0)
-)
+FRICTION = Spec('friction', 0.5, 'Coefficient of friction between tube and object', (0.0, 10.0))
 #: The object, where it may be held anywhere.
 OBJECT_SPECS = (OBJECT_DIAMETER, OBJECT, FRICTION)
 # Not below the rate of MemberLengthLimit, which keeps members in their limits in quicker loops.
-RATE = Spec('rate', 100.0, 'Cycles per second [Hz]', bounds=(10.0, 2000.0))
+RATE = Spec('rate', 100.0, 'Cycles per second [Hz]', (10.0, 2000.0))
 COMMAND_TIMEOUT = Spec(
-    'command_timeout', 0.2, 'Inputs older than this are not relied on [s]', bounds=(0.001, 10.0)
+    'command_timeout', 0.2, 'Inputs older than this are not relied on [s]', (0.001, 10.0)
 )
 PRESSURE_TIMEOUT = Spec(
     'pressure_timeout',
     inputs.PRESSURE_TIMEOUT,
     'Tube pressures older than this are not relied on [s]',
-    bounds=(0.001, 3600.0),
+    (0.001, 3600.0),
 )
-USE_STAMPED_TWIST = Spec(
-    'use_stamped_twist', False, 'cmd_vel is a TwistStamped instead of a Twist', read_only=True
+USE_STAMPED_TWIST = FixedSpec(
+    'use_stamped_twist', False, 'cmd_vel is a TwistStamped instead of a Twist'
 )
 REQUIRE_EMERGENCY_STOP = Spec(
     'require_emergency_stop', False, 'No motion before a message of emergency_stop is received'
@@ -70,7 +71,7 @@ def read_described(values: Parameters) -> ConvexObject | None:
     :param values: of a node.
     :raises IsotrussError: the description is unusable.
     """
-    return read_object(values[OBJECT]) if values[OBJECT] else None
+    return read_object(values.object) if values.object else None
 
 
 def read_body(values: Parameters) -> ConvexObject:
@@ -80,7 +81,7 @@ def read_body(values: Parameters) -> ConvexObject:
     :param values: of a node.
     :raises IsotrussError: the description is unusable.
     """
-    return read_described(values) or ConvexObject(Disc(values[OBJECT_DIAMETER]))
+    return read_described(values) or ConvexObject(Disc(values.object_diameter))
 
 
 def check_grip(robot: Robot, values: Mapping[str, Value]) -> None:
@@ -89,21 +90,12 @@ def check_grip(robot: Robot, values: Mapping[str, Value]) -> None:
 
     :param robot: the robot.
     :param values: new values of parameters by name; others than these are ignored.
-    :raises ParameterError: names what there is, or not two or three different members.
+    :raises IsotrussError: names what there is, or not two or three different members.
     """
-    module = values.get(GRIP_MODULE.name)
-    if module and module not in robot.module_names:
-        raise ParameterError(
-            f'parameter grip_module: {module!r}: robot {robot.name} has no such module; '
-            f'must be one of {", ".join(robot.module_names)}'
-        )
-    names = named_members(values.get(GRIP.name, []))
-    unknown = [name for name in names if name not in robot.member_names]
-    if unknown:
-        raise ParameterError(
-            f'parameter grip: {", ".join(unknown)}: robot {robot.name} has no such member; must '
-            f'be of {", ".join(robot.member_names)}'
-        )
+    if values.get('grip_module'):
+        members_at(robot, values['grip_module'])
+    names = named_members(values.get('grip', []))
+    find_members(robot, names)
     if names and not FEWEST <= len(set(names)) == len(names) <= MOST:
         raise ParameterError(
             f'parameter grip: {", ".join(names)}: must be {FEWEST} or {MOST} different members'

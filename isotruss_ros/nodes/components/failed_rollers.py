@@ -20,7 +20,6 @@ from isotruss_ros.core.model.topology import check_roller_names
 from isotruss_ros.core.safety.roller_failure import FailureDetector
 from isotruss_ros.nodes.components.sparse_messages import EveryMessage
 from isotruss_ros.nodes.framework.managed import ManagedNode
-from isotruss_ros.nodes.framework.parameters import ParameterError, Value
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
@@ -98,21 +97,6 @@ class FailedRollers:
             response.message = f'reset: {", ".join(sorted(detected))}'
             self._detector.reset()
         return response
-
-
-def check_failed_rollers(robot: Robot, values: dict[str, Value]) -> None:
-    """
-    Check the parameter `failed_rollers`.
-
-    :param robot: whose rollers it must name.
-    :param values: new values of parameters by name.
-    :raises ParameterError: it names rollers that the robot does not have.
-    """
-    try:
-        names = frozenset(values.get(NAME, ())) - {''}
-        check_roller_names(f'parameter {NAME}', names, robot.roller_names)
-    except GraspError as error:
-        raise ParameterError(str(error)) from error
 
 
 def describe_reachable_twists(servo: TwistServo) -> str:

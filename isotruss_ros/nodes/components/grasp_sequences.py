@@ -49,18 +49,17 @@ from isotruss_ros.nodes.components.action_steps import (
     StepError,
     Steps,
 )
+from isotruss_ros.nodes.components.sensors import TrackedShape
 from isotruss_ros.nodes.components.single_goal import SUPERVISION
-from isotruss_ros.nodes.components.tracked_shape import TrackedShape
 from isotruss_ros.nodes.conversions.messages import (
+    make_header,
     read_pose,
-    stamp_header,
     to_pose_message,
-    to_time,
 )
 from isotruss_ros.nodes.conversions.object_messages import to_object_message
-from isotruss_ros.nodes.conversions.trajectory_messages import read_duration, to_trajectory_message
+from isotruss_ros.nodes.conversions.path_messages import read_duration, to_trajectory_message
 from isotruss_ros.nodes.framework.managed import ManagedNode
-from isotruss_ros.nodes.framework.qos import RELIABLE
+from isotruss_ros.nodes.framework.topics import RELIABLE
 from nav_msgs.msg import Path
 import numpy as np
 from rcl_interfaces.srv import SetParameters
@@ -86,7 +85,7 @@ class GraspSequences(TrackedShape):
     """
 
     def __init__(self, node: ManagedNode, robot: Robot) -> None:
-        super().__init__(robot, node.values[common.COMMAND_TIMEOUT])
+        super().__init__(robot, node.values.command_timeout)
         self._node, self._robot = node, robot
         self.stage = 0
         self.pose: Input = None
@@ -110,9 +109,8 @@ class GraspSequences(TrackedShape):
         """Return where the object was measured last; None before."""
         if not isinstance(self.pose, StampedInput):
             return None
-        message = PoseStamped(pose=to_pose_message(self.pose.value))
-        stamp_header(message.header, to_time(self.pose.time), self._robot.frame)
-        return message
+        header = make_header(self.pose.time, self._robot.frame)
+        return PoseStamped(header=header, pose=to_pose_message(self.pose.value))
 
     def distance_left(self, path: Path) -> tuple[float, float]:
         """
@@ -187,7 +185,7 @@ class GraspSequences(TrackedShape):
         values = self._node.values
         wanted = PlanGrasp.Goal(
             object_pose=lay,
-            friction=values[common.FRICTION],
+            friction=values.friction,
             module=goal.module,
             members=goal.members,
             squeeze=goal.squeeze,
@@ -196,7 +194,7 @@ class GraspSequences(TrackedShape):
             count=1,
         )
         if self._described is None:
-            wanted.object_diameter = values[common.OBJECT_DIAMETER]
+            wanted.object_diameter = values.object_diameter
         else:
             wanted.object = to_object_message(self._described)
         plan = yield from self._planner.run(wanted)

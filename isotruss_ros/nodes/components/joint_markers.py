@@ -19,18 +19,17 @@ from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.core import Robot
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.nodes.components.robot_frame import RobotFrame
+from isotruss_ros.nodes.conversions.joint_state_messages import RollerStateReader
 from isotruss_ros.nodes.conversions.marker_messages import read_joint_markers
-from isotruss_ros.nodes.conversions.messages import MessageError, read_stamp, RollerStateReader
-from isotruss_ros.nodes.framework import parameters as params
-from isotruss_ros.nodes.framework.qos import RELIABLE
+from isotruss_ros.nodes.conversions.messages import MessageError, read_stamp
+from isotruss_ros.nodes.framework.parameters import Spec
+from isotruss_ros.nodes.framework.topics import RELIABLE
 import numpy as np
 from rclpy.node import Node
 from sensor_msgs.msg import JointState, MultiDOFJointState
 
-WINDOW = params.Spec(
-    'window', 1.0, 'Markers are averaged over so long a time [s]', bounds=(0.05, 60.0)
-)
-DEVIATION = params.Spec(
+WINDOW = Spec('window', 1.0, 'Markers are averaged over so long a time [s]', bounds=(0.05, 60.0))
+DEVIATION = Spec(
     'marker_deviation',
     0.001,
     'Standard deviation of a coordinate of a marker [m]',

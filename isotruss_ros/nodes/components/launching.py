@@ -11,13 +11,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+import importlib
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from isotruss_ros.nodes.components.common_parameters import COMMAND_TIMEOUT, ROBOT
-from isotruss_ros.nodes.framework.parameters import AUTOSTART, ParameterError, Spec, Value
+from isotruss_ros.nodes.framework.parameters import ParameterError, Spec, Value
 from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, LogInfo, OpaqueFunction, Shutdown
 from launch.conditions import IfCondition
@@ -27,12 +27,25 @@ from launch_ros.parameter_descriptions import ParameterValue
 
 USE_SIM_TIME = Spec('use_sim_time', False, 'Time comes from the topic /clock')
 NAMESPACE, PARAMETERS = 'namespace', 'parameters'
-#: Arguments of every launch file: for all its nodes, and for those that are managed.
-SHARED, MANAGED = (ROBOT, USE_SIM_TIME), (COMMAND_TIMEOUT, AUTOSTART)
-#: Nodes that are not managed.
-UNMANAGED = ('viewer',)
-#: Nodes that an argument of their name starts or leaves out, with its default.
-OPTIONAL = {
+#: Parameters of the nodes that are arguments, beside `use_sim_time` and all of the simulator.
+ARGUMENTS = (
+    'robot',
+    'command_timeout',
+    'autostart',
+    'object_diameter',
+    'object',
+    'friction',
+    'grip_module',
+    'grip',
+    'rate',
+    'use_stamped_twist',
+    'require_emergency_stop',
+    'port',
+)
+#: The nodes; an argument of its name starts one or leaves it out, with this default.
+NODES = {
+    'manipulation': None,
+    'grasp_analysis': None,
     'path_follower': True,
     'grasp_planner': True,
     'pick_and_place': True,
@@ -43,41 +56,57 @@ OPTIONAL = {
 
 def describe_launch(
     folder: Path,
-    nodes: Mapping[str, Sequence[Spec]],
-    required: Sequence[Spec] = (),
-    defaults: Mapping[Spec, Value] = MappingProxyType({}),
+    simulated: bool = False,
+    required: Sequence[str] = (),
+    defaults: Mapping[str, Value] = MappingProxyType({}),
 ) -> LaunchDescription:
     """
-    Return nodes, and arguments that go to all nodes that have the parameter.
+    Return the nodes, and arguments that go to all that have the parameter with its default.
 
     All nodes are shut down when one of them ends: what is left would look like a robot that works.
     A file of parameters that is not there ends the launch before a node starts.
 
     :param folder: of the launch file; `config` stands beside it.
-    :param nodes: by executable, the parameters that are arguments, besides the shared ones.
-    :param required: arguments without default.
+    :param simulated: whether the node `simulator` stands for the robot.
+    :param required: names of the arguments without default.
     :param defaults: of arguments whose default is not that of the nodes.
     """
-    given = {
-        executable: dict.fromkeys((*SHARED, *(() if executable in UNMANAGED else MANAGED), *specs))
-        for executable, specs in nodes.items()
-    }
     file = folder.parent / 'config' / 'nodes' / 'parameters.yaml'
-    arguments = [
-        _declare(NAMESPACE, '', 'Of all nodes and their topics, for several robots side by side'),
-        _declare(PARAMETERS, str(file), 'File with the parameters that are no launch arguments'),
+    arguments = {
+        NAMESPACE: Spec(NAMESPACE, '', 'Of all nodes and topics, for several robots side by side'),
+        PARAMETERS: Spec(PARAMETERS, str(file), 'File with the parameters that are no arguments'),
+        USE_SIM_TIME.name: USE_SIM_TIME,
+    }
+    started = []
+    for executable in ('simulator', *NODES) if simulated else NODES:
+        given = [USE_SIM_TIME]
+        for spec in _specs_of(executable):
+            if executable == 'simulator' or spec.name in ARGUMENTS:
+                shared = arguments.setdefault(spec.name, spec)
+                if shared.default == spec.default:  # the viewer has another rate, for example
+                    given.append(spec)
+        started.append(_describe_node(executable, given))
+    declared = [
+        _declare(
+            spec.name,
+            None if spec.name in required else defaults.get(spec.name, spec.default),
+            spec.description,
+        )
+        for spec in arguments.values()
     ]
-    for spec in dict.fromkeys(spec for specs in given.values() for spec in specs):
-        default = None if spec in required else defaults.get(spec, spec.default)
-        arguments.append(_declare(spec.name, default, spec.description))
-    known = {spec.name for specs in given.values() for spec in specs} | {NAMESPACE, PARAMETERS}
-    for executable in OPTIONAL.keys() & nodes.keys():
-        words = f'Whether the node {executable} is started'
-        arguments.append(_declare(executable, OPTIONAL[executable], words))
-        known.add(executable)
-    started = [_describe_node(executable, specs) for executable, specs in given.items()]
+    switches = {name: start for name, start in NODES.items() if start is not None}
+    for name, start in switches.items():
+        declared.append(_declare(name, start, f'Whether the node {name} is started'))
+    known = arguments.keys() | switches.keys()
     check = OpaqueFunction(function=lambda context: _check_arguments(context, known))
-    return LaunchDescription([*arguments, check, *started])
+    return LaunchDescription([*declared, check, *started])
+
+
+def _specs_of(executable: str) -> Sequence[Spec]:
+    """Return the declarations of the parameters of a node."""
+    module = importlib.import_module(f'isotruss_ros.nodes.{executable}')
+    (kind,) = (k for k in vars(module).values() if getattr(k, 'node_name', '') == executable)
+    return (*kind.specs, *kind.base_specs)
 
 
 def _declare(name: str, default: Value | None, description: str) -> DeclareLaunchArgument:
@@ -88,14 +117,14 @@ def _declare(name: str, default: Value | None, description: str) -> DeclareLaunc
     )
 
 
-def _describe_node(executable: str, specs: Iterable[Spec]) -> Node:
+def _describe_node(executable: str, specs: Sequence[Spec]) -> Node:
     parameters = {
         spec.name: ParameterValue(
             LaunchConfiguration(spec.name), value_type=_type_of(spec.default)
         )
         for spec in specs
     }
-    optional = executable in OPTIONAL
+    optional = NODES.get(executable) is not None
     return Node(
         package='isotruss_ros',
         executable=executable,

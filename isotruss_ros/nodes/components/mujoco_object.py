@@ -18,83 +18,59 @@ from isotruss_ros.mujoco_plant.driven_robot import DrivenRobot
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 from isotruss_ros.mujoco_plant.recording import PlantRecorder
-from isotruss_ros.nodes.components.simulated_object import FRICTION, StartingObject
-from isotruss_ros.nodes.framework import parameters as params
+from isotruss_ros.nodes.components.simulated_object import StartingObject
+from isotruss_ros.nodes.framework.parameters import FixedSpec, ParameterError, Parameters
 
 #: More than this is not simulated at once where time is the wall's, but reported as lag [s].
 LONGEST_STEP = 0.1
 
-OBJECT_MASS = params.Spec(
-    'object_mass', 0.5, 'Mass of the object, mujoco only [kg]', bounds=(0.01, 1e3), read_only=True
-)
-MODULE_MASS = params.Spec(
-    'module_mass',
-    1.0,
-    'Mass of a roller module, mujoco only [kg]',
-    bounds=(0.01, 1e3),
-    read_only=True,
-)
-GRAVITY_X = params.Spec(
-    'gravity_x',
-    0.0,
-    'Gravity along x, mujoco only; not zero where the robot stands upright [m/s^2]',
-    bounds=(-20.0, 20.0),
-    read_only=True,
-)
-GRAVITY_Y = params.Spec(
-    'gravity_y',
-    0.0,
-    'Gravity along y, mujoco only; not zero where the robot stands upright [m/s^2]',
-    bounds=(-20.0, 20.0),
-    read_only=True,
-)
-GROUND_FRICTION = params.Spec(
-    'ground_friction',
-    0.0,
-    'Force at which the object begins to slide on the ground, mujoco (along x or y) and, held, '
-    'elastic [N]',
-    bounds=(0.0, 1e3),
-    read_only=True,
-)
-MODULE_FRICTION = params.Spec(
-    'module_friction',
-    0.0,
-    'Force along x or y at which a joint of the robot begins to slide on the floor, mujoco only '
-    '[N]',
-    bounds=(0.0, 1e3),
-    read_only=True,
-)
-ROLLER_LAG = params.Spec(
-    'roller_lag',
-    0.0,
-    'Time constant of the rollers behind their commands, mujoco only [s]',
-    bounds=(0.0, 10.0),
-    read_only=True,
-)
-ROLLER_FORCE = params.Spec(
-    'roller_force',
-    1e6,
-    'Largest force along the tube of a roller, which stands where the members pull harder against '
-    'it, mujoco only [N]',
-    bounds=(1e-3, 1e6),
-    read_only=True,
-)
-RECORDING = params.Spec(
-    'recording',
-    '',
-    'File to which the states of MuJoCo are written, to be drawn later; none if empty',
-    read_only=True,
-)
 MUJOCO_SPECS = (
-    OBJECT_MASS,
-    MODULE_MASS,
-    GRAVITY_X,
-    GRAVITY_Y,
-    GROUND_FRICTION,
-    MODULE_FRICTION,
-    ROLLER_LAG,
-    ROLLER_FORCE,
-    RECORDING,
+    FixedSpec('object_mass', 0.5, 'Mass of the object, mujoco only [kg]', (0.01, 1e3)),
+    FixedSpec('module_mass', 1.0, 'Mass of a roller module, mujoco only [kg]', (0.01, 1e3)),
+    FixedSpec(
+        'gravity_x',
+        0.0,
+        'Gravity along x, mujoco only; not zero where the robot stands upright [m/s^2]',
+        (-20.0, 20.0),
+    ),
+    FixedSpec(
+        'gravity_y',
+        0.0,
+        'Gravity along y, mujoco only; not zero where the robot stands upright [m/s^2]',
+        (-20.0, 20.0),
+    ),
+    FixedSpec(
+        'ground_friction',
+        0.0,
+        'Force at which the object begins to slide on the ground, mujoco (along x or y) and, '
+        'held, elastic [N]',
+        (0.0, 1e3),
+    ),
+    FixedSpec(
+        'module_friction',
+        0.0,
+        'Force along x or y at which a joint of the robot begins to slide on the floor, mujoco '
+        'only [N]',
+        (0.0, 1e3),
+    ),
+    FixedSpec(
+        'roller_lag',
+        0.0,
+        'Time constant of the rollers behind their commands, mujoco only [s]',
+        (0.0, 10.0),
+    ),
+    FixedSpec(
+        'roller_force',
+        1e6,
+        'Largest force along the tube of a roller, which stands where the members pull harder '
+        'against it, mujoco only [N]',
+        (1e-3, 1e6),
+    ),
+    FixedSpec(
+        'recording',
+        '',
+        'File to which the states of MuJoCo are written, to be drawn later; none if empty',
+    ),
 )
 
 
@@ -109,15 +85,13 @@ def make_recorder(plant: MujocoPlant | None, path: str) -> PlantRecorder | None:
     if not path:
         return None
     if plant is None:
-        raise params.ParameterError(
-            f'parameter recording: {path!r}: must be empty but with plant mujoco'
-        )
+        raise ParameterError(f'parameter recording: {path!r}: must be empty but with plant mujoco')
     return PlantRecorder(plant, Path(path))
 
 
 def make_driven_robot(
     start: StartingObject,
-    values: params.Parameters,
+    values: Parameters,
     faults: RollerFaults,
     seed: int,
     sim_time: bool,
@@ -133,14 +107,14 @@ def make_driven_robot(
     :raises IsotrussError: MuJoCo is not installed, or a value is not usable.
     """
     options = PlantOptions(
-        friction=values[FRICTION],
-        object_mass=values[OBJECT_MASS],
-        module_mass=values[MODULE_MASS],
-        gravity=(values[GRAVITY_X], values[GRAVITY_Y]),
-        ground_friction=values[GROUND_FRICTION],
-        module_friction=values[MODULE_FRICTION],
-        roller_lag=values[ROLLER_LAG],
-        roller_force=values[ROLLER_FORCE],
+        friction=values.friction,
+        object_mass=values.object_mass,
+        module_mass=values.module_mass,
+        gravity=(values.gravity_x, values.gravity_y),
+        ground_friction=values.ground_friction,
+        module_friction=values.module_friction,
+        roller_lag=values.roller_lag,
+        roller_force=values.roller_force,
     )
     longest = float('inf') if sim_time else LONGEST_STEP
     return DrivenRobot(start.robot, start.body, start.is_free, options, faults, seed, longest)

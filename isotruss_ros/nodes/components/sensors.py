@@ -7,136 +7,187 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Subscriptions to measured inputs; each keeps the newest value, or why it was rejected."""
+"""The measured inputs of a node; of each the newest value is kept, or why it was rejected."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+import contextlib
 from functools import partial
-from typing import Any, Protocol
+from typing import Any
 
 from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.msg import StateEstimate
-from isotruss_ros.core import Pose, Robot
-from isotruss_ros.core.control.inputs import Input, RejectedInput, RollerState, StampedInput
+from isotruss_ros.core import Configuration, Pose, Robot
+from isotruss_ros.core.control.inputs import (
+    Input,
+    RejectedInput,
+    require_fresh,
+    RollerState,
+    StampedInput,
+)
 from isotruss_ros.core.control.state_estimate import EstimatedTravel
+from isotruss_ros.core.errors import ConfigurationError
+from isotruss_ros.core.kinematics.configuration import ConfigurationTracker
 from isotruss_ros.nodes.components.robot_frame import RobotFrame
 from isotruss_ros.nodes.conversions.estimate_messages import read_estimate
+from isotruss_ros.nodes.conversions.joint_state_messages import (
+    read_tube_pressures,
+    RollerStateReader,
+)
 from isotruss_ros.nodes.conversions.messages import (
     MessageError,
     read_object_pose,
     read_stamp,
-    RollerStateReader,
 )
-from isotruss_ros.nodes.conversions.pressure_messages import read_tube_pressures
-from isotruss_ros.nodes.framework.subscriptions import subscribe_newest
+from isotruss_ros.nodes.framework.runner import StoppableNode
+from isotruss_ros.nodes.framework.topics import subscribe_newest
 import numpy as np
-from rclpy.node import Node
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import JointState
 
 
-class InputHolder(Protocol):
+class Inputs:
     """
-    What keeps the latest inputs, as attributes, and decides by them.
+    Subscriptions of a node; what decides by the inputs gets each as an attribute.
+
+    That is a StampedInput, by the clock of the node where messages have no header, or a
+    RejectedInput with the reason.
+
+    :param node: subscribes.
+    :param robot: whose rollers, tubes and frame messages must have.
+    :param holder: gets the inputs; its `timeout` is the largest age of an input [s].
+    """
+
+    def __init__(self, node: StoppableNode, robot: Robot, holder: Any) -> None:
+        self._node, self._robot, self._holder = node, robot, holder
+        #: What each attribute is, in words.
+        self._words: dict[str, str] = {}
+
+    def keep(
+        self, kind: type, topic: str, read: Callable[[Any], Any], name: str, words: str = ''
+    ) -> Subscription:
+        """
+        Subscribe to an input.
+
+        :param kind: type of the messages.
+        :param topic: relative name of the topic.
+        :param read: returns the value of a message; raises MessageError for one that is unusable.
+        :param name: attribute of the holder.
+        :param words: what it is, for the diagnostics; the topic if left out.
+        """
+        holder = self._holder
+        self._words[name] = words or topic.replace('_', ' ').replace('/', ' ')
+
+        def receive(message: Any) -> None:
+            stamped = hasattr(message, 'header')
+            try:
+                when = read_stamp(message.header) if stamped else self._node.now()
+                received = StampedInput(read(message), when)
+            except MessageError as error:
+                setattr(holder, name, RejectedInput(str(error)))
+                return
+            setattr(holder, name, select_latest(getattr(holder, name), received, holder.timeout))
+
+        return subscribe_newest(self._node, kind, topic, receive)
+
+    def keep_joint_states(self) -> None:
+        """
+        Keep the RollerState, from `joint_states`, as `rollers`.
+
+        Where a node publishes `state_estimate`, its EstimatedTravel is `estimate`, and what it
+        adds to the encoders is in the positions of the rollers: the last one stays, as zeros do.
+        """
+        reader = RollerStateReader(self._robot.roller_names)
+        offsets = np.zeros(len(self._robot.roller_names))
+
+        def read(message: JointState) -> RollerState:
+            state = reader.read(message)
+            return RollerState(state.positions + offsets, state.velocities, offsets)
+
+        def read_offsets(message: StateEstimate) -> EstimatedTravel:
+            nonlocal offsets
+            found = read_estimate(message, self._robot)
+            offsets = found.offsets
+            return found
+
+        self.keep(JointState, 'joint_states', read, 'rollers')
+        self.keep(StateEstimate, 'state_estimate', read_offsets, 'estimate')
+
+    def keep_object_pose(self) -> None:
+        """Keep the `Pose` of the object, from `object_pose`, as `pose`; see `RobotFrame`."""
+        frame = RobotFrame.heard_by(self._node, self._robot.frame)
+
+        def read(message: PoseStamped) -> Pose:
+            return read_object_pose(frame.express_pose(message), frame.frame)
+
+        self.keep(PoseStamped, 'object_pose', read, 'pose')
+
+    def keep_tube_pressures(self) -> None:
+        """Keep the gauge pressures (t,) [Pa], from `tube_pressures`, as `pressures`."""
+        read = partial(read_tube_pressures, robot=self._robot)
+        self.keep(JointState, 'tube_pressures', read, 'pressures')
+
+    def clear(self) -> None:
+        """Discard the inputs: after a jump of the clock their ages are unknown."""
+        for name in self._words:
+            known = getattr(self._holder, name) is not None
+            setattr(self._holder, name, None)
+            if name == 'pressures' and known:  # those of the robot file do not count in its place
+                why = 'tube pressures: none since the clock jumped or stopped'
+                setattr(self._holder, name, RejectedInput(why))
+
+    def describe_ages(self) -> dict[str, object]:
+        """Return the ages of the inputs [s], or why they have none, for the diagnostics."""
+        ages = {}
+        for name, words in self._words.items():
+            given = getattr(self._holder, name)
+            if isinstance(given, StampedInput):
+                age = f'{self._node.now() - given.time:.4f}'
+            else:
+                age = 'none received' if given is None else given.reason
+            ages[f'age of {words} [s]'] = age
+        return ages
+
+
+class TrackedShape:
+    """
+    Follows the shape of the robot.
 
     :ivar timeout: largest age of an input [s].
-    :ivar estimate: input of an `EstimatedTravel`; None without one.
+    :ivar rollers: the latest joint states, a StampedInput of a RollerState.
+    :ivar estimate: input of the `EstimatedTravel` whose offsets these have; None without one.
+    :param robot: at home when the first joint states come.
+    :param timeout: see above.
     """
 
-    timeout: float
-    estimate: Input
+    def __init__(self, robot: Robot, timeout: float) -> None:
+        self.timeout = timeout
+        self.rollers: Input = None
+        self.estimate: Input = None
+        self._shapes = ConfigurationTracker(robot.home)
+        self._tracked: Input = None
 
-
-def subscribe_input(
-    node: Node, kind: type, topic: str, read: Callable[[Any], Any], holder: InputHolder, name: str
-) -> Subscription:
-    """
-    Subscribe to messages with a header and keep the newest value as an input.
-
-    :param node: subscribes.
-    :param kind: type of the messages.
-    :param topic: relative name of the topic.
-    :param read: returns the value of a message; raises MessageError for one that is unusable.
-    :param holder: gets a StampedInput, or a RejectedInput with the reason.
-    :param name: attribute of `holder`.
-    """
-
-    def receive(message: Any) -> None:
-        try:
-            received = StampedInput(read(message), read_stamp(message.header))
-        except MessageError as error:
-            setattr(holder, name, RejectedInput(str(error)))
+    def track(self) -> None:
+        """Take note of the latest joint states."""
+        if self.rollers is self._tracked:
             return
-        setattr(holder, name, select_latest(getattr(holder, name), received, holder.timeout))
+        self._tracked = self.rollers
+        if isinstance(self.rollers, StampedInput):
+            # The next request reports a configuration that does not exist.
+            with contextlib.suppress(ConfigurationError):
+                self._shapes.configuration(self.rollers.value.positions)
 
-    return subscribe_newest(node, kind, topic, receive)
+    def configuration(self, now: float) -> Configuration:
+        """
+        Return the configuration of the latest joint states.
 
-
-def subscribe_joint_states(node: Node, robot: Robot, holder: InputHolder) -> None:
-    """
-    Keep the state of the rollers, from `joint_states`, as `holder.rollers`.
-
-    Where a node publishes `state_estimate`, that is `holder.estimate`, and what it adds to the
-    encoders is in the positions of the rollers: the last one stays, as zeros do.
-
-    :param node: subscribes.
-    :param robot: whose rollers are read.
-    :param holder: gets a StampedInput of a RollerState, or a RejectedInput.
-    """
-    reader = RollerStateReader(robot.roller_names)
-    offsets = np.zeros(len(robot.roller_names))
-
-    def read(message: JointState) -> RollerState:
-        state = reader.read(message)
-        return RollerState(state.positions + offsets, state.velocities, offsets)
-
-    def read_offsets(message: StateEstimate) -> EstimatedTravel:
-        nonlocal offsets
-        found = read_estimate(message, robot)
-        offsets = found.offsets
-        return found
-
-    subscribe_input(node, JointState, 'joint_states', read, holder, 'rollers')
-    subscribe_input(node, StateEstimate, 'state_estimate', read_offsets, holder, 'estimate')
-
-
-def subscribe_object_pose(node: Node, robot: Robot, holder: InputHolder) -> None:
-    """
-    Keep the measured `Pose` of the object, from `object_pose`, as `holder.pose`.
-
-    :param node: subscribes.
-    :param robot: to whose frame that of the pose must be connected, see `RobotFrame`.
-    :param holder: gets a StampedInput or a RejectedInput.
-    """
-    frame = RobotFrame.heard_by(node, robot.frame)
-
-    def read(message: PoseStamped) -> Pose:
-        return read_object_pose(frame.express_pose(message), robot.frame)
-
-    subscribe_input(node, PoseStamped, 'object_pose', read, holder, 'pose')
-
-
-def subscribe_tube_pressures(node: Node, robot: Robot, holder: InputHolder) -> None:
-    """
-    Keep the gauge pressures of the tubes, from `tube_pressures`, as `holder.pressures`.
-
-    :param node: subscribes.
-    :param robot: whose tubes they are.
-    :param holder: gets a StampedInput of (t,) pressures [Pa], or a RejectedInput.
-    """
-    read = partial(read_tube_pressures, robot=robot)
-    subscribe_input(node, JointState, 'tube_pressures', read, holder, 'pressures')
-
-
-def forget_pressures(holder: InputHolder) -> None:
-    """
-    Rely on no pressures of before any more, nor on those of the robot file in their place.
-
-    :param holder: of pressures.
-    """
-    if holder.pressures is not None:
-        holder.pressures = RejectedInput('tube pressures: none since the clock jumped or stopped')
+        :param now: time on the clock of the inputs [s].
+        :raises InputError: they are missing, stale or invalid.
+        :raises ConfigurationError: no configuration fits them.
+        """
+        (given,) = require_fresh(now, self.timeout, joint_states=self.rollers)
+        return self._shapes.configuration(given.value.positions)
 
 
 def select_latest(kept: Input, received: StampedInput, timeout: float) -> Input:
@@ -153,22 +204,3 @@ def select_latest(kept: Input, received: StampedInput, timeout: float) -> Input:
     if isinstance(kept, StampedInput) and 0.0 < kept.time - received.time < timeout:
         return kept
     return received
-
-
-def describe_ages(now: float, **inputs: Input) -> dict[str, object]:
-    """
-    Return the ages of inputs [s], or why they have none, for the diagnostics.
-
-    :param now: time on the clock of their stamps [s].
-    :param inputs: by name, with underscores for the spaces in the diagnostics.
-    """
-    return {
-        f'age of {name.replace("_", " ")} [s]': _format_age(given, now)
-        for name, given in inputs.items()
-    }
-
-
-def _format_age(given: Input, now: float) -> str:
-    if given is None:
-        return 'none received'
-    return given.reason if isinstance(given, RejectedInput) else f'{now - given.time:.4f}'

@@ -7,78 +7,120 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Parameters of the twist servo, applied when it is created and whenever they change."""
+"""What the parameters are to the twist servo, and what is reported of its decisions."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 import math
 
-from isotruss_ros.core import ShapeGuard, TwistServo
+from isotruss_msgs.msg import ManipulationStatus
+from isotruss_ros.core import ShapeGuard, Status, TwistServo
+from isotruss_ros.core.control.load_estimate import LoadSettings
+from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
+from isotruss_ros.core.control.twist_servo import Decision
 from isotruss_ros.core.safety.roller_failure import FailureCriterion, FailureDetector
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 from isotruss_ros.nodes.components import common_parameters as common
-from isotruss_ros.nodes.framework import parameters as params
-from isotruss_ros.nodes.framework.parameters import Spec
+from isotruss_ros.nodes.conversions.messages import make_header, to_twist_message
+from isotruss_ros.nodes.framework.diagnostics import Level
+from isotruss_ros.nodes.framework.managed import ManagedNode
+from isotruss_ros.nodes.framework.parameters import Parameters, Spec
+from isotruss_ros.nodes.framework.topics import RELIABLE
 
+#: Statuses that are no warning: no motion is commanded, or all is well.
+NORMAL = frozenset(
+    {Status.OK, Status.IDLE, Status.FOLLOWING_TRAJECTORY, Status.ARRIVED, Status.HALT_NO_TWIST}
+)
 BOUNDS = ShapeBounds()
-MIN_RIGIDITY = Spec(
-    'min_rigidity', BOUNDS.min_rigidity, 'Least rigidity of the shape, 1 at home', (0.0, 0.99)
-)
-MIN_CLEARANCE = Spec(
-    'min_clearance',
-    BOUNDS.min_clearance,
-    'Least distance between parts of the robot [m]',
-    bounds=(0.0, 1.0),
-)
-MIN_OBJECT_CLEARANCE = Spec(
-    'min_object_clearance',
-    BOUNDS.min_object_clearance,
-    'Least distance between the robot and the object, beside the grip [m]',
-    bounds=(0.0, 1.0),
-)
-SLIDE_ALONG_LIMITS = Spec(
-    'slide_along_limits', False, 'Slide along limits of lengths and shapes instead of stopping'
-)
-FAILED_ROLLERS = Spec('failed_rollers', [''], "Rollers t/j that are held at zero; [''] for none")
-FAILURE_TIME = Spec(
-    'failure_time',
-    FailureCriterion().time,
-    'A roller that is commanded 2 mm/s or more for this long and does not move has failed; '
-    '0 for never [s]',
-    bounds=(0.0, 60.0),
-)
 SPECS = (
+    common.FRICTION,
+    common.PRESSURE_TIMEOUT,
+    Spec(
+        'squeeze_force',
+        0.0,
+        'Mean normal force of the grasping members that is regulated, 0 to keep the angle of the '
+        'grip [N]',
+        (0.0, 1000.0),
+    ),
+    Spec(
+        'object_mass',
+        0.0,
+        'Mass of the object; 0: that of its description. Unknown, the loop takes its slow gains '
+        '[kg]',
+        (0.0, 1000.0),
+    ),
+    Spec(
+        'pose_gain',
+        0.0,
+        'With squeeze_force: gain of the pose, from which the others follow; 0: by the lowest '
+        'frequency of the held object [1/s]',
+        (0.0, 100.0),
+    ),
+    Spec('force_gain', False, 'Accept a pose_gain beyond what that frequency allows'),
+    Spec(
+        'frequency',
+        0.0,
+        'Lowest frequency of the held object, measured; 0: computed from the masses [rad/s]',
+        (0.0, 1000.0),
+    ),
+    Spec(
+        'expected_load',
+        0.0,
+        'With squeeze_force: size of the loads on the object that are expected; 0: none, and what '
+        'moves it by 5 mm for 2 s counts as a slip [N]',
+        (0.0, 1000.0),
+    ),
     common.OBJECT_DIAMETER,
     common.GRIP_MODULE,
     common.GRIP,
     common.RATE,
     common.COMMAND_TIMEOUT,
-    MIN_RIGIDITY,
-    MIN_CLEARANCE,
-    MIN_OBJECT_CLEARANCE,
-    SLIDE_ALONG_LIMITS,
-    FAILED_ROLLERS,
-    FAILURE_TIME,
+    Spec(
+        'min_rigidity', BOUNDS.min_rigidity, 'Least rigidity of the shape, 1 at home', (0.0, 0.99)
+    ),
+    Spec(
+        'min_clearance',
+        BOUNDS.min_clearance,
+        'Least distance between parts of the robot [m]',
+        (0.0, 1.0),
+    ),
+    Spec(
+        'min_object_clearance',
+        BOUNDS.min_object_clearance,
+        'Least distance between the robot and the object, beside the grip [m]',
+        (0.0, 1.0),
+    ),
+    Spec(
+        'slide_along_limits', False, 'Slide along limits of lengths and shapes instead of stopping'
+    ),
+    Spec('failed_rollers', [''], "Rollers t/j that are held at zero; [''] for none"),
+    Spec(
+        'failure_time',
+        FailureCriterion().time,
+        'A roller that is commanded 2 mm/s or more for this long and does not move has failed; '
+        '0 for never [s]',
+        (0.0, 60.0),
+    ),
 )
 
 
-def apply_settings(servo: TwistServo, values: params.Parameters) -> None:
+def apply_settings(servo: TwistServo, values: Parameters) -> None:
     """
     Set a servo's gains, bounds and limits, from its next cycle on.
 
     :param servo: of the node.
     :param values: parameters of the node.
     """
-    servo.grip_module = common.select_grip_module(servo.robot, values[common.GRIP_MODULE])
-    servo.members = common.named_members(values[common.GRIP])
-    servo.object_diameter = values[common.OBJECT_DIAMETER]
-    servo.period = 1.0 / values[common.RATE]
-    servo.timeout = values[common.COMMAND_TIMEOUT]
-    servo.slide_along_limits = values[SLIDE_ALONG_LIMITS]
-    bounds = ShapeBounds(values[MIN_RIGIDITY], values[MIN_CLEARANCE], values[MIN_OBJECT_CLEARANCE])
+    servo.grip_module = common.select_grip_module(servo.robot, values.grip_module)
+    servo.members = common.named_members(values.grip)
+    servo.object_diameter = values.object_diameter
+    servo.period = 1.0 / values.rate
+    servo.timeout = values.command_timeout
+    servo.slide_along_limits = values.slide_along_limits
+    bounds = ShapeBounds(values.min_rigidity, values.min_clearance, values.min_object_clearance)
     servo.guard = ShapeGuard(servo.robot, bounds)
-    time = values[FAILURE_TIME] or math.inf  # 0 means never
+    time = values.failure_time or math.inf  # 0 means never
     if servo.detector is None:
         criterion = FailureCriterion(time=time)
         servo.detector = FailureDetector(servo.robot.roller_names, criterion)
@@ -86,3 +128,87 @@ def apply_settings(servo: TwistServo, values: params.Parameters) -> None:
         # What was detected stays; what was measured by another criterion does not count.
         servo.detector.criterion = replace(servo.detector.criterion, time=time)
         servo.detector.reset(())
+    _apply_squeeze(servo, values)
+
+
+def _apply_squeeze(servo: TwistServo, values: Parameters) -> None:
+    """Regulate the squeeze from the next cycle on, or keep the angle of the grip."""
+    servo.object_mass = values.object_mass or None
+    servo.pressure_timeout = values.pressure_timeout
+    servo.friction = values.friction
+    if servo.body is not None and servo.body.friction is not None:
+        servo.friction = servo.body.friction
+    if values.squeeze_force == 0.0:
+        servo.squeeze = None
+        return
+    settings = SqueezeSettings(
+        values.squeeze_force,
+        servo.friction,
+        pose_gain=values.pose_gain or None,
+        force_gain=values.force_gain,
+        frequency=values.frequency or None,
+        load=LoadSettings(values.expected_load),
+    )
+    if servo.squeeze is None or servo.squeeze.fault is not None:
+        servo.squeeze = SqueezeControl(settings)
+    servo.squeeze.settings = settings
+
+
+class StatusReport:
+    """
+    Report the decisions of the servo; created whenever the node is configured.
+
+    :ivar status: of the last cycle.
+    :param node: publishes.
+    :param frame: the robot's frame.
+    """
+
+    def __init__(self, node: ManagedNode, frame: str) -> None:
+        self._publisher = node.create_lifecycle_publisher(
+            ManipulationStatus, 'manipulation/status', RELIABLE
+        )
+        self._frame, self._node, self._gain = frame, node, 0.0
+        self.status = Status.OK
+
+    def publish(self, decision: Decision, now: float) -> None:
+        """
+        Publish a decision; log it where the twist is not carried out as commanded.
+
+        :param decision: of this cycle.
+        :param now: time of the cycle.
+        """
+        command, cycle = decision.command, self._node.cycle
+        status = self.status = command.status
+        message = ManipulationStatus(
+            header=make_header(now, self._frame),
+            code=int(status),
+            message=decision.message,
+            commanded=to_twist_message(decision.twist),
+            achieved=to_twist_message(command.achieved_twist),
+            scale=command.scale,
+            reachable_dof=command.reachable_dof,
+            failed_rollers=decision.failed,
+            cycle_time=0.0 if cycle is None else cycle.duration,
+            frequency=decision.frequency,
+            pose_gain=decision.pose_gain,
+        )
+        self._publisher.publish(message)
+        self._log_gain(decision)
+        level = Level.WARN if status < Status.HALT_NO_TWIST else Level.ERROR
+        if status in NORMAL:
+            level = Level.WARN if decision.failed else Level.OK
+        text = decision.message or status.name
+        if decision.failed:
+            text = f'failed rollers: {", ".join(decision.failed)}; {text}'
+        self._node.diagnostics.set_status(level, text)
+        if level is not Level.OK:
+            self._node.warn(status.name, f'{status}: {text}')
+
+    def _log_gain(self, decision: Decision) -> None:
+        """Log the gain, and the frequency from which it follows, when an object is taken."""
+        before, self._gain = self._gain, decision.pose_gain
+        if decision.pose_gain and not before:
+            known = f'{decision.frequency:.3g} rad/s' if decision.frequency else 'not known'
+            self._node.get_logger().info(
+                f'lowest frequency of the held object: {known}; pose gain {self._gain:.3g} 1/s'
+            )

@@ -27,33 +27,33 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.simulation.simulated_robot import SimulatedObject
 from isotruss_ros.nodes.components import common_parameters as common
-from isotruss_ros.nodes.framework import parameters as params
+from isotruss_ros.nodes.framework.parameters import Parameters, Spec
 
 # The simulated object is grasped from the start and stays so, or it is free at first.
 GRIP_MODULE = replace(common.GRIP_MODULE, read_only=True)
 GRIP = replace(common.GRIP, read_only=True)
 OBJECT_DIAMETER = replace(common.OBJECT_DIAMETER, read_only=True)
 FRICTION = replace(common.FRICTION, read_only=True)
-INDENTATION = params.Spec(
+INDENTATION = Spec(
     'indentation',
     0.0,
     'How far the tubes are indented by the object at home, 0 where they just touch [m]',
     bounds=(0.0, 0.1),
     read_only=True,
 )
-OBJECT_IS_FREE = params.Spec(
+OBJECT_IS_FREE = Spec(
     'object_is_free',
     False,
     'The object is free at object_x, object_y until friction closes a grasp; grasped if false',
     read_only=True,
 )
-OBJECT_X = params.Spec(
+OBJECT_X = Spec(
     'object_x', 0.6, 'Position of the free object [m]', bounds=(-1e3, 1e3), read_only=True
 )
-OBJECT_Y = params.Spec(
+OBJECT_Y = Spec(
     'object_y', 0.3, 'Position of the free object [m]', bounds=(-1e3, 1e3), read_only=True
 )
-OBJECT_ANGLE = params.Spec(
+OBJECT_ANGLE = Spec(
     'object_angle',
     0.0,
     'Orientation of the object at the start, free or grasped [rad]',
@@ -86,18 +86,18 @@ class StartingObject:
     :raises IsotrussError: a parameter is unusable, or the object does not fit there.
     """
 
-    def __init__(self, robot: Robot, values: params.Parameters) -> None:
-        module = values[GRIP_MODULE]
-        common.check_grip(robot, {GRIP_MODULE.name: module, GRIP.name: values[GRIP]})
-        self.robot, self.is_free = robot, values[OBJECT_IS_FREE]
-        self._friction, diameter = values[FRICTION], values[OBJECT_DIAMETER]
-        self._members = common.select_grip(robot, values[GRIP], module)
-        place = (values[OBJECT_X], values[OBJECT_Y])
-        angle, indentation = values[OBJECT_ANGLE], values[INDENTATION]
+    def __init__(self, robot: Robot, values: Parameters) -> None:
+        module = values.grip_module
+        common.check_grip(robot, {GRIP_MODULE.name: module, GRIP.name: values.grip})
+        self.robot, self.is_free = robot, values.object_is_free
+        self._friction, diameter = values.friction, values.object_diameter
+        self._members = common.select_grip(robot, values.grip, module)
+        place = (values.object_x, values.object_y)
+        angle, indentation = values.object_angle, values.indentation
         described = common.read_described(values)
         body = described or ConvexObject(Disc(diameter), friction=self._friction)
         pose = Pose(*place, angle)
-        if not self.is_free and (described or common.named_members(values[GRIP])):
+        if not self.is_free and (described or common.named_members(values.grip)):
             pose = place_between(
                 robot.home, self._members, body.shape, angle, indentation
             ).body.pose

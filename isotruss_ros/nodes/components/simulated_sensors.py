@@ -18,79 +18,48 @@ from isotruss_ros.core import Pose, Robot
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.simulation.sensor_channel import SensorChannel, SensorFaults
 from isotruss_ros.nodes.conversions.marker_messages import to_joint_markers
-from isotruss_ros.nodes.conversions.messages import stamp_header, to_pose_message, to_time
-from isotruss_ros.nodes.framework import parameters as params
+from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message
 from isotruss_ros.nodes.framework.managed import ManagedNode
-from isotruss_ros.nodes.framework.parameters import Parameters
-from isotruss_ros.nodes.framework.qos import RELIABLE
+from isotruss_ros.nodes.framework.parameters import FixedSpec, ParameterError, Parameters, Spec
+from isotruss_ros.nodes.framework.topics import RELIABLE
 import numpy as np
 from sensor_msgs.msg import JointState, MultiDOFJointState
 
 
-def _channel_specs(
-    sensor: str, topic: str, none: str, what: str
-) -> tuple[params.Spec, params.Spec, params.Spec]:
+def _channel_specs(sensor: str, topic: str, none: str, lost: str) -> tuple[Spec, Spec, Spec]:
     """Return rate, delay and dropouts of a sensor."""
     return (
-        params.Spec(
+        Spec(
             f'{sensor}_rate', 0.0, f'Messages of {topic} in a second; {none} [Hz]', (0.0, 1000.0)
         ),
-        params.Spec(
-            f'{sensor}_delay', 0.0, f'{topic} arrives so long after its stamp [s]', (0.0, 10.0)
-        ),
-        params.Spec(f'{sensor}_dropouts', 0.0, f'Share of the {what}', (0.0, 1.0)),
+        Spec(f'{sensor}_delay', 0.0, f'{topic} arrives so long after its stamp [s]', (0.0, 10.0)),
+        Spec(f'{sensor}_dropouts', 0.0, f'Share of the {lost}', (0.0, 1.0)),
     )
 
 
-ENCODER_RATE, ENCODER_DELAY, ENCODER_DROPOUTS = _channel_specs(
-    'encoder', 'joint_states', '0: one in each cycle', 'messages of joint_states that are lost'
-)
-ENCODER_NOISE = params.Spec(
-    'encoder_noise', 0.0, 'Standard deviation of the travel that an encoder reads [m]', (0.0, 0.1)
-)
-ENCODER_STEP = params.Spec(
-    'encoder_step', 0.0, 'Encoders count the travel in steps of this [m]', (0.0, 0.1)
-)
-POSE_RATE, POSE_DELAY, POSE_DROPOUTS = _channel_specs(
-    'pose', 'object_pose', '0: one in each cycle', 'messages of object_pose that are lost'
-)
-POSE_NOISE = params.Spec(
-    'pose_noise', 0.0, "Standard deviation of x and y of the object's pose [m]", (0.0, 0.1)
-)
-ANGLE_NOISE = params.Spec('angle_noise', 0.0, 'Standard deviation of its angle [rad]', (0.0, 1.0))
-MARKER_RATE, MARKER_DELAY, MARKER_DROPOUTS = _channel_specs(
-    'marker', 'joint_markers', 'none if 0', 'markers that a message lacks'
-)
-MARKER_NOISE = params.Spec(
-    'marker_noise', 0.0, 'Standard deviation of a coordinate of a marker [m]', (0.0, 0.1)
-)
-MARKER_MOUNTING = params.Spec(
-    'marker_mounting',
-    0.0,
-    'How far from its joint a marker is mounted, drawn by `seed`: standard deviation of a '
-    'coordinate [m]',
-    (0.0, 0.1),
-)
-MARKER_JOINTS = params.Spec(
-    'marker_joints', [''], "Joints that have markers; [''] for all", read_only=True
-)
+CYCLE = '0: one in each cycle'
 SENSOR_SPECS = (
-    ENCODER_RATE,
-    ENCODER_DELAY,
-    ENCODER_DROPOUTS,
-    ENCODER_NOISE,
-    ENCODER_STEP,
-    POSE_RATE,
-    POSE_DELAY,
-    POSE_DROPOUTS,
-    POSE_NOISE,
-    ANGLE_NOISE,
-    MARKER_RATE,
-    MARKER_DELAY,
-    MARKER_DROPOUTS,
-    MARKER_NOISE,
-    MARKER_MOUNTING,
-    MARKER_JOINTS,
+    *_channel_specs('encoder', 'joint_states', CYCLE, 'messages of joint_states that are lost'),
+    Spec(
+        'encoder_noise',
+        0.0,
+        'Standard deviation of the travel that an encoder reads [m]',
+        (0.0, 0.1),
+    ),
+    Spec('encoder_step', 0.0, 'Encoders count the travel in steps of this [m]', (0.0, 0.1)),
+    *_channel_specs('pose', 'object_pose', CYCLE, 'messages of object_pose that are lost'),
+    Spec('pose_noise', 0.0, "Standard deviation of x and y of the object's pose [m]", (0.0, 0.1)),
+    Spec('angle_noise', 0.0, 'Standard deviation of its angle [rad]', (0.0, 1.0)),
+    *_channel_specs('marker', 'joint_markers', 'none if 0', 'markers that a message lacks'),
+    Spec('marker_noise', 0.0, 'Standard deviation of a coordinate of a marker [m]', (0.0, 0.1)),
+    Spec(
+        'marker_mounting',
+        0.0,
+        'How far from its joint a marker is mounted, drawn by `seed`: standard deviation of a '
+        'coordinate [m]',
+        (0.0, 0.1),
+    ),
+    FixedSpec('marker_joints', [''], "Joints that have markers; [''] for all"),
 )
 
 
@@ -123,24 +92,17 @@ class SimulatedSensors:
     def apply(self) -> None:
         """Take the present values of the parameters."""
         values, none = self._values, np.zeros(len(self._robot.roller_names))
-        self._encoders.faults = SensorFaults(
-            values[ENCODER_RATE],
-            values[ENCODER_DELAY],
-            values[ENCODER_DROPOUTS],
-            np.append(none + values[ENCODER_NOISE], none),
-            np.append(none + values[ENCODER_STEP], none),
-        )
-        self._tracker.faults = SensorFaults(
-            values[POSE_RATE],
-            values[POSE_DELAY],
-            values[POSE_DROPOUTS],
-            (values[POSE_NOISE], values[POSE_NOISE], values[ANGLE_NOISE]),
-        )
-        self._markers.faults = SensorFaults(
-            values[MARKER_RATE],
-            values[MARKER_DELAY],
-            values[MARKER_DROPOUTS],
-            values[MARKER_NOISE],
+        noise = np.append(none + values.encoder_noise, none)
+        step = np.append(none + values.encoder_step, none)
+        self._encoders.faults = SensorFaults(*self._channel('encoder'), noise, step)
+        noise = values.pose_noise, values.pose_noise, values.angle_noise
+        self._tracker.faults = SensorFaults(*self._channel('pose'), noise)
+        self._markers.faults = SensorFaults(*self._channel('marker'), values.marker_noise)
+
+    def _channel(self, sensor: str) -> tuple[float, float, float]:
+        """Return rate, delay and dropouts of a sensor."""
+        return tuple(
+            getattr(self._values, f'{sensor}_{what}') for what in ('rate', 'delay', 'dropouts')
         )
 
     def publish(
@@ -158,37 +120,37 @@ class SimulatedSensors:
         for found in self._encoders.measure(now, lambda: np.append(travel, speeds)):
             positions, velocities = np.split(found.values[0], 2)
             states = JointState(
+                header=make_header(found.time),
                 name=list(self._robot.roller_names),
                 position=positions.tolist(),
                 velocity=velocities.tolist(),
             )
-            stamp_header(states.header, to_time(found.time))
             self._joint_states.publish(states)
         for found in self._tracker.measure(now, lambda: pose):
-            placed = PoseStamped(pose=to_pose_message(Pose(*found.values[0].tolist())))
-            stamp_header(placed.header, to_time(found.time), self._robot.frame)
-            self._object_pose.publish(placed)
-        if self._values[MARKER_RATE] == 0.0:
+            header = make_header(found.time, self._robot.frame)
+            measured = to_pose_message(Pose(*found.values[0].tolist()))
+            self._object_pose.publish(PoseStamped(header=header, pose=measured))
+        if self._values.marker_rate == 0.0:
             return
         for found in self._markers.measure(now, lambda: self._marker_places(joints())):
             places = {self._marked[i]: found.values[i] for i in np.flatnonzero(found.seen)}
             markers = to_joint_markers(places)
-            stamp_header(markers.header, to_time(found.time), self._robot.frame)
+            markers.header = make_header(found.time, self._robot.frame)
             self._joint_markers.publish(markers)
 
     def _marker_places(self, joints: Array) -> Array:
         """Return where the markers are (k, 2) [m], with how they are mounted."""
         numbers = [self._robot.topology.joint_names.index(name) for name in self._marked]
-        return joints[numbers] + self._values[MARKER_MOUNTING] * self._mounting
+        return joints[numbers] + self._values.marker_mounting * self._mounting
 
 
 def _find_marked(robot: Robot, values: Parameters) -> tuple[str, ...]:
     """Return the joints that have markers."""
     known = robot.topology.joint_names
-    named = tuple(name for name in values[MARKER_JOINTS] if name)
+    named = tuple(name for name in values.marker_joints if name)
     unknown = [name for name in named if name not in known]
     if unknown:
-        raise params.ParameterError(
+        raise ParameterError(
             f'parameter marker_joints: {", ".join(unknown)}: must be of {", ".join(known)}'
         )
     return named or tuple(known)

@@ -7,7 +7,7 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""What is true of a simulated robot, for who judges estimates; published where that is heard."""
+"""What a simulator publishes that a real robot does not: the truth, and the time."""
 
 from __future__ import annotations
 
@@ -17,11 +17,21 @@ from geometry_msgs.msg import PoseStamped
 from isotruss_ros.core import Pose, Robot
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.nodes.conversions.marker_messages import to_joint_markers
-from isotruss_ros.nodes.conversions.messages import stamp_header, to_pose_message
+from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message
+from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.managed import ManagedNode
-from isotruss_ros.nodes.framework.qos import RELIABLE
+from isotruss_ros.nodes.framework.parameters import FixedSpec, ParameterError
+from isotruss_ros.nodes.framework.topics import RELIABLE
 from rclpy.time import Time
+from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import JointState, MultiDOFJointState
+
+CLOCK_SPEED = FixedSpec(
+    'clock_speed',
+    0.0,
+    'Simulated seconds that are published on /clock in a second; 0 where another node does',
+    (0.0, 1000.0),
+)
 
 
 class SimulatedTruth:
@@ -41,7 +51,7 @@ class SimulatedTruth:
 
     def publish(
         self,
-        now: Time,
+        now: float,
         pose: Pose,
         joints: Callable[[], Array],
         forces: Callable[[], Mapping[str, float]],
@@ -49,23 +59,49 @@ class SimulatedTruth:
         """
         Publish what has a subscriber.
 
-        :param now: time of the simulated robot.
+        :param now: time of the simulated robot [s].
         :param pose: of the object.
         :param joints: returns where the joints are (j, 2) [m].
         :param forces: returns the normal forces of the members on the object, by member [N].
         """
-        frame = self._robot.frame
+        header = make_header(now, self._robot.frame)
         if self._pose.get_subscription_count():
-            placed = PoseStamped(pose=to_pose_message(pose))
-            stamp_header(placed.header, now, frame)
-            self._pose.publish(placed)
+            self._pose.publish(PoseStamped(header=header, pose=to_pose_message(pose)))
         if self._joints.get_subscription_count():
             names = self._robot.topology.joint_names
             markers = to_joint_markers(dict(zip(names, joints(), strict=True)))
-            stamp_header(markers.header, now, frame)
+            markers.header = header
             self._joints.publish(markers)
         if self._forces.get_subscription_count():
             found = forces()
-            pressing = JointState(name=list(found), effort=list(found.values()))
-            stamp_header(pressing.header, now, frame)
-            self._forces.publish(pressing)
+            self._forces.publish(
+                JointState(header=header, name=list(found), effort=list(found.values()))
+            )
+
+
+class ClockSource:
+    """
+    Publishes `/clock` in equal steps as long as the node is active.
+
+    A node that is too slow for the speed slows the time: no step is left out.
+
+    :param node: publishes; its own clock follows like all others.
+    :param rate: steps in a simulated second [Hz].
+    :param speed: simulated seconds in a second, positive.
+    :raises ParameterError: the node's own time is not simulated.
+    """
+
+    def __init__(self, node: ManagedNode, rate: float, speed: float) -> None:
+        if not node.get_parameter('use_sim_time').value:
+            raise ParameterError(
+                f'parameter clock_speed: {speed:g}: must be 0 where use_sim_time is false'
+            )
+        self._step = round(1e9 / rate)
+        # From where the clock stopped when the node was active before.
+        self._now = node.get_clock().now().nanoseconds
+        self._publisher = node.create_publisher(ClockMessage, '/clock', RELIABLE)
+        create_steady_timer(node, 1.0 / (rate * speed), self._tick)
+
+    def _tick(self) -> None:
+        self._now += self._step
+        self._publisher.publish(ClockMessage(clock=Time(nanoseconds=self._now).to_msg()))

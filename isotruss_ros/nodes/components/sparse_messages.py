@@ -19,8 +19,7 @@ import math
 import time
 from typing import Any, TYPE_CHECKING
 
-from isotruss_ros.nodes.framework.qos import EVERY, EVERY_LATCHED, RELIABLE
-from isotruss_ros.nodes.framework.subscriptions import take_waiting
+from isotruss_ros.nodes.framework.topics import EVERY, EVERY_LATCHED, RELIABLE, take_waiting
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription

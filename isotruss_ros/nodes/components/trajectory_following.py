@@ -30,9 +30,9 @@ from isotruss_ros.core.manipulation.solve_twist import RollerCommand
 from isotruss_ros.nodes.components.single_goal import Ending, SingleGoal
 from isotruss_ros.nodes.components.sparse_messages import NewestMessage
 from isotruss_ros.nodes.conversions.messages import MessageError, read_stamp
-from isotruss_ros.nodes.conversions.trajectory_messages import (
+from isotruss_ros.nodes.conversions.path_messages import (
     read_roller_trajectory,
-    to_feedback_message,
+    to_roller_feedback,
 )
 from isotruss_ros.nodes.framework.managed import ManagedNode
 import numpy as np
@@ -182,7 +182,7 @@ class TrajectoryFollowing:
             return
         robot, when, now = self._servo.robot, self._follower.time, self._node.now()
         goal.publish_feedback(
-            lambda: to_feedback_message(
+            lambda: to_roller_feedback(
                 goal.kind.Feedback, robot, wanted, measured.value, when, now
             )
         )

@@ -14,14 +14,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from geometry_msgs.msg import TransformStamped
-from isotruss_ros.nodes.conversions.messages import name_object_frame, stamp_header
+from isotruss_ros.nodes.conversions.messages import make_header, name_object_frame
 import numpy as np
 from rclpy.qos import QoSProfile
 
 if TYPE_CHECKING:
     from isotruss_ros.core import Configuration, Robot
     from isotruss_ros.nodes.framework.managed import ManagedNode
-    from rclpy.time import Time
 
 try:
     from tf2_msgs.msg import TFMessage
@@ -59,7 +58,7 @@ class TransformBroadcaster:
             transforms=[TransformStamped(child_frame_id=name) for name in names]
         )
 
-    def broadcast(self, config: Configuration, center: tuple[float, float], time: Time) -> None:
+    def broadcast(self, config: Configuration, center: tuple[float, float], time: float) -> None:
         """
         Publish the transforms from the robot's frame.
 
@@ -82,8 +81,9 @@ class TransformBroadcaster:
             ],
             axis=1,
         )
+        header = make_header(time, self._robot.frame)
         for stamped, (x, y, z, w) in zip(self._message.transforms, poses.tolist(), strict=True):
-            stamp_header(stamped.header, time, self._robot.frame)
+            stamped.header = header
             stamped.transform.translation.x, stamped.transform.translation.y = x, y
             stamped.transform.rotation.z, stamped.transform.rotation.w = z, w
         self._transforms.publish(self._message)

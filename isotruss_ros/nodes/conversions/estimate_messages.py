@@ -17,10 +17,9 @@ from isotruss_ros.core import Pose, Robot
 from isotruss_ros.core.control.state_estimate import EstimatedTravel, StateEstimate
 from isotruss_ros.nodes.conversions.messages import (
     check_frame,
+    make_header,
     MessageError,
-    stamp_header,
     to_pose_message,
-    to_time,
 )
 import numpy as np
 
@@ -57,7 +56,7 @@ def to_estimate_message(estimate: StateEstimate, robot: Robot) -> StateEstimateM
         message.pose.covariance = covariance.ravel()
         message.squeeze = estimate.squeeze
         message.squeeze_deviation = estimate.squeeze_deviation
-    stamp_header(message.header, to_time(estimate.time), robot.frame)
+    message.header = make_header(estimate.time, robot.frame)
     return message
 
 

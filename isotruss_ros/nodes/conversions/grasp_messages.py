@@ -22,25 +22,15 @@ from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.control.grasp_report import GraspQuery, GraspReport
 from isotruss_ros.nodes.conversions.messages import (
     check_frame,
+    make_header,
     MessageError,
     name_object_frame,
-    stamp_header,
-    to_time,
 )
 from isotruss_ros.nodes.conversions.object_messages import describes_object, read_object_message
 import numpy as np
 
 #: No wrench is larger [N, N m]; what is beyond is a broken sensor, not a load.
 MAX_WRENCH = 1e6
-
-
-def read_wrench(wrench: Wrench) -> tuple[float, float, float]:
-    """
-    Return (fx, fy, m) [N, N m]; components out of the plane are carried by the ground.
-
-    :param wrench: on the object about its centre.
-    """
-    return wrench.force.x, wrench.force.y, wrench.torque.z
 
 
 def read_external_wrench(message: WrenchStamped, frame: str) -> tuple[float, float, float]:
@@ -52,7 +42,7 @@ def read_external_wrench(message: WrenchStamped, frame: str) -> tuple[float, flo
     :raises MessageError: another frame, not finite, or larger than `MAX_WRENCH`.
     """
     check_frame('external wrench', message.header, name_object_frame(frame))
-    wrench = read_wrench(message.wrench)
+    wrench = _planar(message.wrench)
     if not all(abs(component) <= MAX_WRENCH for component in wrench):
         raise MessageError(
             f'external wrench {wrench}: force.x, force.y and torque.z must be finite, '
@@ -85,7 +75,7 @@ def read_query(
     body = _read_described(request)
     if body is None:
         body = ConvexObject.disc((request.center.x, request.center.y), request.diameter)
-    wrench = read_wrench(request.external_wrench)
+    wrench = _planar(request.external_wrench)
     rollers = tuple(request.roller_positions)
     friction = request.friction if body.friction is None else body.friction
     return GraspQuery(rollers, body, friction, wrench, spacing, flattening)
@@ -119,6 +109,11 @@ def _read_described(request: AnalyzeGrasp.Request) -> ConvexObject | None:
     return read_object_message(request.object, request.object_pose)
 
 
+def _planar(wrench: Wrench) -> tuple[float, float, float]:
+    """Return (fx, fy, m) [N, N m]; components out of the plane are carried by the ground."""
+    return wrench.force.x, wrench.force.y, wrench.torque.z
+
+
 def to_state_message(report: GraspReport, frame: str) -> GraspState:
     """
     Return the result of an analysis as a message; without result the figures are the worst.
@@ -127,7 +122,7 @@ def to_state_message(report: GraspReport, frame: str) -> GraspState:
     :param frame: the robot's frame.
     """
     state = GraspState(code=int(report.code), message=report.message)
-    stamp_header(state.header, to_time(report.time), frame)
+    state.header = make_header(report.time, frame)
     if report.grasp is None:
         state.closure_residual = state.required_friction = math.inf
         state.closure_margin = -math.inf
@@ -147,7 +142,7 @@ def to_state_message(report: GraspReport, frame: str) -> GraspState:
     state.required_friction = analysis.required_friction
     state.closure_margin = analysis.closure_margin
     state.normal_wrench = to_wrench_message(analysis.normal_wrench)
-    state.contacts = to_contact_messages(analysis)
+    state.contacts = _to_contact_messages(analysis)
     state.contact_members = list(analysis.contact_lengths)
     state.contact_lengths = list(analysis.contact_lengths.values())
     state.contact_widths = list(analysis.contact_widths.values())
@@ -163,12 +158,8 @@ def to_state_message(report: GraspReport, frame: str) -> GraspState:
     return state
 
 
-def to_contact_messages(analysis: GraspAnalysis) -> list[Contact]:
-    """
-    Return the contact points that carry a normal force.
-
-    :param analysis: of the grasp.
-    """
+def _to_contact_messages(analysis: GraspAnalysis) -> list[Contact]:
+    """Return the contact points that carry a normal force."""
     touching = np.flatnonzero(analysis.normal_forces > 0.0)
     return [
         Contact(

@@ -20,10 +20,9 @@ from isotruss_ros.core.control.grasp_report import AnalyzedGrasp, GraspReport
 from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.numerics.arrays import Points
 from isotruss_ros.core.statics.wrinkling import MAX_UTILISATION
-from isotruss_ros.nodes.conversions.messages import stamp_header
+from isotruss_ros.nodes.conversions.messages import make_header
 import numpy as np
 from rclpy.duration import Duration
-from rclpy.time import Time
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -60,7 +59,7 @@ class GraspMarkers:
         self._frame = frame
         self._shown: set[tuple[str, int]] = set()
 
-    def update(self, report: GraspReport, time: Time) -> MarkerArray:
+    def update(self, report: GraspReport, time: float) -> MarkerArray:
         """
         Return the markers to be shown, and those to be deleted.
 
@@ -75,7 +74,7 @@ class GraspMarkers:
         for name, number in sorted(self._shown - shown):
             markers.append(Marker(ns=name, id=number, action=Marker.DELETE))
         for marker in markers:
-            stamp_header(marker.header, time, self._frame)
+            marker.header = make_header(time, self._frame)
         self._shown = shown
         return MarkerArray(markers=markers)
 
@@ -88,27 +87,21 @@ def _make_grasp_markers(grasp: AnalyzedGrasp) -> list[Marker]:
     strongest = float(analysis.normal_forces.max(initial=0.0))
     scale = min(ARROW_SCALE, LONGEST_ARROW / max(strongest, TINY))
     arrow, thin = (ARROW_WIDTH, 2.0 * ARROW_WIDTH, 0.0), (0.5 * LINE_WIDTH, 0.0, 0.0)
+    members = map(_flat, member_lines(grasp.config))
+    deformed = map(_flat, deformed_lines(grasp.config, analysis))
+    strips = map(_strip, regions, 0.5 * np.array(widths))
+    forces = map(_flat, force_lines(grasp.body, analysis, scale))
+    same = itertools.repeat
+    rows = (
+        ('members', strip, same(UNDEFORMED), thin, members),
+        ('deformed', strip, used, (LINE_WIDTH, 0.0, 0.0), deformed),
+        ('contact_regions', Marker.TRIANGLE_LIST, same(REGION), UNIT, strips),
+        ('contact_forces', Marker.ARROW, same(FORCE), arrow, forces),
+    )
     return [
-        *(
-            _make_marker('members', i, strip, UNDEFORMED, thin, _flat(line))
-            for i, line in enumerate(member_lines(grasp.config))
-        ),
-        *(
-            _make_marker('deformed', i, strip, color, (LINE_WIDTH, 0.0, 0.0), _flat(line))
-            for i, (line, color) in enumerate(
-                zip(deformed_lines(grasp.config, analysis), used, strict=True)
-            )
-        ),
-        *(
-            _make_marker(
-                'contact_regions', i, Marker.TRIANGLE_LIST, REGION, UNIT, _strip(line, 0.5 * width)
-            )
-            for i, (line, width) in enumerate(zip(regions, widths, strict=True))
-        ),
-        *(
-            _make_marker('contact_forces', i, Marker.ARROW, FORCE, arrow, _flat(ends))
-            for i, ends in enumerate(force_lines(grasp.body, analysis, scale))
-        ),
+        _make_marker(name, number, kind, color, scale, points)
+        for name, kind, colors, scale, lines in rows
+        for number, (color, points) in enumerate(zip(colors, lines, strict=False))
     ]
 
 

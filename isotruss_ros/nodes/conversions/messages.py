@@ -15,21 +15,16 @@ from collections.abc import Mapping, Sequence
 import math
 from typing import Any
 
+from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Pose as PoseMessage
 from geometry_msgs.msg import PoseStamped, Twist
 from isotruss_ros.core import IsotrussError, Pose
-from isotruss_ros.core.control.inputs import RollerState
 from isotruss_ros.core.errors import quote
-from isotruss_ros.core.numerics.arrays import Array, Indices
-import numpy as np
+from isotruss_ros.core.numerics.arrays import Array
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
-from rclpy.time import Time
-from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
-#: No roller is faster [m/s]; what is beyond is a broken sensor, not a motion.
-MAX_SPEED = 10.0
 #: No object is farther away, and no roller has travelled farther [m].
 MAX_DISTANCE = 1e6
 #: A quaternion whose norm is further from 1 than this was never meant as a rotation.
@@ -49,26 +44,15 @@ def read_stamp(header: Header) -> float:
     return header.stamp.sec + 1e-9 * header.stamp.nanosec
 
 
-def to_time(when: float) -> Time:
+def make_header(when: float, frame: str = '') -> Header:
     """
-    Return a time of rclpy, not before zero.
+    Return a header.
 
-    :param when: time [s].
-    """
-    return Time(nanoseconds=max(0, round(1e9 * when)))
-
-
-def stamp_header(header: Header, time: Time, frame: str = '') -> Header:
-    """
-    Fill in a header and return it.
-
-    :param header: of a message.
-    :param time: its stamp.
+    :param when: its stamp, zero for a time before [s].
     :param frame: its frame.
     """
-    header.stamp.sec, header.stamp.nanosec = time.seconds_nanoseconds()
-    header.frame_id = frame
-    return header
+    seconds, nanoseconds = divmod(max(0, round(1e9 * when)), 1_000_000_000)
+    return Header(stamp=Time(sec=seconds, nanosec=nanoseconds), frame_id=frame)
 
 
 def read_twist(twist: Twist) -> tuple[float, float, float]:
@@ -194,67 +178,3 @@ def to_twist_message(twist: Sequence[float] | Array) -> Twist:
     message.linear.x, message.linear.y = float(twist[0]), float(twist[1])
     message.angular.z = float(twist[2])
     return message
-
-
-class RollerStateReader:
-    """
-    Select the rollers from joint states by name, in any order and among other joints.
-
-    :param names: names of the rollers, in the order of the result.
-    """
-
-    def __init__(self, names: Sequence[str]) -> None:
-        self._names = tuple(names)
-        self._message_names: list[str] | None = None
-        self._places = np.zeros(0, dtype=int)
-
-    def read(self, message: JointState) -> RollerState:
-        """
-        Return travel (r,) [m] and velocities (r,) [m/s] of the rollers.
-
-        Velocities that the message leaves out, or that are NaN, as a broadcaster publishes where
-        nothing is measured, are zero.
-
-        :param message: joint states.
-        :raises MessageError: a roller is missing or named twice, there are not as many positions
-            (or velocities) as names, or a number is not finite or out of range.
-        """
-        if message.name != self._message_names:
-            self._places = self._find_places(message.name)
-            self._message_names = list(message.name)
-        positions = self._select('positions', message.position)
-        if not np.abs(positions).max() <= MAX_DISTANCE:  # nor for NaN
-            raise MessageError(
-                f'joint states: roller positions {positions.tolist()} m: must be finite, '
-                f'at most {MAX_DISTANCE:g} m'
-            )
-        velocities = np.zeros_like(positions)
-        if message.velocity:
-            velocities = self._select('velocities', message.velocity)
-            velocities[np.isnan(velocities)] = 0.0
-        if np.abs(velocities).max() > MAX_SPEED:
-            raise MessageError(
-                f'joint states: roller velocities {velocities.tolist()} m/s: '
-                f'must be at most {MAX_SPEED} m/s'
-            )
-        return RollerState(positions, velocities)
-
-    def _select(self, what: str, values: Sequence[float]) -> Array:
-        if len(values) != len(self._message_names):
-            raise MessageError(
-                f'joint states: {len(values)} {what} for {len(self._message_names)} names; '
-                'must be as many'
-            )
-        return np.asarray(values)[self._places]
-
-    def _find_places(self, names: Sequence[str]) -> Indices:
-        missing = [name for name in self._names if name not in names]
-        if missing:
-            raise MessageError(
-                f'joint states: rollers {", ".join(missing)} are missing; '
-                f'must name {", ".join(self._names)}'
-            )
-        twice = [name for name in self._names if names.count(name) > 1]
-        if twice:
-            raise MessageError(f'joint states: {", ".join(twice)} named twice; must be once')
-        return np.array([names.index(name) for name in self._names])

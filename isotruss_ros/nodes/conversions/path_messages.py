@@ -7,24 +7,38 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Paths and poses as messages: goals in, feedback and results out."""
+"""Paths of the object and trajectories of the rollers, from messages and to them."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 import math
+from typing import Any
 
+from builtin_interfaces.msg import Duration
 from isotruss_msgs.action import FollowObjectPath
 from isotruss_ros.core import ObjectPath, PathTracker, Pose, Robot
+from isotruss_ros.core.control.inputs import RollerState
 from isotruss_ros.core.control.object_path import MAX_POSES
 from isotruss_ros.core.control.path_servo import Outcome
 from isotruss_ros.core.control.path_tracking import Tracking
+from isotruss_ros.core.control.roller_trajectory import RollerTrajectory, Wanted
+from isotruss_ros.core.errors import quote
+from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.nodes.conversions.messages import (
     check_frame,
+    make_header,
+    MAX_DISTANCE,
     MessageError,
     QUATERNION_TOLERANCE,
     read_pose,
 )
 from nav_msgs.msg import Path
+import numpy as np
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+#: Longest trajectory: reading takes 20 us for each point, in which the node runs no cycle.
+MAX_POINTS = 10_000
 
 
 def read_object_path(
@@ -69,7 +83,7 @@ def read_object_path(
     return ObjectPath([start, *poses], speed, turn_rate, smooth, first=-1)
 
 
-def to_feedback_message(tracking: Tracking) -> FollowObjectPath.Feedback:
+def to_path_feedback(tracking: Tracking) -> FollowObjectPath.Feedback:
     """
     Return the feedback of the action.
 
@@ -83,7 +97,7 @@ def to_feedback_message(tracking: Tracking) -> FollowObjectPath.Feedback:
     )
 
 
-def to_result_message(
+def to_path_result(
     outcome: Outcome, message: str, tracker: PathTracker | None, last: Tracking | None
 ) -> FollowObjectPath.Result:
     """
@@ -96,10 +110,108 @@ def to_result_message(
     """
     result = FollowObjectPath.Result(code=int(outcome), message=message)
     known = tracker is not None and last is not None
-    for source, names in (
-        (last, ('position_error', 'angle_error')),
-        (tracker, ('max_position_error', 'max_angle_error', 'rms_position_error')),
+    for source, name in (
+        (last, 'position_error'),
+        (last, 'angle_error'),
+        (tracker, 'max_position_error'),
+        (tracker, 'max_angle_error'),
+        (tracker, 'rms_position_error'),
     ):
-        for name in names:
-            setattr(result, name, getattr(source, name) if known else math.nan)
+        setattr(result, name, getattr(source, name) if known else math.nan)
     return result
+
+
+def read_roller_trajectory(message: JointTrajectory, robot: Robot) -> RollerTrajectory:
+    """
+    Return the trajectory of the rollers from positions and times of the points.
+
+    :param message: trajectory of all rollers, in any order.
+    :param robot: whose rollers they are.
+    :raises MessageError: a roller is missing, unknown or named twice, a point has another number
+        of positions, or a number is not finite or out of range.
+    :raises ConfigurationError: see `RollerTrajectory`.
+    """
+    names, points = list(message.joint_names), message.points
+    if len(names) != len(set(names)) or set(names) != set(robot.roller_names):
+        given = ', '.join(quote(name) for name in names[:20]) or 'none'
+        raise MessageError(
+            f'trajectory: joint_names: {given}; must be each of {", ".join(robot.roller_names)}'
+        )
+    if len(points) > MAX_POINTS:
+        raise MessageError(f'trajectory: {len(points)} points; must be at most {MAX_POINTS}')
+    for number, point in enumerate(points):
+        positions = np.asarray(point.positions, dtype=np.float64)
+        if positions.shape != (len(names),) or not (np.abs(positions) <= MAX_DISTANCE).all():
+            raise MessageError(
+                f'trajectory: point {number}: must have {len(names)} positions, '
+                f'finite and at most {MAX_DISTANCE:g} m'
+            )
+    order = [names.index(name) for name in robot.roller_names]
+    positions = np.array([point.positions for point in points])[:, order]
+    times = [read_duration(point.time_from_start) for point in points]
+    return RollerTrajectory(robot, positions, times)
+
+
+def to_trajectory_message(
+    robot: Robot, positions: Sequence[Sequence[float]], times: Sequence[float]
+) -> JointTrajectory:
+    """
+    Return a trajectory of the rollers.
+
+    :param robot: whose rollers they are.
+    :param positions: (k, r) waypoints [m].
+    :param times: (k,) when to be there, from 0 on [s].
+    """
+    trajectory = JointTrajectory(joint_names=list(robot.roller_names))
+    trajectory.header.frame_id = robot.frame
+    trajectory.points = [
+        JointTrajectoryPoint(positions=row, time_from_start=to_duration(when))
+        for row, when in zip(positions, times, strict=True)
+    ]
+    return trajectory
+
+
+def to_roller_feedback(
+    kind: type, robot: Robot, wanted: Wanted, measured: RollerState, when: float, now: float
+) -> Any:
+    """
+    Return where the rollers should be and where they are.
+
+    :param kind: the feedback of FollowRollerTrajectory or FollowJointTrajectory.
+    :param robot: whose rollers they are.
+    :param wanted: where they should be.
+    :param measured: where they are.
+    :param when: time of the trajectory [s].
+    :param now: time on the clock [s].
+    """
+
+    def point(positions: Array, **others: Any) -> JointTrajectoryPoint:
+        start = to_duration(when)
+        return JointTrajectoryPoint(positions=positions.tolist(), time_from_start=start, **others)
+
+    return kind(
+        header=make_header(now, robot.frame),
+        joint_names=list(robot.roller_names),
+        desired=point(wanted.positions, velocities=wanted.speeds.tolist()),
+        actual=point(measured.positions),
+        error=point(wanted.positions - measured.positions),
+    )
+
+
+def to_duration(seconds: float) -> Duration:
+    """
+    Return a duration as a message.
+
+    :param seconds: not negative [s].
+    """
+    whole, rest = divmod(round(1e9 * seconds), 1_000_000_000)
+    return Duration(sec=whole, nanosec=rest)
+
+
+def read_duration(duration: Duration) -> float:
+    """
+    Return a duration [s].
+
+    :param duration: message.
+    """
+    return duration.sec + 1e-9 * duration.nanosec

@@ -25,7 +25,7 @@ from isotruss_ros.core.planning.searcher import Answer
 from isotruss_ros.nodes.conversions.grasp_messages import read_external_wrench
 from isotruss_ros.nodes.conversions.messages import check_frame, MessageError, read_pose
 from isotruss_ros.nodes.conversions.object_messages import describes_object, read_object_message
-from isotruss_ros.nodes.conversions.trajectory_messages import to_duration, to_trajectory_message
+from isotruss_ros.nodes.conversions.path_messages import to_duration, to_trajectory_message
 import numpy as np
 
 #: Largest number of grasps of a goal.

@@ -16,12 +16,11 @@ from collections.abc import Callable
 from functools import partial
 import time
 
-from isotruss_ros.nodes.framework.subscriptions import take_waiting
+from isotruss_ros.nodes.framework.topics import take_waiting
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.executors import SingleThreadedExecutor, TimeoutException
 from rclpy.node import Node
-from rclpy.time import Time
 from rclpy.timer import Timer
 
 #: A stopped clock is detected within the timeout and this share of it, or this time [s].
@@ -73,7 +72,7 @@ class Cycle:
     :ivar duration: computing time of the last cycle [s].
     :param node: its clock, simulated or not, is the one that times are read from.
     :param rate: cycles per second of the clock of the timer [Hz].
-    :param step: called in every cycle with the time.
+    :param step: called in every cycle with the time [s].
     :param jumped_back: called before the step when the clock reads less than in the step before.
     :param stopped: called repeatedly instead of steps while simulated time does not advance.
     :param progress_timeout: time without a change after which the clock counts as stopped [s].
@@ -83,9 +82,9 @@ class Cycle:
         self,
         node: Node,
         rate: float,
-        step: Callable[[Time], None],
+        step: Callable[[float], None],
         jumped_back: Callable[[], None],
-        stopped: Callable[[Time], None] | None = None,
+        stopped: Callable[[float], None] | None = None,
         progress_timeout: float = 1.0,
     ) -> None:
         self._clock, self._step, self._jumped_back = node.get_clock(), step, jumped_back
@@ -139,7 +138,7 @@ class Cycle:
         if now.nanoseconds < self._last:
             self._jumped_back()
         self._last = now.nanoseconds
-        self._step(now)
+        self._step(1e-9 * now.nanoseconds)
         self.duration = time.perf_counter() - began
         self._times.add(self.duration)
 
@@ -148,7 +147,7 @@ class Cycle:
         if now.nanoseconds != self._read:
             self._read, self._changed = now.nanoseconds, elapsed
         elif elapsed - self._changed > self._progress_timeout:
-            self._stopped(now)
+            self._stopped(1e-9 * now.nanoseconds)
 
 
 class PacedExecutor(SingleThreadedExecutor):

@@ -16,16 +16,13 @@ import time
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
-from isotruss_ros.nodes.framework.qos import DIAGNOSTICS
-from rclpy.impl.rcutils_logger import RcutilsLogger
+from isotruss_ros.nodes.framework.topics import DIAGNOSTICS
 from rclpy.node import Node
 
 #: From one report to the next when nothing changes [s].
 PERIOD = 1.0
 #: Changes for the worse are reported at once, those for the better not oftener than this [s].
 SHORTEST_PERIOD = 0.1
-#: Warnings of one kind are logged at most this often [s].
-WARNING_PERIOD = 1.0
 
 
 class Level(enum.IntEnum):
@@ -83,27 +80,3 @@ class Diagnostics:
         array.header.stamp = self._node.get_clock().now().to_msg()
         self._reports.publish(array)
         self._sent_level, self._sent = self._level, time.monotonic()
-
-
-class WarningThrottle:
-    """
-    Log warnings at a limited rate by kind, so that a flood of one does not hide another.
-
-    :param logger: the node's.
-    """
-
-    def __init__(self, logger: RcutilsLogger) -> None:
-        self._logger = logger
-        self._last: dict[str, float] = {}
-
-    def warn(self, kind: str, message: str) -> None:
-        """
-        Log a warning, unless one of this kind was logged within the last `WARNING_PERIOD`.
-
-        :param kind: key by which warnings are throttled.
-        :param message: what is logged.
-        """
-        now = time.monotonic()
-        if now - self._last.get(kind, -WARNING_PERIOD) >= WARNING_PERIOD:
-            self._last[kind] = now
-            self._logger.warning(message)

@@ -10,22 +10,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 import inspect
 import traceback
 from typing import Any, ClassVar
 
 from isotruss_ros.core import IsotrussError
-from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.diagnostics import Diagnostics, Level
+from isotruss_ros.nodes.framework.parameters import AUTOSTART
+from isotruss_ros.nodes.framework.runner import StoppableNode
 from lifecycle_msgs.srv import ChangeState
 from rclpy.action import ActionClient, ActionServer
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 
 SUCCESS = TransitionCallbackReturn.SUCCESS
@@ -33,9 +33,9 @@ FAILURE = TransitionCallbackReturn.FAILURE
 ERROR = TransitionCallbackReturn.ERROR
 
 
-class ManagedNode(LifecycleNode):
+class ManagedNode(StoppableNode, LifecycleNode):
     """
-    Base of the managed nodes; a subclass overrides the steps and calls `start` last when created.
+    Base of the managed nodes; a subclass overrides the steps.
 
     What `configure` creates (publishers, subscriptions, services, action servers, timers) is
     destroyed at cleanup, what `activate` creates at deactivation. Publishers that must not publish
@@ -45,48 +45,21 @@ class ManagedNode(LifecycleNode):
     anything else leaves it unconfigured; the reason is logged and in the diagnostics.
 
     :cvar awaited: topics and actions without which the active node does nothing, as it logs.
+    :ivar configured: whether `configure` has succeeded, and what it made is there.
     :ivar active: whether publishers are enabled, in the transitions to and from `active` too.
     :ivar diagnostics: status of the node.
-    :ivar cycle: what the node does at a rate, while it is active; None if there is nothing.
-    :ivar values: of the parameters, as `values[spec]`.
-    :param name: name of the node.
-    :param specs: its parameters, besides `autostart`.
-    :param parameter_overrides: values of parameters other than the defaults.
-    :raises IsotrussError: a parameter is of another type or out of range.
+    :ivar cycle: None while the node is not active, too.
     """
 
     awaited: ClassVar[tuple[str, ...]] = ()
-    #: It runs until it is interrupted.
-    done: ClassVar[bool] = False
-
-    def __init__(
-        self,
-        name: str,
-        specs: Sequence[params.Spec],
-        parameter_overrides: Sequence[Parameter] = (),
-    ) -> None:
-        super().__init__(
-            name,
-            parameter_overrides=list(parameter_overrides),
-            automatically_declare_parameters_from_overrides=True,
-        )
-        self.diagnostics = Diagnostics(self, self.details)
-        self.cycle: Cycle | None = None
-        self.active = False
-        self._failure: Exception | None = None
-        #: The entities that were there before a state, whose end they outlive.
-        self._before: dict[str, dict[Any, Callable[[Any], object]]] = {}
-        try:
-            self.values = params.Parameters(
-                self, (*specs, params.AUTOSTART), lambda: 'configured' not in self._before
-            )
-        except IsotrussError:
-            self.destroy_node()
-            raise
-        ignore_negative_time(self)
-        _reject_unknown_transitions(self)
+    base_specs = (AUTOSTART,)
+    configured = active = False
+    _failure: Exception | None = None
 
     # -- The steps, for subclasses to override --
+
+    def create(self) -> None:
+        """Create what is there in every state."""
 
     def configure(self) -> None:
         """Read the parameters, load the robot, create publishers and subscriptions."""
@@ -101,28 +74,30 @@ class ManagedNode(LifecycleNode):
         """Release what is no entity of the node; called after every `configure`."""
 
     def details(self) -> dict[str, object]:
-        """Return values for the diagnostics by name; called in every state."""
+        """Return values for the diagnostics by name, besides cycles; called in every state."""
         return {}
 
     # -- Public interface --
 
-    def now(self) -> float:
-        """Return the time of the node's clock [s]."""
-        return 1e-9 * self.get_clock().now().nanoseconds
-
     def start(self) -> None:
         """
-        Configure and activate where `autostart` is set; the last line of a node's constructor.
+        Configure and activate where `autostart` is set.
 
-        :raises IsotrussError: a step failed; the node is destroyed.
+        :raises IsotrussError: a step failed.
         """
-        if not self.values[params.AUTOSTART]:
+        self.diagnostics = Diagnostics(self, self._describe)
+        #: The entities that were there before a state, whose end they outlive.
+        self._before: dict[str, dict[Any, Callable[[Any], object]]] = {}
+        self.add_post_set_parameters_callback(lambda _: self._change_cycle())
+        ignore_negative_time(self)
+        _reject_unknown_transitions(self)
+        self.create()
+        if not self.values.autostart:
             self.diagnostics.set_status(Level.WARN, 'unconfigured')
             return
         for step in (self.trigger_configure, self.trigger_activate):
             if step() != SUCCESS:
                 reason = self._failure
-                self.destroy_node()
                 if isinstance(reason, IsotrussError):
                     raise reason
                 raise IsotrussError(f'{type(reason).__name__}: {reason}') from reason
@@ -134,6 +109,22 @@ class ManagedNode(LifecycleNode):
         except rclpy_implementation.RCLError:  # it was interrupted in a transition, or has ended
             if self.active:
                 self.deactivate()
+
+    def begin_cycle(
+        self,
+        step: Callable[[float], None],
+        jumped_back: Callable[[], None],
+        stopped: Callable[[float], None] | None = None,
+    ) -> None:
+        """
+        Begin the cycle of the active node, with its parameters `rate` and `command_timeout`.
+
+        :param step: see `Cycle`, whose clock may stop for that timeout.
+        :param jumped_back: see `Cycle`.
+        :param stopped: see `Cycle`.
+        """
+        values = self.values
+        self.cycle = Cycle(self, values.rate, step, jumped_back, stopped, values.command_timeout)
 
     def keep(self, entity: object) -> None:
         """
@@ -161,9 +152,11 @@ class ManagedNode(LifecycleNode):
         """Configure; release what a failure leaves behind."""
         self._failure = None
         ignore_negative_time(self)  # which may be simulated since it was unconfigured
+        self.values.locked = True
         self._before['configured'] = self._list_entities()
         result = self._try_step('configure', self.configure)
         if result == SUCCESS:
+            self.configured = True
             self.diagnostics.set_status(Level.WARN, 'inactive')
         else:
             self._release()
@@ -235,13 +228,22 @@ class ManagedNode(LifecycleNode):
     def _disable(self, _state: LifecycleState) -> None:
         """Destroy what `activate` created and disable the publishers."""
         self._destroy_since('active')
+        self.cycle = None
         super().on_deactivate(_state)
         self.active = False
 
     def _release(self) -> None:
         self.values.release()
+        self.configured = False
         self._destroy_since('configured')
         self.cleanup()
+
+    def _change_cycle(self) -> None:
+        if self.cycle is not None:
+            self.cycle.change(self.values.rate, self.values.command_timeout)
+
+    def _describe(self) -> dict[str, object]:
+        return ({} if self.cycle is None else self.cycle.summary()) | self.details()
 
     def _list_entities(self) -> dict[Any, Callable[[Any], object]]:
         """Return every entity with what destroys it: timers first and publishers last."""

@@ -16,12 +16,19 @@ ROS.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
 
 from isotruss_ros.core import IsotrussError
-from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
 from rclpy.exceptions import InvalidParameterValueException, ParameterException
+from rclpy.lifecycle import LifecycleNode
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -49,54 +56,33 @@ class Spec:
     """
 
     name: str
-    default: Value = field(hash=False)  # a list has no hash
+    default: Value
     description: str
     bounds: tuple[float, float] | None = None
     read_only: bool = False
 
-    def descriptor(self, managed: bool) -> ParameterDescriptor:
-        """
-        Return what `ros2 param describe` shows.
 
-        :param managed: whether the node is a managed one.
-        """
-        descriptor = ParameterDescriptor(name=self.name, description=self.description)
-        if self.read_only and managed:
-            descriptor.additional_constraints = UNCONFIGURED_ONLY
-        else:
-            descriptor.read_only = self.read_only
-        if self.bounds is not None:
-            low, high = self.bounds
-            descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
-        return descriptor
-
-
-AUTOSTART = Spec(
-    'autostart', True, 'Configure and activate the node on its own at start', read_only=True
-)
+#: Declaration of a parameter that is read-only.
+FixedSpec = partial(Spec, read_only=True)
+AUTOSTART = FixedSpec('autostart', True, 'Configure and activate the node on its own at start')
 
 
 class Parameters:
     """
-    The parameters of one node.
+    The parameters of one node; each value is an attribute of its name.
 
+    :ivar locked: whether a managed node is configured, so that read-only values cannot be set.
     :param node: declares them; must be one that declares what is given to it on its own
         (`automatically_declare_parameters_from_overrides`), as rclpy does not tell it otherwise.
     :param specs: their declarations.
-    :param unconfigured: returns whether a managed node is; None for a node that is not managed.
     :raises ParameterError: an override is of another type, out of range, or unusable.
     """
 
-    def __init__(
-        self, node: Node, specs: Sequence[Spec], unconfigured: Callable[[], bool] | None = None
-    ) -> None:
-        self._node = node
-        fixed = {spec.name for spec in specs if spec.read_only} | {'use_sim_time'}
-        #: Of a managed node: what is set only while it is unconfigured.
-        self._fixed = frozenset() if unconfigured is None else frozenset(fixed)
-        self._unconfigured = unconfigured
-        self.release()
+    def __init__(self, node: Node, specs: Sequence[Spec]) -> None:
+        self._node, self._managed = node, isinstance(node, LifecycleNode)
+        self._fixed = {spec.name for spec in specs if spec.read_only} | {'use_sim_time'}
         self._real = {spec.name for spec in specs if isinstance(spec.default, float)}
+        self.release()
         present = node.get_parameters_by_prefix('')
         given = {name: each for name, each in present.items() if not name.startswith(OF_RCLPY)}
         for name in given:
@@ -109,18 +95,13 @@ class Parameters:
         node.add_on_set_parameters_callback(self._check_change)
         node.add_post_set_parameters_callback(lambda _: self._apply())
 
-    def __getitem__(self, spec: Spec) -> Value:
-        """
-        Return the present value.
-
-        :param spec: declaration of the parameter.
-        """
-        return self._node.get_parameter(spec.name).value
+    def __getattr__(self, name: str) -> Value:
+        return self._node.get_parameter(name).value
 
     def on_change(
         self,
         apply: Callable[[], None],
-        check: Callable[[dict[str, Value]], None] = lambda _new: None,
+        check: Callable[[Mapping[str, Value]], None] = lambda _new: None,
     ) -> None:
         """
         Check values now and before every change, and apply every change.
@@ -134,19 +115,32 @@ class Parameters:
         self._check, self._apply = check, apply
 
     def release(self) -> None:
-        """Remove the functions of `on_change`: the node is no longer configured."""
+        """Remove the functions of `on_change`: the node is not configured."""
+        self.locked = False
         self._check, self._apply = lambda _new: None, lambda: None
 
     def _declare(self, spec: Spec, given: Parameter | None) -> None:
         """Declare a parameter, with the value that is given to the node if there is one."""
-        descriptor, default = spec.descriptor(self._unconfigured is not None), spec.default
-        (read,) = (None,) if given is None else self._read_whole_numbers([given])
-        if read is not given:
-            default = read.value
+        descriptor = ParameterDescriptor(name=spec.name, description=spec.description)
+        if spec.read_only and self._managed:
+            descriptor.additional_constraints = UNCONFIGURED_ONLY
+        else:
+            descriptor.read_only = spec.read_only
+        if spec.bounds is not None:
+            low, high = spec.bounds
+            if spec.name in self._real:
+                reach = FloatingPointRange(from_value=low, to_value=high)
+                descriptor.floating_point_range = [reach]
+            else:
+                descriptor.integer_range = [IntegerRange(from_value=low, to_value=high, step=1)]
+        default, read = spec.default, None
+        if given is not None:
+            (read,) = self._read_whole_numbers([given])
+            if read is not given:
+                default = read.value
         try:
             self._node.declare_parameter(spec.name, default, descriptor, read is not given)
         except InvalidParameterValueException as error:
-            low, high = spec.bounds
             raise ParameterError(
                 f'parameter {spec.name}: {given.value}: out of range; must be from {low:g} to '
                 f'{high:g}'
@@ -167,7 +161,7 @@ class Parameters:
         """Return whether parameters can be set."""
         fixed = [parameter.name for parameter in parameters if parameter.name in self._fixed]
         try:
-            if fixed and not self._unconfigured():
+            if fixed and self.locked:
                 raise ParameterError(f'parameter {", ".join(fixed)}: {UNCONFIGURED_ONLY}')
             self._check({parameter.name: parameter.value for parameter in parameters})
         except IsotrussError as error:

@@ -16,11 +16,12 @@ import gc
 import importlib
 import signal
 import sys
+import time
 from types import FrameType
+from typing import ClassVar
 
 from isotruss_ros.core import IsotrussError
-from isotruss_ros.nodes.framework.cycle import PacedExecutor
-from isotruss_ros.nodes.framework.managed import ManagedNode
+from isotruss_ros.nodes.framework.cycle import Cycle, PacedExecutor
 from isotruss_ros.nodes.framework.parameters import Parameters, Spec
 import rclpy
 from rclpy.impl.implementation_singleton import rclpy_implementation
@@ -31,38 +32,65 @@ from rclpy.signals import SignalHandlerOptions
 
 #: Ctrl-C, `kill`, and a terminal that is closed.
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+#: Warnings of one kind are logged at most this often [s].
+WARNING_PERIOD = 1.0
 #: What the core would load when it first uses it: not in a cycle.
 USED_LATE = ('scipy.optimize', 'scipy.interpolate')
 
 
 class StoppableNode(Node):
     """
-    A node, not managed, that has to stop the robot before the process ends.
+    A node that has to leave the robot safe before the process ends; a subclass overrides `start`.
 
-    :ivar values: of the parameters, as `values[spec]`.
-    :param name: name of the node.
-    :param specs: its parameters.
+    :cvar node_name: its name.
+    :cvar specs: its parameters.
+    :cvar base_specs: those that all nodes of its kind have.
+    :cvar done: ends the process where a node has done what it is for.
+    :ivar cycle: what the node does at a rate; None if there is nothing.
+    :ivar values: of the parameters, as attributes.
     :param parameter_overrides: values of parameters other than the defaults.
-    :raises ParameterError: a parameter is of another type or out of range.
+    :raises IsotrussError: a parameter is unusable; the text names it and what would be right.
     """
 
-    cycle = None
-    #: Ends the process where a node has done what it is for.
+    node_name: ClassVar[str]
+    specs: ClassVar[Sequence[Spec]]
+    base_specs: ClassVar[Sequence[Spec]] = ()
     done = False
+    cycle: Cycle | None = None
 
-    def __init__(
-        self, name: str, specs: Sequence[Spec], parameter_overrides: Sequence[Parameter] = ()
-    ) -> None:
+    def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
         super().__init__(
-            name,
+            self.node_name,
             parameter_overrides=list(parameter_overrides),
             automatically_declare_parameters_from_overrides=True,
         )
-        self.values = Parameters(self, specs)
+        #: When a warning of each kind was logged last [s].
+        self._warned: dict[str, float] = {}
+        try:
+            self.values = Parameters(self, (*self.specs, *self.base_specs))
+            self.start()
+        except IsotrussError:
+            self.destroy_node()
+            raise
+
+    def start(self) -> None:
+        """Begin, with the parameters; the last step of the constructor."""
 
     def now(self) -> float:
         """Return the time of the node's clock [s]."""
         return 1e-9 * self.get_clock().now().nanoseconds
+
+    def warn(self, kind: str, message: str) -> None:
+        """
+        Log a warning, unless one of this kind was logged within the last `WARNING_PERIOD`.
+
+        :param kind: a flood of one kind does not hide another.
+        :param message: what is logged.
+        """
+        now = time.monotonic()
+        if now - self._warned.get(kind, -WARNING_PERIOD) >= WARNING_PERIOD:
+            self._warned[kind] = now
+            self.get_logger().warning(message)
 
     def stop(self) -> None:
         """Leave the robot safe; publishers still work."""
@@ -102,9 +130,7 @@ class Interruption:
             signal.signal(which, signal.SIG_IGN)
 
 
-def run(
-    make_node: Callable[[], StoppableNode | ManagedNode], args: Sequence[str] | None = None
-) -> int:
+def run(make_node: Callable[[], StoppableNode], args: Sequence[str] | None = None) -> int:
     """
     Spin a node until it is interrupted, or done.
 
@@ -155,7 +181,7 @@ def _report(what: str, why: str) -> int:
     return 1
 
 
-def _spin(node: StoppableNode | ManagedNode, interruption: Interruption) -> None:
+def _spin(node: StoppableNode, interruption: Interruption) -> None:
     """Spin until interrupted; an error out of a callback stops the robot, not the process."""
     executor = PacedExecutor(node)
     while not (interruption.received or node.done):

@@ -8,7 +8,7 @@
 # language governing permissions and limitations under the License.
 
 """
-Quality of service of each topic.
+Quality of service of each topic, and subscriptions to the newest message.
 
 State and twists count only while they are new: subscribers take the newest and request no
 retransmission, and so match reliable and best-effort publishers alike. What the nodes publish, and
@@ -21,36 +21,28 @@ What holds until the next message, however late that comes, is latched.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 from rclpy.duration import Duration
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
-
-
-def _last(
-    depth: int,
-    reliability: ReliabilityPolicy = ReliabilityPolicy.RELIABLE,
-    durability: DurabilityPolicy = DurabilityPolicy.VOLATILE,
-) -> QoSProfile:
-    return QoSProfile(
-        history=HistoryPolicy.KEEP_LAST,
-        depth=depth,
-        reliability=reliability,
-        durability=durability,
-    )
-
+from rclpy.subscription import Subscription
 
 #: Not 1: while the only message is being taken the next one has no room, and Fast DDS then loses
 #: the memory of that, some 100 bytes for each message of a flood.
-NEWEST = _last(2, ReliabilityPolicy.BEST_EFFORT)
-RELIABLE = _last(1)
+NEWEST = QoSProfile(depth=2, reliability=ReliabilityPolicy.BEST_EFFORT)
+RELIABLE = QoSProfile(depth=1)
 #: Subscribers have this long to acknowledge the last command.
 ACKNOWLEDGE_TIME = Duration(seconds=0.5)
 #: What tools that show `/diagnostics` expect.
-DIAGNOSTICS = _last(10)
+DIAGNOSTICS = QoSProfile(depth=10)
 #: For a record of what is published seldom: a best-effort subscription loses what a publisher
 #: sends at once.
-EVENTS = _last(100)
+EVENTS = QoSProfile(depth=100)
 #: For what holds until the next message: late joiners receive it.
-LATCHED = _last(100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 #: For `EveryMessage`: all publishers, and what those that latch have published before. Reliable
 #: both: what a publisher sends before a best-effort subscription has discovered it is lost. All
 #: messages are kept, up to the 5000 of Fast DDS; then the publishers wait, and where they do not,
@@ -63,3 +55,50 @@ EVERY, EVERY_LATCHED = (
     )
     for durability in (DurabilityPolicy.VOLATILE, DurabilityPolicy.TRANSIENT_LOCAL)
 )
+
+
+def subscribe_newest(
+    node: Node, kind: type, topic: str, callback: Callable[[Any], None]
+) -> Subscription:
+    """
+    Call back with the newest messages of a topic; older ones that wait are dropped.
+
+    :param node: subscribes, best-effort.
+    :param kind: type of the messages.
+    :param topic: relative name of the topic.
+    :param callback: called with a message.
+    """
+
+    def take(message: Any) -> None:
+        # rclpy takes one message in every turn, and would stay behind a quick publisher.
+        callback(take_waiting([message], subscription, 1 + NEWEST.depth)[-1])
+
+    def warn_of_type(_event: Any) -> None:
+        node.get_logger().warning(
+            f'{topic} has a publisher of another type than {kind.__name__}: its messages are '
+            'not received'
+        )
+
+    # No quality of service is incompatible with this one.
+    events = SubscriptionEventCallbacks(
+        incompatible_type=warn_of_type, use_default_callbacks=False
+    )
+    subscription = node.create_subscription(kind, topic, take, NEWEST, event_callbacks=events)
+    return subscription
+
+
+def take_waiting(taken: list[Any], subscription: Subscription, most: int) -> list[Any]:
+    """
+    Return messages with those that wait behind them, in order.
+
+    :param taken: the message with which the subscription called back, if it did.
+    :param subscription: whose queue is emptied.
+    :param most: number of messages to return; a flood has no end.
+    """
+    messages = list(taken)
+    while len(messages) < most:
+        taken = subscription.handle.take_message(subscription.msg_type, subscription.raw)
+        if taken is None:
+            break
+        messages.append(taken[0])
+    return messages

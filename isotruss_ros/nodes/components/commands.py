@@ -7,17 +7,21 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""The command topic of the rollers: what this node publishes on it, and whether others do too."""
+"""Commands: twists for `manipulation`, and roller velocities, which others may publish too."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 import math
 import time
 from typing import Any
 
+from geometry_msgs.msg import Twist, TwistStamped
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.nodes.conversions.messages import make_header, to_twist_message
 from isotruss_ros.nodes.framework.managed import ManagedNode
-from isotruss_ros.nodes.framework.qos import ACKNOWLEDGE_TIME, NEWEST, RELIABLE
+from isotruss_ros.nodes.framework.runner import StoppableNode
+from isotruss_ros.nodes.framework.topics import ACKNOWLEDGE_TIME, NEWEST, RELIABLE
 import numpy as np
 from rclpy.event_handler import SubscriptionEventCallbacks
 from std_msgs.msg import Float64MultiArray
@@ -95,3 +99,25 @@ class RollerCommands:
             self._received = number
         else:
             self._heard = time.monotonic()
+
+
+def create_twist_publisher(
+    node: StoppableNode, stamped: bool, frame: str
+) -> Callable[[Sequence[float]], None]:
+    """
+    Return what publishes a twist (vx, vy, omega) [m/s, rad/s] on `cmd_vel`, for `manipulation`.
+
+    :param node: publishes; a managed one only while it is active.
+    :param stamped: whether as TwistStamped, not as Twist.
+    :param frame: of a TwistStamped.
+    """
+    create = getattr(node, 'create_lifecycle_publisher', node.create_publisher)
+    publisher = create(TwistStamped if stamped else Twist, 'cmd_vel', RELIABLE)
+
+    def publish(twist: Sequence[float]) -> None:
+        message = to_twist_message(twist)
+        if stamped:
+            message = TwistStamped(header=make_header(node.now(), frame), twist=message)
+        publisher.publish(message)
+
+    return publish

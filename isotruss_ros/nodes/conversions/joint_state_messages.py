@@ -1,0 +1,117 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""Rollers and pressures of the tubes, both measured in `sensor_msgs/JointState`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from isotruss_ros.core import Robot
+from isotruss_ros.core.control.inputs import RollerState
+from isotruss_ros.core.errors import quote, StructureError
+from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.statics.section import tube_pressures
+from isotruss_ros.nodes.conversions.messages import MAX_DISTANCE, MessageError
+import numpy as np
+from sensor_msgs.msg import JointState
+
+#: No roller is faster [m/s]; what is beyond is a broken sensor, not a motion.
+MAX_SPEED = 10.0
+
+
+class RollerStateReader:
+    """
+    Select the rollers from joint states by name, in any order and among other joints.
+
+    :param names: names of the rollers, in the order of the result.
+    """
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self._names = tuple(names)
+        self._message_names: list[str] | None = None
+        self._places = np.zeros(0, dtype=int)
+
+    def read(self, message: JointState) -> RollerState:
+        """
+        Return travel (r,) [m] and velocities (r,) [m/s] of the rollers.
+
+        Velocities that the message leaves out, or that are NaN, as a broadcaster publishes where
+        nothing is measured, are zero.
+
+        :param message: joint states.
+        :raises MessageError: a roller is missing or named twice, there are not as many positions
+            (or velocities) as names, or a number is not finite or out of range.
+        """
+        if message.name != self._message_names:
+            self._places = self._find_places(message.name)
+            self._message_names = list(message.name)
+        positions = self._select('positions', message.position)
+        if not np.abs(positions).max() <= MAX_DISTANCE:  # nor for NaN
+            raise MessageError(
+                f'joint states: roller positions {positions.tolist()} m: must be finite, '
+                f'at most {MAX_DISTANCE:g} m'
+            )
+        velocities = np.zeros_like(positions)
+        if message.velocity:
+            velocities = self._select('velocities', message.velocity)
+            velocities[np.isnan(velocities)] = 0.0
+        if np.abs(velocities).max() > MAX_SPEED:
+            raise MessageError(
+                f'joint states: roller velocities {velocities.tolist()} m/s: '
+                f'must be at most {MAX_SPEED} m/s'
+            )
+        return RollerState(positions, velocities)
+
+    def _select(self, what: str, values: Sequence[float]) -> Array:
+        if len(values) != len(self._message_names):
+            raise MessageError(
+                f'joint states: {len(values)} {what} for {len(self._message_names)} names; '
+                'must be as many'
+            )
+        return np.asarray(values)[self._places]
+
+    def _find_places(self, names: Sequence[str]) -> Indices:
+        missing = [name for name in self._names if name not in names]
+        if missing:
+            raise MessageError(
+                f'joint states: rollers {", ".join(missing)} are missing; '
+                f'must name {", ".join(self._names)}'
+            )
+        twice = [name for name in self._names if names.count(name) > 1]
+        if twice:
+            raise MessageError(f'joint states: {", ".join(twice)} named twice; must be once')
+        return np.array([names.index(name) for name in self._names])
+
+
+def read_tube_pressures(message: JointState, robot: Robot) -> tuple[float, ...]:
+    """
+    Return the gauge pressures (t,) of the tubes, in the order of the robot file [Pa].
+
+    :param message: of the topic `tube_pressures`: all tubes in `name`, pressures in `effort`.
+    :param robot: whose tubes they are.
+    :raises MessageError: a tube is missing, unknown or named twice, there are not as many
+        pressures as names, or one is not a positive number.
+    """
+    known, names = tuple(robot.description.pressures), message.name
+    if sorted(names) != sorted(known):
+        raise MessageError(
+            f'tube pressures of {quote(", ".join(names))}: must be of {", ".join(known)}, each '
+            'once'
+        )
+    if len(message.effort) != len(names):
+        raise MessageError(
+            f'tube pressures: {len(message.effort)} values in effort for {len(names)} names; must '
+            'be as many'
+        )
+    try:
+        values = dict(zip(names, message.effort, strict=True))
+        return tube_pressures(robot.description, values)
+    except StructureError as error:
+        raise MessageError(f'tube pressures: {error}') from error
