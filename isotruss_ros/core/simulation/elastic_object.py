@@ -26,6 +26,7 @@ from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.simulation.floor_friction import FloorFriction
+from isotruss_ros.core.simulation.held_motion import HeldMotion
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -68,7 +69,8 @@ class ElasticObject:
                 f'friction {friction!r}, stiffness scale {stiffness_scale!r} and friction of the '
                 f'ground {ground_friction!r}: must not be negative, and the second not zero'
             )
-        self._floor = FloorFriction(float(limit))
+        self._floor = FloorFriction(float(limit), body.arm)
+        self._motion = HeldMotion(self._floor)
         self._body, self._friction, self._scale = body, float(mu), float(scale)
         self._lies = body.pose._replace(angle=math.remainder(body.pose.angle, 2.0 * math.pi))
         self._grasp: HeldGrip | None = None
@@ -107,32 +109,45 @@ class ElasticObject:
         return self._lies if self._grasp is None else self._grasp.pose
 
     @single_threaded
-    def follow(self, config: Configuration) -> None:
+    def follow(self, config: Configuration, elapsed: float = 0.0) -> None:
         """Go with the robot to a configuration; see `SimulatedObject.follow`."""
-        if config is self._followed and not self._pulled_anew:
+        if config is self._followed and not self._pulled_anew and self._motion.rests:
             return
         before, self._followed, self._pulled_anew = self._followed, config, False
-        if self._grasp is not None:
-            self._roll(self._grasp, config)
-        else:
-            self._touch(before, config)
-        self._rub(config)
         if self._grasp is None:
+            self._touch(before, config)
+        if self._grasp is not None:
+            self._move(self._grasp, config, elapsed)
+        if self._grasp is None:
+            self._floor.let_go()
+            self._motion.rest()
             self._lies = self._pushed(config)
 
     def come_to_rest(self, config: Configuration) -> None:
-        """Stay in equilibrium, as in every step; see `SimulatedObject.come_to_rest`."""
+        """Take no note: what it does next follows from how it moves."""
 
-    def _rub(self, config: Configuration) -> None:
-        """Let the floor hold the object back; a fixed point that a few steps find."""
+    def _move(self, before: HeldGrip, config: Configuration, elapsed: float) -> None:
+        """Be led by the members, and swing or give by what pulls and rubs."""
+        even = np.array([1.0, 1.0, before.arm])
+        pull, start = self._wrench / even, even * np.array(before.pose)
+        led = self._roll(before, config, before.wrench)
+        if led is None:
+            return
+        moved = even * np.array(led.pose) - start
+        moved[2] = math.remainder(moved[2], 2.0 * math.pi * before.arm)
+        wrench = self._motion.swing(led, moved, pull, elapsed)
+        if wrench is not None:
+            self._roll(led, config, wrench)
+            return
+        # A fixed point that a few steps find.
         for _ in range(MAX_PARTS):
-            if self._grasp is None or not self._floor.hold_back(self._grasp):
+            led = self._roll(led, config, pull + self._floor.wrench)
+            if led is None or led.response is None:
+                return
+            compliance, place = even[:, None] * led.response.pose, even * np.array(led.pose)
+            if not self._floor.hold_back(place - compliance @ self._floor.wrench, compliance):
                 break
-            self._roll(self._grasp, config)
-        if self._grasp is None:
-            self._floor.let_go()
-        else:
-            self._floor.settle(self._grasp)
+        self._floor.settle(place)
 
     def _touch(self, before: Configuration | None, config: Configuration) -> None:
         """Be held from the moment on at which two members press so that friction holds."""
@@ -142,7 +157,6 @@ class ElasticObject:
         for there in (first, config):
             self._try_to_hold(there)
             if self._grasp is not None:
-                self._roll(self._grasp, config)
                 return
 
     def _first_touch(self, before: Configuration, config: Configuration) -> Configuration:
@@ -176,25 +190,32 @@ class ElasticObject:
         if not isinstance(found, HoldStatus) and found.hold(self._friction) is HoldStatus.HELD:
             self._grasp, self.dropped = found, None
 
-    def _roll(self, before: HeldGrip, config: Configuration) -> None:
-        """Roll to a configuration, in smaller and smaller parts where the contacts let go."""
+    def _roll(self, before: HeldGrip, config: Configuration, wrench: Array) -> HeldGrip | None:
+        """
+        Roll to a configuration and a wrench (fx, fy, m / arm) and return how it is held there.
+
+        In smaller and smaller parts where the contacts let go; it is dropped, None, where they do
+        in the smallest.
+        """
+        if config is before.config and (wrench == before.wrench).all():
+            return before
         start, end = before.config.roller_positions, config.roller_positions
         even = np.array([1.0, 1.0, before.arm])
-        pulled, wrench = even * before.wrench, self._wrench + even * self._floor.wrench
+        pulled = before.wrench
         done, part = 0.0, 1.0
-        why = HoldStatus.NO_BALANCE
         while done < 1.0:
             share = min(1.0, done + part)
             there = config
             if share < 1.0:
                 there = before.config.moved_to(start + share * (end - start))
-            found = roll_grip(before, there, pulled + share * (wrench - pulled))
+            found = roll_grip(before, there, even * (pulled + share * (wrench - pulled)))
             hold = HoldStatus.NO_BALANCE if found is None else found.hold(self._friction)
             if found is not None and hold is HoldStatus.HELD:
                 before, done = found, share
-                self._grasp = found
                 continue
-            why, part = hold, 0.5 * part
+            part = 0.5 * part
             if part < 1.0 / MAX_PARTS:
-                self._lies, self._grasp, self.dropped = before.pose, None, why
-                return
+                self._lies, self._grasp, self.dropped = before.pose, None, hold
+                return None
+        self._grasp = before
+        return before

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import math
 
-from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 import scipy
@@ -30,10 +29,11 @@ class FloorFriction:
 
     :ivar wrench: (3,) of the floor on the object, (fx, fy, m / arm) [N].
     :param limit: largest size of it, not negative [N].
+    :param arm: of the object, see `ConvexObject.arm` [m].
     """
 
-    def __init__(self, limit: float) -> None:
-        self._limit = limit
+    def __init__(self, limit: float, arm: float) -> None:
+        self._limit, self._arm = limit, arm
         self.let_go()
 
     def let_go(self) -> None:
@@ -41,33 +41,36 @@ class FloorFriction:
         self.wrench = np.zeros(3)
         self._place: Array | None = None
 
-    def hold_back(self, grasp: HeldGrip) -> bool:
+    def hold_back(self, free: Array, compliance: Array) -> bool:
         """
         Change the friction so that the object stays in its place, or as far as the limit allows.
 
-        :param grasp: the object with the present friction.
-        :return: whether it changed, so that the equilibrium is to be found anew.
+        :param free: (3,) where it would be without friction, its turn times the arm [m].
+        :param compliance: (3, 3) by which friction moves it from there [m/N].
+        :return: whether it changed.
         """
-        if self._limit == 0.0 or grasp.response is None:
+        if self._limit == 0.0:
             return False
-        even, pose = np.array([1.0, 1.0, grasp.arm]), np.array(grasp.pose)
         if self._place is None:
-            self._place = pose
-        away = pose - self._place
-        away[2] = math.remainder(away[2], 2.0 * math.pi)
-        compliance = even[:, None] * grasp.response.pose
-        wanted = self.wrench - np.linalg.solve(compliance, even * away)
+            self._place = free + compliance @ self.wrench
+        wanted = -np.linalg.solve(compliance, self._away(free))
         before, self.wrench = self.wrench, limit_wrench(wanted, compliance, self._limit)
         return bool(np.abs(self.wrench - before).max() > NEGLIGIBLE * self._limit)
 
-    def settle(self, grasp: HeldGrip) -> None:
+    def settle(self, place: Array) -> None:
         """
         Take note of where the object stands now, if it has slid.
 
-        :param grasp: the object in equilibrium with the friction.
+        :param place: (3,) its turn times the arm [m].
         """
         if np.linalg.norm(self.wrench) > (1.0 - NEGLIGIBLE) * self._limit:
-            self._place = np.array(grasp.pose)
+            self._place = place
+
+    def _away(self, place: Array) -> Array:
+        """Return how far it is from where it stands (3,) [m]."""
+        away = place - self._place
+        away[2] = math.remainder(away[2], 2.0 * math.pi * self._arm)
+        return away
 
 
 def limit_wrench(wanted: Array, compliance: Array, limit: float) -> Array:
