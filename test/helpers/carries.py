@@ -7,7 +7,7 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Objects that the twist servo carries in MuJoCo, by what it would be told of them."""
+"""Objects that the twist servo carries in a plant, by what it would be told of them."""
 
 from collections import deque
 from dataclasses import replace
@@ -15,10 +15,13 @@ from dataclasses import replace
 from isotruss_ros.core import (
     ConvexObject,
     Disc,
+    ElasticObject,
     place_between,
     Polygon,
     Pose,
     Robot,
+    RollerFaults,
+    SimulatedRobot,
     tangent_center,
     TwistServo,
 )
@@ -79,9 +82,59 @@ def place(robot, name, mass):
     return replace(body, mass=mass, friction=FRICTION), members
 
 
+class ElasticPlant:
+    """
+    The elastic plant with an object in the grip.
+
+    :ivar time: since the start [s].
+    :param robot: at home, with masses.
+    :param body: with its mass, in the grip.
+    """
+
+    def __init__(self, robot, body):
+        self.time, self._object = 0.0, ElasticObject(body, FRICTION)
+        self._robot = SimulatedRobot(robot.home, self._object, RollerFaults())
+        self._robot.advance(0.0)
+
+    @property
+    def travel(self):
+        """Return that of the rollers [m]."""
+        return self._robot.roller_positions
+
+    @property
+    def speeds(self):
+        """Return those of the rollers [m/s]."""
+        return self._robot.roller_velocities
+
+    def object_pose(self):
+        """Return where the object is."""
+        return self._robot.object_pose
+
+    def pull(self, wrench):
+        """Pull at the object."""
+        self._object.external_wrench = wrench
+
+    def advance(self, duration, speeds):
+        """Let the rollers turn for a while."""
+        self._robot.command(speeds)
+        self._robot.advance(duration)
+        self.time += duration
+
+
+def mujoco_plant(robot, body):
+    """Return the MuJoCo plant with an object in the grip, at rest."""
+    options = PlantOptions(friction=FRICTION, module_mass=robot.description.module.mass)
+    plant = MujocoPlant(robot, [body], options)
+    plant.hold_object(body.pose)
+    plant.settle(1.0)
+    plant.release_object()
+    plant.settle(1.0)
+    return plant
+
+
 class Carry:
     """
-    An object in MuJoCo, and the servo that carries it by late and noisy measurements.
+    An object in a plant, and the servo that carries it by late and noisy measurements.
 
     :ivar errors: (n, 3) of the object against its twists, turns times its arm [m].
     :ivar statuses: of the commands.
@@ -96,6 +149,7 @@ class Carry:
         late=0,
         noise=(0.0, 0.0),
         seed=0,
+        plant=mujoco_plant,
         **settings,
     ):
         """
@@ -107,18 +161,12 @@ class Carry:
         :param stiffness: of the plant's tubes over those of the model.
         :param late: cycles by which poses are late.
         :param noise: standard deviation of the poses [m, rad].
+        :param plant: makes it of robot and object.
         """
         robot = make_robot(told * masses[0])
         body, members = place(robot, grasp, told * masses[1])
-        self.plant = MujocoPlant(
-            robot if stiffness == 1.0 else make_robot(stiffness=stiffness),
-            [replace(body, mass=masses[1])],
-            PlantOptions(friction=FRICTION, module_mass=masses[0]),
-        )
-        self.plant.hold_object(body.pose)
-        self.plant.settle(1.0)
-        self.plant.release_object()
-        self.plant.settle(1.0)
+        true = make_robot(masses[0], stiffness)
+        self.plant = plant(true, replace(body, mass=masses[1]))
         numbers = np.array([robot.member_names.index(name) for name in members])
         there = body.moved_to(self.plant.object_pose())
         target = attach_grip(robot.home, there, numbers).squeeze
