@@ -18,6 +18,7 @@ from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.hold_status import HoldStatus
+from isotruss_ros.core.holding.loaded_frame import held_joints
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths, push_out, TOLERANCE
@@ -26,7 +27,8 @@ from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.simulation.floor_friction import FloorFriction
-from isotruss_ros.core.simulation.held_motion import HeldMotion
+from isotruss_ros.core.simulation.held_motion import has_masses, HeldMotion
+from isotruss_ros.core.simulation.rubbing import Rubbing
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -52,6 +54,8 @@ class ElasticObject:
     :param stiffness_scale: stiffness of this plant against that of the model, positive.
     :param ground_friction: wrench up to which the floor holds a held object in its place, moments
         over its arm, not negative [N].
+    :param module_friction: force up to which it holds each joint with its modules, while they hold
+        the object, not negative [N].
     :raises GraspError: friction or stiffness are not usable.
     """
 
@@ -61,16 +65,19 @@ class ElasticObject:
         friction: float,
         stiffness_scale: float = 1.0,
         ground_friction: float = 0.0,
+        module_friction: float = 0.0,
     ) -> None:
-        given = [friction, stiffness_scale, ground_friction]
-        mu, scale, limit = finite_array(given, 3, 'friction, stiffness, ground', GraspError)
-        if min(mu, limit) < 0.0 or scale <= 0.0:
+        given = [friction, stiffness_scale, ground_friction, module_friction]
+        mu, scale, ground, module = finite_array(given, 4, 'friction, stiffness, floor', GraspError)
+        if min(mu, ground, module) < 0.0 or scale <= 0.0:
             raise GraspError(
                 f'friction {friction!r}, stiffness scale {stiffness_scale!r} and friction of the '
-                f'ground {ground_friction!r}: must not be negative, and the second not zero'
+                f'ground {ground_friction!r} under the object and {module_friction!r} under the '
+                'modules: must not be negative, and the second not zero'
             )
-        self._floor = FloorFriction(float(limit), body.arm)
+        self._floor = FloorFriction((float(ground), float(module)), body.arm)
         self._motion = HeldMotion(self._floor)
+        self._rubbing: Rubbing | None = None
         self._body, self._friction, self._scale = body, float(mu), float(scale)
         self._lies = body.pose._replace(angle=math.remainder(body.pose.angle, 2.0 * math.pi))
         self._grasp: HeldGrip | None = None
@@ -104,6 +111,19 @@ class ElasticObject:
         """Return the smallest extra wrench at which a contact slips [N]; zero while it lies."""
         return 0.0 if self._grasp is None else self._grasp.slip_margin(self._friction)
 
+    def joints(self, config: Configuration) -> Array:
+        """
+        Return where the joints are, (j, 2) in `Topology.joint_names` order [m].
+
+        :param config: configuration of the robot, in the last step.
+        """
+        grasp, rubbing = self._grasp, self._rubbing
+        if grasp is None:
+            return config.nodes[: len(config.robot.topology.joint_names)]
+        if rubbing is None or rubbing.joints is None:
+            return held_joints(grasp)
+        return rubbing.places[3:].reshape(-1, 2)
+
     def pose(self, config: Configuration) -> Pose:
         """Return its pose after the last step; see `SimulatedObject.pose`."""
         return self._lies if self._grasp is None else self._grasp.pose
@@ -119,8 +139,7 @@ class ElasticObject:
         if self._grasp is not None:
             self._move(self._grasp, config, elapsed)
         if self._grasp is None:
-            self._floor.let_go()
-            self._motion.rest()
+            self._stand_still()
             self._lies = self._pushed(config)
 
     def come_to_rest(self, config: Configuration) -> None:
@@ -128,26 +147,41 @@ class ElasticObject:
 
     def _move(self, before: HeldGrip, config: Configuration, elapsed: float) -> None:
         """Be led by the members, and swing or give by what pulls and rubs."""
-        even = np.array([1.0, 1.0, before.arm])
-        pull, start = self._wrench / even, even * np.array(before.pose)
+        pull, floor, rubbing = self._wrench / (1.0, 1.0, before.arm), self._floor, self._rubbing
+        swings = elapsed > 0.0 and has_masses(before)
+        if before.response is None or not (swings or floor.rubs):
+            self._stand_still()
+            self._roll(before, config, pull)
+            return
+        if rubbing is None:
+            rubbing = Rubbing.find(before, floor.joints_rub)
+            floor.stand(rubbing.places)
         led = self._roll(before, config, before.wrench)
-        if led is None:
+        if led is None or led.response is None:
             return
-        moved = even * np.array(led.pose) - start
-        moved[2] = math.remainder(moved[2], 2.0 * math.pi * before.arm)
-        wrench = self._motion.swing(led, moved, pull, elapsed)
-        if wrench is not None:
-            self._roll(led, config, wrench)
-            return
+        there = Rubbing.find(led, floor.joints_rub, floor.loads)
+        wrench = None
+        if swings:
+            moved = there.places - rubbing.places
+            moved[2] = math.remainder(moved[2], 2.0 * math.pi * before.arm)
+            wrench = self._motion.swing(led, there, moved, pull, elapsed)
         # A fixed point that a few steps find.
         for _ in range(MAX_PARTS):
-            led = self._roll(led, config, pull + self._floor.wrench)
+            borne = pull + floor.loads[:3] if wrench is None else wrench
+            led = self._roll(there.load(led, floor.loads), config, borne)
             if led is None or led.response is None:
                 return
-            compliance, place = even[:, None] * led.response.pose, even * np.array(led.pose)
-            if not self._floor.hold_back(place - compliance @ self._floor.wrench, compliance):
+            self._rubbing = there = Rubbing.find(led, floor.joints_rub, floor.loads)
+            free = there.places - there.compliance @ floor.loads
+            if wrench is not None or not floor.hold_back(free, there.compliance):
                 break
-        self._floor.settle(place)
+        floor.settle(there.places)
+
+    def _stand_still(self) -> None:
+        """Forget how it moves and where it rubs."""
+        self._floor.let_go()
+        self._motion.rest()
+        self._rubbing = None
 
     def _touch(self, before: Configuration | None, config: Configuration) -> None:
         """Be held from the moment on at which two members press so that friction holds."""
@@ -197,7 +231,7 @@ class ElasticObject:
         In smaller and smaller parts where the contacts let go; it is dropped, None, where they do
         in the smallest.
         """
-        if config is before.config and (wrench == before.wrench).all():
+        if before is self._grasp and before.config is config and (wrench == before.wrench).all():
             return before
         start, end = before.config.roller_positions, config.roller_positions
         even = np.array([1.0, 1.0, before.arm])

@@ -27,6 +27,7 @@ from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.loaded_frame import natural_modes
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.simulation.floor_friction import FloorFriction
+from isotruss_ros.core.simulation.rubbing import Rubbing
 import numpy as np
 
 #: Longest step [s].
@@ -35,12 +36,22 @@ STEP = 1e-3
 SLOW, LITTLE = 1e-7, 1e-6
 
 
+def has_masses(grip: HeldGrip) -> bool:
+    """
+    Tell whether the masses of object and modules are known.
+
+    :param grip: how the object is held.
+    """
+    module = grip.config.robot.description.module
+    return grip.body.mass is not None and module.mass is not None
+
+
 class HeldMotion:
     """
-    The motion of a held object, which swings about its equilibrium where it has masses.
+    The motion of a held object with masses, which swings about its equilibrium.
 
     :ivar rests: whether it does not.
-    :param floor: on which it rubs.
+    :param floor: on which object and joints rub.
     """
 
     def __init__(self, floor: FloorFriction) -> None:
@@ -51,41 +62,54 @@ class HeldMotion:
         """Stand still."""
         self.rests, self._velocity = True, np.zeros(3)
 
-    def swing(self, grip: HeldGrip, led: Array, pull: Array, elapsed: float) -> Array | None:
+    def swing(
+        self, grip: HeldGrip, rubbing: Rubbing, led: Array, pull: Array, elapsed: float
+    ) -> Array | None:
         """
-        Return the wrench (fx, fy, m / arm) that deflects the object after some time [N].
+        Let time pass for the floor, and return the wrench that deflects the object then, (3,) [N].
 
         It is what pulls and rubs at the object, less what accelerates and damps it.
 
-        :param grip: how it is held where the robot is now, under the wrench before.
-        :param led: (3,) by how much the rollers moved it, turns times the arm [m].
-        :param pull: (3,) what pulls at it [N].
-        :param elapsed: [s].
-        :return: None where no time passes, or it has no masses.
+        :param grip: how it is held where the robot is now, under the loads before.
+        :param rubbing: what rubs on the floor there.
+        :param led: (n,) by how much the rollers moved that, see `Rubbing` [m].
+        :param pull: (3,) what pulls at the object, (fx, fy, m / arm) [N].
+        :param elapsed: positive [s].
+        :return: None where the equilibrium is indifferent.
         """
-        modes = natural_modes(grip) if elapsed > 0.0 else None
-        if modes is None or grip.response is None:
+        modes = natural_modes(grip)
+        if modes is None:
             self.rest()
             return None
-        even = np.array([1.0, 1.0, grip.arm])
-        shapes = even[:, None] * grip.response.pose @ modes.wrenches
+        floor, compliance = self._floor, rubbing.compliance
+        moving = compliance[:, :3] @ modes.wrenches
+        shapes = moving[:3]
+        # Joints give by their own friction beyond what the object's motion moves them by.
+        beyond = compliance - moving @ np.linalg.solve(shapes, compliance[:3])
         count = math.ceil(elapsed / STEP)
         step = elapsed / count
         stiffness = modes.frequencies**2
         damping = 2.0 * grip.config.robot.description.damping_ratio * modes.frequencies
         yields = 1.0 / ((1.0 / step + damping) / step + stiffness)
-        led_by, speed = np.linalg.solve(shapes, np.column_stack([led, self._velocity])).T
-        led_by = led_by / count
-        strain, place = shapes.T @ grip.wrench / stiffness, even * np.array(grip.pose) - led
+        by_floor = moving * yields @ moving.T + beyond
+        rates = np.linalg.solve(shapes, np.column_stack([led[:3], self._velocity])).T
+        led_by, speed = rates[0] / count, rates[1]
+        borne = floor.loads.copy()
+        borne[:3] = grip.wrench
+        strain, places = moving.T @ borne / stiffness, rubbing.places - led
         for _ in range(count):
             free = shapes.T @ pull - stiffness * strain - (led_by / step - speed) / step
-            ahead = place + shapes @ (led_by + yields * free)
-            self._floor.hold_back(ahead, shapes * yields @ shapes.T)
-            change = yields * (free + shapes.T @ self._floor.wrench)
+            places = places + led / count - beyond @ floor.loads
+            if floor.rubs:
+                floor.hold_back(places + moving @ (yields * free), by_floor)
+            change = yields * (free + moving.T @ floor.loads)
             speed, strain = (led_by + change) / step, strain + change
-            place = place + shapes @ (led_by + change)
-            self._floor.settle(place)
-        self._velocity, wrench = shapes @ speed, modes.wrenches @ strain
-        missing = np.abs(pull + self._floor.wrench - wrench).max()
+            places = places + moving @ change + beyond @ floor.loads
+            if floor.rubs:
+                floor.settle(places)
+        self._velocity = shapes @ speed
+        by_joints = np.linalg.solve(compliance[:3, :3], compliance[:3, 3:] @ floor.loads[3:])
+        wrench = modes.wrenches @ strain - by_joints
+        missing = np.abs(pull + floor.loads[:3] - wrench).max()
         self.rests = bool(np.abs(self._velocity).max() < SLOW and missing < LITTLE)
         return wrench
