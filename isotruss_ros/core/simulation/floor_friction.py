@@ -13,13 +13,13 @@ from __future__ import annotations
 
 import math
 
-from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
 
 #: A change of the friction by this share of its limit is none.
 NEGLIGIBLE = 1e-7
-#: All that rub change their friction in turn so often at most, and one steps so often.
-SWEEPS, STEPS = 200, 30
+#: Most steps of the search for it, the share of its limit that ends it, a force that is none [N].
+STEPS, CHANGE, TINY = 1000, 1e-9, 1e-300
 
 
 class FloorFriction:
@@ -63,23 +63,11 @@ class FloorFriction:
         :param compliance: (n, n) by which friction moves them from there [m/N].
         :return: whether it changed.
         """
-        most = max(self._limits)
         away, before = free - self._places, self.loads
         away[2] = math.remainder(away[2], 2.0 * math.pi * self._arm)
-        self.loads = loads = before.copy()
-        away = away + compliance @ loads
-        for _ in range(SWEEPS):
-            changed = 0.0
-            for block, limit in self._blocks():
-                own = compliance[block, block]
-                wanted = loads[block] - np.linalg.pinv(own, hermitian=True) @ away[block]
-                change = limit_load(wanted, own, limit) - loads[block]
-                loads[block] += change
-                away = away + compliance[:, block] @ change
-                changed = max(changed, float(np.abs(change).max()))
-            if changed <= NEGLIGIBLE * most:
-                break
-        return bool(np.abs(loads - before).max() > NEGLIGIBLE * most)
+        limits = np.array([self._limits[min(i, 1)] for i in range(_blocks(away)[-1] + 1)])
+        self.loads = limit_loads(away, compliance, limits, before)
+        return bool(np.abs(self.loads - before).max() > NEGLIGIBLE * max(self._limits))
 
     def settle(self, places: Array) -> None:
         """
@@ -87,41 +75,47 @@ class FloorFriction:
 
         :param places: (n,) see `stand` [m].
         """
-        for block, limit in self._blocks():
-            if np.linalg.norm(self.loads[block]) > (1.0 - NEGLIGIBLE) * limit:
-                self._places[block] = places[block]
-
-    def _blocks(self) -> list[tuple[slice, float]]:
-        """Return what rubs as one, and its limit [N]."""
-        of_object, of_joint = self._limits
-        joints = [(slice(i, i + 2), of_joint) for i in range(3, len(self.loads), 2)]
-        return [(slice(3), of_object), *joints]
+        blocks = _blocks(places)
+        sizes, limits = np.sqrt(np.bincount(blocks, self.loads**2)), self._limits
+        slid = sizes > (1.0 - NEGLIGIBLE) * np.array([limits[0], *[limits[1]] * (len(sizes) - 1)])
+        self._places = np.where(slid[blocks], places, self._places)
 
 
-def limit_load(wanted: Array, compliance: Array, limit: float) -> Array:
+def limit_loads(away: Array, compliance: Array, limits: Array, start: Array) -> Array:
     """
-    Return the friction within its limit that is nearest to the wanted one in energy.
+    Return the friction within its limits that leaves the least energy, so that no other dissipates.
 
-    It slides by s times the friction; s by Newton's method on one over the size (Moré, Sorensen
-    1983).
+    min over f of  f^T C f / 2 + f^T a  by accelerated projected gradients with restarts (Beck,
+    Teboulle 2009; O'Donoghue, Candes 2015).
 
-    :param wanted: (d,) that would hold what rubs [N].
-    :param compliance: (d, d) its displacement by loads, positive where it can be moved [m/N].
-    :param limit: largest size [N].
+    :param away: (3 + 2j,) a, where object and joints would be without it from where they stand
+        [m].
+    :param compliance: (3 + 2j, 3 + 2j) C, their displacement by it, positive semi-definite [m/N].
+    :param limits: (1 + j,) largest size of that on the object, and on each joint [N].
+    :param start: (3 + 2j,) to begin with [N].
     """
-    size = float(np.linalg.norm(wanted))
-    if size <= limit:
-        return wanted
-    if limit == 0.0:
-        return np.zeros(len(wanted))
-    values, axes = np.linalg.eigh(0.5 * (compliance + compliance.T))
-    along, slid = axes.T @ wanted, 0.0
-    left = along
+    blocks = _blocks(away)
+    # In units in which one newton more moves everything alike.
+    gives = np.bincount(blocks, np.diag(compliance))
+    unit = 1.0 / np.sqrt(np.where(gives > 0.0, gives, 1.0))[blocks]
+    scaled, pushed = unit[:, None] * compliance * unit, unit * away
+    steepest = float(np.linalg.eigvalsh(scaled)[-1])
+    found, wanted, weight = start / unit, start / unit, 1.0
+    least = CHANGE * float(limits.max())
     for _ in range(STEPS):
-        if size <= (1.0 + NEGLIGIBLE**2) * limit:
+        ahead = wanted - (scaled @ wanted + pushed) / steepest
+        sizes = np.sqrt(np.bincount(blocks, (unit * ahead) ** 2))
+        ahead *= (limits / np.maximum(sizes, np.maximum(limits, TINY)))[blocks]
+        change = ahead - found
+        if (wanted - ahead) @ change > 0.0:
+            weight = 1.0
+        before, weight = weight, 0.5 + math.sqrt(0.25 + weight**2)
+        found, wanted = ahead, ahead + (before - 1.0) / weight * change
+        if np.abs(unit * change).max() <= least:
             break
-        slope = float((left**2 / (values + slid)).sum())
-        slid += (size / limit - 1.0) * size**2 / slope
-        left = values / (values + slid) * along
-        size = float(np.linalg.norm(left))
-    return axes @ left
+    return unit * found
+
+
+def _blocks(loads: Array) -> Indices:
+    """Return to which of object and joints each of (3 + 2j,) numbers belongs."""
+    return np.append([0, 0, 0], 1 + np.arange(len(loads) - 3) // 2)
