@@ -28,7 +28,6 @@ from isotruss_ros.core import (
     SimulatedRobot,
 )
 from isotruss_ros.core.errors import ConfigurationError
-from isotruss_ros.core.holding.loaded_frame import held_joints
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.simulation.simulated_robot import SimulatedObject
 from isotruss_ros.mujoco_plant.driven_robot import DrivenRobot
@@ -39,6 +38,7 @@ from isotruss_ros.nodes.components.mujoco_object import (
     GROUND_FRICTION,
     make_driven_robot,
     make_recorder,
+    MODULE_FRICTION,
     MUJOCO_SPECS,
     RECORDING,
 )
@@ -68,8 +68,8 @@ PLANT = params.Spec(
     'plant',
     KINEMATIC,
     'kinematic: the object is at rest in the grasp frame but for rolling; '
-    'elastic: it is where the equilibrium with the elastic tubes puts it, without masses, and can '
-    'slip; '
+    'elastic: it swings about where the equilibrium with the elastic tubes puts it, or is there '
+    'where masses of robot and object are not known, and can slip; '
     'mujoco: a dynamics engine moves robot and object',
     read_only=True,
 )
@@ -240,7 +240,7 @@ class Simulator(ManagedNode):
             return self._object.lying(pose)
         values = self.values
         self._elastic = self._object.elastic(
-            pose, values[STIFFNESS_SCALE], values[GROUND_FRICTION]
+            pose, values[STIFFNESS_SCALE], values[GROUND_FRICTION], values[MODULE_FRICTION]
         )
         return self._elastic
 
@@ -349,8 +349,8 @@ class Simulator(ManagedNode):
             return self._driven.plant.nodes[:count]
         config = self._simulated.config
         joints = config.nodes[:count]
-        if self._elastic is not None and self._elastic.grasp is not None:
-            joints = held_joints(self._elastic.grasp)
+        if self._elastic is not None:
+            joints = self._elastic.joints(config)
         values = self.values
         if values[PULL_JOINT]:
             loaded = deform(config, {values[PULL_JOINT]: self._pull()})

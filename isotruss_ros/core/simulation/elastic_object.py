@@ -68,7 +68,7 @@ class ElasticObject:
         module_friction: float = 0.0,
     ) -> None:
         given = [friction, stiffness_scale, ground_friction, module_friction]
-        mu, scale, ground, module = finite_array(given, 4, 'friction, stiffness, floor', GraspError)
+        mu, scale, ground, module = finite_array(given, 4, 'friction, stiffness', GraspError)
         if min(mu, ground, module) < 0.0 or scale <= 0.0:
             raise GraspError(
                 f'friction {friction!r}, stiffness scale {stiffness_scale!r} and friction of the '

@@ -83,7 +83,7 @@ class FloorFriction:
 
 def limit_loads(away: Array, compliance: Array, limits: Array, start: Array) -> Array:
     """
-    Return the friction within its limits that leaves the least energy, so that no other dissipates.
+    Return the friction within its limits that dissipates the most.
 
     min over f of  f^T C f / 2 + f^T a  by accelerated projected gradients with restarts (Beck,
     Teboulle 2009; O'Donoghue, Candes 2015).

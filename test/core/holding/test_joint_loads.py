@@ -52,4 +52,4 @@ def test_object_and_joints_move_as_the_response_says(grip):
 @pytest.mark.parametrize('grip', GRIPS)
 def test_what_a_force_on_a_joint_does_to_the_object_the_object_does_to_the_joint(grip):
     response = joint_compliance(grip).response(grip)
-    assert response == pytest.approx(response.T, abs=0.01 * np.abs(response).max())
+    assert response == pytest.approx(response.T, abs=0.02 * np.abs(response).max())

@@ -128,9 +128,7 @@ def test_what_stays_within_its_limit_stands_and_what_is_at_it_slides_against_it(
         assert friction <= limit * (1.0 + 1e-9)
         if friction < 0.999 * limit:
             assert motion == pytest.approx(np.zeros(len(motion)), abs=1e-5)
-        assert loads[block] @ motion == pytest.approx(
-            -friction * np.linalg.norm(motion), abs=1e-5
-        )
+        assert loads[block] @ motion == pytest.approx(-friction * np.linalg.norm(motion), abs=1e-5)
 
 
 def test_where_joints_hardly_rub_an_object_gives_a_little_less():
