@@ -12,16 +12,14 @@
 from collections import deque
 from dataclasses import replace
 
+from comparison.elastic_plant import ElasticPlant
 from isotruss_ros.core import (
     ConvexObject,
     Disc,
-    ElasticObject,
     place_between,
     Polygon,
     Pose,
     Robot,
-    RollerFaults,
-    SimulatedRobot,
     tangent_center,
     TwistServo,
 )
@@ -82,43 +80,9 @@ def place(robot, name, mass):
     return replace(body, mass=mass, friction=FRICTION), members
 
 
-class ElasticPlant:
-    """
-    The elastic plant with an object in the grip.
-
-    :ivar time: since the start [s].
-    :param robot: at home, with masses.
-    :param body: with its mass, in the grip.
-    """
-
-    def __init__(self, robot, body):
-        self.time, self._object = 0.0, ElasticObject(body, FRICTION)
-        self._robot = SimulatedRobot(robot.home, self._object, RollerFaults())
-        self._robot.advance(0.0)
-
-    @property
-    def travel(self):
-        """Return that of the rollers [m]."""
-        return self._robot.roller_positions
-
-    @property
-    def speeds(self):
-        """Return those of the rollers [m/s]."""
-        return self._robot.roller_velocities
-
-    def object_pose(self):
-        """Return where the object is."""
-        return self._robot.object_pose
-
-    def pull(self, wrench):
-        """Pull at the object."""
-        self._object.external_wrench = wrench
-
-    def advance(self, duration, speeds):
-        """Let the rollers turn for a while."""
-        self._robot.command(speeds)
-        self._robot.advance(duration)
-        self.time += duration
+def elastic_plant(robot, body):
+    """Return the elastic plant with an object in the grip, at rest."""
+    return ElasticPlant(robot, body, FRICTION)
 
 
 def mujoco_plant(robot, body):

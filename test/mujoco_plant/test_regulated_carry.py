@@ -15,7 +15,7 @@ Grasps, masses, errors of the model, delays and noise are those of the table in 
 
 from itertools import product
 
-from carries import Carry, ElasticPlant, GRASPS, mujoco_plant
+from carries import Carry, elastic_plant, GRASPS, mujoco_plant
 from isotruss_ros.calibration.oscillation import fit_oscillation
 from isotruss_ros.core import Status
 from isotruss_ros.core.control.grip_watch import GripFault
@@ -54,7 +54,7 @@ GROWING = [
 
 def two_now():
     """Yield all grasps of all robots in both plants; one of each plant runs with all tests."""
-    everything = product((mujoco_plant, ElasticPlant), enumerate(GRASPS), enumerate(ROBOTS))
+    everything = product((mujoco_plant, elastic_plant), enumerate(GRASPS), enumerate(ROBOTS))
     for plant, (i, grasp), (j, robot) in everything:
         now = i == j == (5 if plant is mujoco_plant else 0)
         yield pytest.param(plant, grasp, *robot, marks=[] if now else pytest.mark.nightly)
@@ -126,7 +126,7 @@ def test_an_oscillation_that_grows_is_stopped_before_the_object_is_lost(grasp, g
 @pytest.mark.nightly
 def test_an_oscillation_grows_in_the_elastic_plant_and_is_stopped():
     forced = {'pose_gain': 12.0, 'force_gain': True, 'load': LoadSettings(5.0)}
-    carry = Carry('disc 0.1 m', (3.0, 0.5), plant=ElasticPlant, **forced)
+    carry = Carry('disc 0.1 m', (3.0, 0.5), plant=elastic_plant, **forced)
     carry.run(1.0)
     carry.push(PUSH)
     carry.run(7.0)
