@@ -131,7 +131,8 @@ class ElasticObject:
     @single_threaded
     def follow(self, config: Configuration, elapsed: float = 0.0) -> None:
         """Go with the robot to a configuration; see `SimulatedObject.follow`."""
-        if config is self._followed and not self._pulled_anew and self._motion.rests:
+        stays = config is self._followed and not self._pulled_anew
+        if stays and (self._motion.rests or elapsed == 0.0):
             return
         before, self._followed, self._pulled_anew = self._followed, config, False
         if self._grasp is None:
@@ -143,7 +144,7 @@ class ElasticObject:
             self._lies = self._pushed(config)
 
     def come_to_rest(self, config: Configuration) -> None:
-        """Take no note: what it does next follows from how it moves."""
+        """Take no note of it; see `SimulatedObject.come_to_rest`."""
 
     def _move(self, before: HeldGrip, config: Configuration, elapsed: float) -> None:
         """Be led by the members, and swing or give by what pulls and rubs."""
