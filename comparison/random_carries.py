@@ -127,7 +127,8 @@ def _compare(kind: str, count: int) -> Section:
         f'{1e3 * INDENTATION:.0f} mm, friction {FRICTION:g}, on {LEGS} random legs of up to '
         f'{1e3 * REACH[0]:.0f} mm and {REACH[2]:g} rad in {LEG_TIME:g} s, poses with a noise of '
         f'{1e3 * NOISE[0]:g} mm and {np.degrees(NOISE[1]):.1f}°. Pulls are {PULL:g} of the slip '
-        'margin, unexpected, for half of a leg. A path that the model foresees to end is refused.',
+        'margin, unexpected, for half of a leg. A path that the model foresees to end is refused. '
+        'The elastic plant is ours, with the same masses.',
         (Check(f'{kind} lost in silence', silent, 0.0, '', ''),),
         (_table(kind, found),),
     )
