@@ -11,14 +11,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 from comparison.carrying import RATE, Regulated
+from comparison.elastic_plant import ElasticPlant
 from comparison.grips import round_robot
 from comparison.section import Check, Section
 from comparison.wedge import MODULE
 from isotruss_ros.core import (
+    ConvexObject,
     Disc,
     Grip,
     HoldStatus,
@@ -48,13 +51,34 @@ LEAST_MARGIN, PULL = 0.5, 0.5
 #: An object that is farther from where its twists lead is off its path [m].
 OFF = 0.02
 DISC, BOX = 'discs', 'boxes'
+PULLED = 'pulled'
+
+
+def _in_mujoco(**options: float) -> Callable[[Robot, ConvexObject], MujocoPlant]:
+    """Return what makes the MuJoCo plant with an object in the grip, at rest."""
+
+    def make(robot: Robot, body: ConvexObject) -> MujocoPlant:
+        plant = MujocoPlant(robot, [body], PlantOptions(friction=FRICTION, **options))
+        plant.hold_object(body.pose)
+        plant.settle(1.0)
+        plant.release_object()
+        plant.settle(1.0)
+        return plant
+
+    return make
+
+
 #: What differs from 1 kg modules, an object of 0.5 kg and rollers that do as they are told.
-PLANTS: Mapping[str, PlantOptions] = {
-    'as planned': PlantOptions(friction=FRICTION),
-    'pulled': PlantOptions(friction=FRICTION),
-    'floor 2 N a joint': PlantOptions(friction=FRICTION, module_friction=2.0),
-    'rollers lag 0.05 s': PlantOptions(friction=FRICTION, roller_lag=0.05),
-    'rollers of 20 N': PlantOptions(friction=FRICTION, roller_force=20.0),
+PLANTS: Mapping[str, Callable[[Robot, ConvexObject], MujocoPlant | ElasticPlant]] = {
+    'as planned': _in_mujoco(),
+    PULLED: _in_mujoco(),
+    'floor 2 N a joint': _in_mujoco(module_friction=2.0),
+    'rollers lag 0.05 s': _in_mujoco(roller_lag=0.05),
+    'rollers of 20 N': _in_mujoco(roller_force=20.0),
+    'elastic plant': partial(ElasticPlant, friction=FRICTION),
+    'elastic plant, floor 2 N a joint': partial(
+        ElasticPlant, friction=FRICTION, module_friction=2.0
+    ),
 }
 ENDS = ('arrived', 'stands held', 'refused', 'lost and said', 'lost in silence')
 
@@ -66,7 +90,7 @@ class Outcome:
 
     :ivar end: one of `ENDS`.
     :ivar error: from where its twists lead, a second after the path; nan if it was not moved [m].
-    :ivar squeeze: of MuJoCo over the target, then.
+    :ivar squeeze: of the plant over the target, then.
     """
 
     end: str
@@ -103,7 +127,8 @@ def _compare(kind: str, count: int) -> Section:
         f'{1e3 * INDENTATION:.0f} mm, friction {FRICTION:g}, on {LEGS} random legs of up to '
         f'{1e3 * REACH[0]:.0f} mm and {REACH[2]:g} rad in {LEG_TIME:g} s, poses with a noise of '
         f'{1e3 * NOISE[0]:g} mm and {np.degrees(NOISE[1]):.1f}°. Pulls are {PULL:g} of the slip '
-        'margin, unexpected, for half of a leg. A path that the model foresees to end is refused.',
+        'margin, unexpected, for half of a leg. A path that the model foresees to end is refused. '
+        'The elastic plant is ours, with the same masses.',
         (Check(f'{kind} lost in silence', silent, 0.0, '', ''),),
         (_table(kind, found),),
     )
@@ -140,13 +165,9 @@ def run(robot: Robot, kind: str, seed: int, name: str) -> Outcome:
     ahead = foresee_path(held, FRICTION, held.squeeze, poses, LEFT_MARGIN * held.squeeze)
     if ahead.why:
         return Outcome('refused', np.nan, np.nan)
-    plant = MujocoPlant(robot, [grip.body], PLANTS[name])
-    plant.hold_object(grip.body.pose)
-    plant.settle(1.0)
-    plant.release_object()
-    plant.settle(1.0)
+    plant = PLANTS[name](robot, grip.body)
     steering = Regulated(robot.home, grip, held.squeeze, (*NOISE, seed))
-    size = PULL * held.slip_margin(FRICTION) if name == 'pulled' else 0.0
+    size = PULL * held.slip_margin(FRICTION) if name == PULLED else 0.0
     pull = size * np.array([np.cos(direction), np.sin(direction), 0.0])
     goal = _carry(plant, steering, [np.zeros(3), *steps, np.zeros(3)], pull)
     return _judge(plant, steering, goal, held.squeeze)
@@ -180,7 +201,9 @@ def draw_grip(robot: Robot, kind: str, rng: np.random.Generator) -> tuple[Grip, 
             return Grip(members, body, FRICTION), held
 
 
-def _carry(plant: MujocoPlant, steering: Regulated, legs: Sequence[Array], pull: Array) -> Array:
+def _carry(
+    plant: MujocoPlant | ElasticPlant, steering: Regulated, legs: Sequence[Array], pull: Array
+) -> Array:
     """Carry along legs from rest to rest; return where the twists carried out lead (3,)."""
     goal, cycle = np.array(plant.object_pose()), 1.0 / RATE
     for number_of_leg, leg in enumerate(legs):
@@ -196,7 +219,9 @@ def _carry(plant: MujocoPlant, steering: Regulated, legs: Sequence[Array], pull:
     return goal
 
 
-def _judge(plant: MujocoPlant, steering: Regulated, goal: Array, target: float) -> Outcome:
+def _judge(
+    plant: MujocoPlant | ElasticPlant, steering: Regulated, goal: Array, target: float
+) -> Outcome:
     """Return what became of an object."""
     forces = [force.normal for force in plant.contact_forces().values() if force.normal > 0.1]
     error = float(np.hypot(*(goal - np.array(plant.object_pose()))[:2]))

@@ -27,7 +27,6 @@ from isotruss_ros.core import (
     SimulatedRobot,
 )
 from isotruss_ros.core.errors import ConfigurationError
-from isotruss_ros.core.holding.loaded_frame import held_joints
 from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.simulation.simulated_robot import SimulatedObject
@@ -65,8 +64,8 @@ SPECS = (
         'plant',
         KINEMATIC,
         'kinematic: the object is at rest in the grasp frame but for rolling; '
-        'elastic: it is where the equilibrium with the elastic tubes puts it, without masses, and '
-        'can slip; '
+        'elastic: it swings about where the equilibrium with the elastic tubes puts it, or is '
+        'there where masses of robot and object are not known, and can slip; '
         'mujoco: a dynamics engine moves robot and object',
     ),
     FixedSpec(
@@ -191,7 +190,9 @@ class Simulator(ManagedNode):
         if self.values.plant == KINEMATIC:
             return self._object.lying(pose)
         values = self.values
-        self._elastic = self._object.elastic(pose, values.stiffness_scale, values.ground_friction)
+        self._elastic = self._object.elastic(
+            pose, values.stiffness_scale, values.ground_friction, values.module_friction
+        )
         return self._elastic
 
     def _apply(self) -> None:
@@ -293,8 +294,8 @@ class Simulator(ManagedNode):
             return self._driven.plant.nodes[:count]
         config = self._simulated.config
         joints = config.nodes[:count]
-        if self._elastic is not None and self._elastic.grasp is not None:
-            joints = held_joints(self._elastic.grasp)
+        if self._elastic is not None:
+            joints = self._elastic.joints(config)
         values = self.values
         if values.pull_joint:
             loaded = deform(config, {values.pull_joint: self._pull()})

@@ -7,11 +7,12 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Objects that the twist servo carries in MuJoCo, by what it would be told of them."""
+"""Objects that the twist servo carries in a plant, by what it would be told of them."""
 
 from collections import deque
 from dataclasses import replace
 
+from comparison.elastic_plant import ElasticPlant
 from isotruss_ros.core import (
     ConvexObject,
     Disc,
@@ -79,9 +80,25 @@ def place(robot, name, mass):
     return replace(body, mass=mass, friction=FRICTION), members
 
 
+def elastic_plant(robot, body):
+    """Return the elastic plant with an object in the grip, at rest."""
+    return ElasticPlant(robot, body, FRICTION)
+
+
+def mujoco_plant(robot, body):
+    """Return the MuJoCo plant with an object in the grip, at rest."""
+    options = PlantOptions(friction=FRICTION, module_mass=robot.description.module.mass)
+    plant = MujocoPlant(robot, [body], options)
+    plant.hold_object(body.pose)
+    plant.settle(1.0)
+    plant.release_object()
+    plant.settle(1.0)
+    return plant
+
+
 class Carry:
     """
-    An object in MuJoCo, and the servo that carries it by late and noisy measurements.
+    An object in a plant, and the servo that carries it by late and noisy measurements.
 
     :ivar errors: (n, 3) of the object against its twists, turns times its arm [m].
     :ivar statuses: of the commands.
@@ -96,6 +113,7 @@ class Carry:
         late=0,
         noise=(0.0, 0.0),
         seed=0,
+        plant=mujoco_plant,
         **settings,
     ):
         """
@@ -107,18 +125,12 @@ class Carry:
         :param stiffness: of the plant's tubes over those of the model.
         :param late: cycles by which poses are late.
         :param noise: standard deviation of the poses [m, rad].
+        :param plant: makes it of robot and object.
         """
         robot = make_robot(told * masses[0])
         body, members = place(robot, grasp, told * masses[1])
-        self.plant = MujocoPlant(
-            robot if stiffness == 1.0 else make_robot(stiffness=stiffness),
-            [replace(body, mass=masses[1])],
-            PlantOptions(friction=FRICTION, module_mass=masses[0]),
-        )
-        self.plant.hold_object(body.pose)
-        self.plant.settle(1.0)
-        self.plant.release_object()
-        self.plant.settle(1.0)
+        true = make_robot(masses[0], stiffness)
+        self.plant = plant(true, replace(body, mass=masses[1]))
         numbers = np.array([robot.member_names.index(name) for name in members])
         there = body.moved_to(self.plant.object_pose())
         target = attach_grip(robot.home, there, numbers).squeeze

@@ -8,14 +8,14 @@
 # language governing permissions and limitations under the License.
 
 """
-The squeeze control carries in MuJoCo, which has masses of its own.
+The squeeze control carries in MuJoCo, which has masses of its own, and in the elastic plant.
 
 Grasps, masses, errors of the model, delays and noise are those of the table in docs/safety.md.
 """
 
 from itertools import product
 
-from carries import Carry, GRASPS
+from carries import Carry, elastic_plant, GRASPS, mujoco_plant
 from isotruss_ros.calibration.oscillation import fit_oscillation
 from isotruss_ros.core import Status
 from isotruss_ros.core.control.grip_watch import GripFault
@@ -53,15 +53,16 @@ GROWING = [
 
 
 def two_now():
-    """Yield all grasps of all robots; the lightest and the heaviest run with all tests."""
-    for (i, grasp), (j, robot) in product(enumerate(GRASPS), enumerate(ROBOTS)):
-        now = i == j and i in (0, 5)
-        yield pytest.param(grasp, *robot, marks=[] if now else pytest.mark.nightly)
+    """Yield all grasps of all robots in both plants; one of each plant runs with all tests."""
+    everything = product((mujoco_plant, elastic_plant), enumerate(GRASPS), enumerate(ROBOTS))
+    for plant, (i, grasp), (j, robot) in everything:
+        now = i == j == (5 if plant is mujoco_plant else 0)
+        yield pytest.param(plant, grasp, *robot, marks=[] if now else pytest.mark.nightly)
 
 
-@pytest.mark.parametrize(('grasp', 'masses', 'told', 'stiffness'), two_now())
-def test_a_push_decays(grasp, masses, told, stiffness):
-    carry = Carry(grasp, masses, told, stiffness, late=3)
+@pytest.mark.parametrize(('plant', 'grasp', 'masses', 'told', 'stiffness'), two_now())
+def test_a_push_decays(plant, grasp, masses, told, stiffness):
+    carry = Carry(grasp, masses, told, stiffness, late=3, plant=plant)
     carry.run(1.0)
     carry.push(PUSH)
     carry.run(4.0)
@@ -118,6 +119,18 @@ def test_an_oscillation_that_grows_is_stopped_before_the_object_is_lost(grasp, g
     carry.run(7.0)
     assert Status.HALT_OSCILLATES in carry.statuses
     assert f'the gain is softened to {0.5 * gain:g} 1/s' in ' '.join(carry.messages)
+    assert carry.statuses[-1] is Status.OK
+    assert np.abs(carry.errors[-1]).max() < 2e-3
+
+
+@pytest.mark.nightly
+def test_an_oscillation_grows_in_the_elastic_plant_and_is_stopped():
+    forced = {'pose_gain': 12.0, 'force_gain': True, 'load': LoadSettings(5.0)}
+    carry = Carry('disc 0.1 m', (3.0, 0.5), plant=elastic_plant, **forced)
+    carry.run(1.0)
+    carry.push(PUSH)
+    carry.run(7.0)
+    assert Status.HALT_OSCILLATES in carry.statuses
     assert carry.statuses[-1] is Status.OK
     assert np.abs(carry.errors[-1]).max() < 2e-3
 

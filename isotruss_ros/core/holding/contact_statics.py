@@ -84,6 +84,8 @@ class ContactStatics:
         its start), -1 on the left.
     :ivar indentation: depths (k,) of the dents in the skin [m] for normal forces (k,) [N], and
         their derivatives [m/N].
+    :ivar given: (k, 3) what loads elsewhere move the members by at the contacts, along and across
+        [m], and incline them by [-]; one number for all.
     """
 
     compliance: MemberCompliance
@@ -92,6 +94,7 @@ class ContactStatics:
     tube_radius: float
     sides: Array
     indentation: Indentation
+    given: Array | float = 0.0
 
     @functools.cached_property
     def places(self) -> Places:
@@ -173,7 +176,7 @@ class ContactStatics:
         residual, jacobian = np.empty(places.size), np.zeros((places.size, places.size))
         contact, acting = self.compliance.at(feet), np.array(loads)
         touching = (contact.matrix.reshape(3 * count, -1) @ acting.ravel()).reshape(count, 3)
-        residual[: 3 * count] = (touching + gaps).T.ravel()
+        residual[: 3 * count] = (touching + gaps + self.given).T.ravel()
         residual[places.balance] = wrench - (total.real, total.imag, turning)
         bending = slice(places.inclinations.start, None)  # inclinations and forces
         rows = jacobian[: 3 * count].reshape(3, count, -1)  # response, contact

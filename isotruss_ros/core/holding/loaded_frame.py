@@ -24,6 +24,7 @@ lower it.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.numerics.arrays import Array
@@ -71,9 +72,34 @@ def _displace_nodes(grip: HeldGrip, normal: Array, friction: Array) -> Array:
     return frame.displacements(piece, np.column_stack(carried)) / grip.tubes.stiffness_scale
 
 
+class NaturalModes(NamedTuple):
+    """
+    How an object held in equilibrium swings, undamped, by wrenches (fx, fy, m / arm).
+
+    :ivar frequencies: (3,) the lowest first [rad/s].
+    :ivar wrenches: (3, 3) in its columns those that deflect it into the shapes of the modes, each
+        of a modal mass of one [N / (m kg^0.5)].
+    """
+
+    frequencies: Array
+    wrenches: Array
+
+
 def lowest_frequency(grip: HeldGrip) -> float | None:
     """
     Return the lowest natural frequency of an object held in equilibrium, undamped [rad/s].
+
+    :param grip: how the object is held.
+    :return: None where `natural_modes` finds none.
+    :raises StructureError: see `structure_of`.
+    """
+    modes = natural_modes(grip)
+    return None if modes is None else float(modes.frequencies[0])
+
+
+def natural_modes(grip: HeldGrip) -> NaturalModes | None:
+    """
+    Return the three modes of an object held in equilibrium.
 
     Contacts stick. The masses are those of the robot file and of the object: a module's in the
     middle of its pinch points, half of a member's tube at each of its ends.
@@ -95,10 +121,10 @@ def lowest_frequency(grip: HeldGrip) -> float | None:
     )
     compliance = moved * np.array([[1.0], [1.0], [arm]])
     inertia += _inertia_of_robot(grip)
-    squares = scipy.linalg.eigh(
-        0.5 * (compliance + compliance.T), inertia, eigvals_only=True, check_finite=False
+    squares, wrenches = scipy.linalg.eigh(
+        0.5 * (compliance + compliance.T), inertia, check_finite=False
     )
-    return math.sqrt(squares[0]) if squares[0] > 0.0 else None
+    return NaturalModes(np.sqrt(squares), wrenches) if squares[0] > 0.0 else None
 
 
 def _inertia_of_robot(grip: HeldGrip) -> Array:

@@ -17,6 +17,7 @@ from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
+from isotruss_ros.core.holding.loaded_frame import held_joints
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths, push_out, TOLERANCE
@@ -25,6 +26,8 @@ from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.simulation.floor_friction import FloorFriction
+from isotruss_ros.core.simulation.held_motion import has_masses, HeldMotion
+from isotruss_ros.core.simulation.rubbing import Rubbing
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -50,6 +53,8 @@ class ElasticObject:
     :param stiffness_scale: stiffness of this plant against that of the model, positive.
     :param ground_friction: wrench up to which the floor holds a held object in its place, moments
         over its arm, not negative [N].
+    :param module_friction: force up to which it holds each joint with its modules, while they hold
+        the object, not negative [N].
     :raises GraspError: friction or stiffness are not usable.
     """
 
@@ -59,15 +64,19 @@ class ElasticObject:
         friction: float,
         stiffness_scale: float = 1.0,
         ground_friction: float = 0.0,
+        module_friction: float = 0.0,
     ) -> None:
-        given = [friction, stiffness_scale, ground_friction]
-        mu, scale, limit = finite_array(given, 3, 'friction, stiffness, ground', GraspError)
-        if min(mu, limit) < 0.0 or scale <= 0.0:
+        given = [friction, stiffness_scale, ground_friction, module_friction]
+        mu, scale, ground, module = finite_array(given, 4, 'friction, stiffness', GraspError)
+        if min(mu, ground, module) < 0.0 or scale <= 0.0:
             raise GraspError(
                 f'friction {friction!r}, stiffness scale {stiffness_scale!r} and friction of the '
-                f'ground {ground_friction!r}: must not be negative, and the second not zero'
+                f'ground {ground_friction!r} under the object and {module_friction!r} under the '
+                'modules: must not be negative, and the second not zero'
             )
-        self._floor = FloorFriction(float(limit))
+        self._floor = FloorFriction((float(ground), float(module)), body.arm)
+        self._motion = HeldMotion(self._floor)
+        self._rubbing: Rubbing | None = None
         self._body, self._friction, self._scale = body, float(mu), float(scale)
         self._lies = body.pose._replace(angle=math.remainder(body.pose.angle, 2.0 * math.pi))
         self._grasp: HeldGrip | None = None
@@ -101,37 +110,78 @@ class ElasticObject:
         """Return the smallest extra wrench at which a contact slips [N]; zero while it lies."""
         return 0.0 if self._grasp is None else self._grasp.slip_margin(self._friction)
 
+    def joints(self, config: Configuration) -> Array:
+        """
+        Return where the joints are, (j, 2) in `Topology.joint_names` order [m].
+
+        :param config: configuration of the robot, in the last step.
+        """
+        grasp, rubbing = self._grasp, self._rubbing
+        if grasp is None:
+            return config.nodes[: len(config.robot.topology.joint_names)]
+        if rubbing is None or rubbing.joints is None:
+            return held_joints(grasp)
+        return rubbing.places[3:].reshape(-1, 2)
+
     def pose(self, config: Configuration) -> Pose:
         """Return its pose after the last step; see `SimulatedObject.pose`."""
         return self._lies if self._grasp is None else self._grasp.pose
 
     @single_threaded
-    def follow(self, config: Configuration) -> None:
+    def follow(self, config: Configuration, elapsed: float = 0.0) -> None:
         """Go with the robot to a configuration; see `SimulatedObject.follow`."""
-        if config is self._followed and not self._pulled_anew:
+        stays = config is self._followed and not self._pulled_anew
+        if stays and (self._motion.rests or elapsed == 0.0):
             return
         before, self._followed, self._pulled_anew = self._followed, config, False
-        if self._grasp is not None:
-            self._roll(self._grasp, config)
-        else:
-            self._touch(before, config)
-        self._rub(config)
         if self._grasp is None:
+            self._touch(before, config)
+        if self._grasp is not None:
+            self._move(self._grasp, config, elapsed)
+        if self._grasp is None:
+            self._stand_still()
             self._lies = self._pushed(config)
 
     def come_to_rest(self, config: Configuration) -> None:
-        """Stay in equilibrium, as in every step; see `SimulatedObject.come_to_rest`."""
+        """Take no note of it; see `SimulatedObject.come_to_rest`."""
 
-    def _rub(self, config: Configuration) -> None:
-        """Let the floor hold the object back; a fixed point that a few steps find."""
+    def _move(self, before: HeldGrip, config: Configuration, elapsed: float) -> None:
+        """Be led by the members, and swing or give by what pulls and rubs."""
+        pull, floor, rubbing = self._wrench / (1.0, 1.0, before.arm), self._floor, self._rubbing
+        swings = elapsed > 0.0 and has_masses(before)
+        if before.response is None or not (swings or floor.rubs):
+            self._stand_still()
+            self._roll(before, config, pull)
+            return
+        if rubbing is None:
+            rubbing = Rubbing.find(before, floor.joints_rub)
+            floor.stand(rubbing.places)
+        led = self._roll(before, config, before.wrench)
+        if led is None or led.response is None:
+            return
+        there = Rubbing.find(led, floor.joints_rub, floor.loads)
+        wrench = None
+        if swings:
+            moved = there.places - rubbing.places
+            moved[2] = math.remainder(moved[2], 2.0 * math.pi * before.arm)
+            wrench = self._motion.swing(led, there, moved, pull, elapsed)
+        # A fixed point that a few steps find.
         for _ in range(MAX_PARTS):
-            if self._grasp is None or not self._floor.hold_back(self._grasp):
+            borne = pull + floor.loads[:3] if wrench is None else wrench
+            led = self._roll(there.load(led, floor.loads), config, borne)
+            if led is None or led.response is None:
+                return
+            self._rubbing = there = Rubbing.find(led, floor.joints_rub, floor.loads)
+            free = there.places - there.compliance @ floor.loads
+            if wrench is not None or not floor.hold_back(free, there.compliance):
                 break
-            self._roll(self._grasp, config)
-        if self._grasp is None:
-            self._floor.let_go()
-        else:
-            self._floor.settle(self._grasp)
+        floor.settle(there.places)
+
+    def _stand_still(self) -> None:
+        """Forget how it moves and where it rubs."""
+        self._floor.let_go()
+        self._motion.rest()
+        self._rubbing = None
 
     def _touch(self, before: Configuration | None, config: Configuration) -> None:
         """Be held from the moment on at which two members press so that friction holds."""
@@ -141,7 +191,6 @@ class ElasticObject:
         for there in (first, config):
             self._try_to_hold(there)
             if self._grasp is not None:
-                self._roll(self._grasp, config)
                 return
 
     def _first_touch(self, before: Configuration, config: Configuration) -> Configuration:
@@ -175,25 +224,32 @@ class ElasticObject:
         if not isinstance(found, HoldStatus) and found.hold(self._friction) is HoldStatus.HELD:
             self._grasp, self.dropped = found, None
 
-    def _roll(self, before: HeldGrip, config: Configuration) -> None:
-        """Roll to a configuration, in smaller and smaller parts where the contacts let go."""
+    def _roll(self, before: HeldGrip, config: Configuration, wrench: Array) -> HeldGrip | None:
+        """
+        Roll to a configuration and a wrench (fx, fy, m / arm) and return how it is held there.
+
+        In smaller and smaller parts where the contacts let go; it is dropped, None, where they do
+        in the smallest.
+        """
+        if before is self._grasp and before.config is config and (wrench == before.wrench).all():
+            return before
         start, end = before.config.roller_positions, config.roller_positions
         even = np.array([1.0, 1.0, before.arm])
-        pulled, wrench = even * before.wrench, self._wrench + even * self._floor.wrench
+        pulled = before.wrench
         done, part = 0.0, 1.0
-        why = HoldStatus.NO_BALANCE
         while done < 1.0:
             share = min(1.0, done + part)
             there = config
             if share < 1.0:
                 there = before.config.moved_to(start + share * (end - start))
-            found = roll_grip(before, there, pulled + share * (wrench - pulled))
+            found = roll_grip(before, there, even * (pulled + share * (wrench - pulled)))
             hold = HoldStatus.NO_BALANCE if found is None else found.hold(self._friction)
             if found is not None and hold is HoldStatus.HELD:
                 before, done = found, share
-                self._grasp = found
                 continue
-            why, part = hold, 0.5 * part
+            part = 0.5 * part
             if part < 1.0 / MAX_PARTS:
-                self._lies, self._grasp, self.dropped = before.pose, None, why
-                return
+                self._lies, self._grasp, self.dropped = before.pose, None, hold
+                return None
+        self._grasp = before
+        return before

@@ -7,87 +7,115 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Coulomb friction of the floor under a held object, whatever the rate at which it moves."""
+"""Coulomb friction of the floor under a held object and the joints, whatever the rate."""
 
 from __future__ import annotations
 
 import math
 
-from isotruss_ros.core.holding.held_grip import HeldGrip
-from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
-import scipy
 
 #: A change of the friction by this share of its limit is none.
 NEGLIGIBLE = 1e-7
+#: Most steps of the search for it, the share of its limit that ends it, a force that is none [N].
+STEPS, CHANGE, TINY = 1000, 1e-9, 1e-300
 
 
 class FloorFriction:
     """
-    The floor holds an object in its place up to a limit, beyond which it slides.
+    The floor holds object and joints in their places up to a limit each, beyond which they slide.
 
     What slides dissipates as much as it can: the friction is at its limit, against the motion.
 
-    :ivar wrench: (3,) of the floor on the object, (fx, fy, m / arm) [N].
-    :param limit: largest size of it, not negative [N].
+    :ivar loads: (n,) of the floor: on the object (fx, fy, m / arm), then (fx, fy) on joint after
+        joint where these rub [N].
+    :ivar rubs: whether there is any.
+    :ivar joints_rub: whether there is under the joints.
+    :param limits: largest size of that on the object, and on each joint, not negative [N].
+    :param arm: of the object, see `ConvexObject.arm` [m].
     """
 
-    def __init__(self, limit: float) -> None:
-        self._limit = limit
+    def __init__(self, limits: tuple[float, float], arm: float) -> None:
+        self._limits, self._arm = limits, arm
+        self.rubs, self.joints_rub = max(limits) > 0.0, limits[1] > 0.0
         self.let_go()
 
     def let_go(self) -> None:
-        """Forget where the object stands: it rubs from its next place on."""
-        self.wrench = np.zeros(3)
-        self._place: Array | None = None
+        """Forget where all stand: they rub from their next places on."""
+        self.loads: Array | None = None
+        self._places: Array | None = None
 
-    def hold_back(self, grasp: HeldGrip) -> bool:
+    def stand(self, places: Array) -> None:
         """
-        Change the friction so that the object stays in its place, or as far as the limit allows.
+        Take note of where all stand before they rub.
 
-        :param grasp: the object with the present friction.
-        :return: whether it changed, so that the equilibrium is to be found anew.
+        :param places: (n,) the object, its turn times the arm, and joint after joint [m].
         """
-        if self._limit == 0.0 or grasp.response is None:
-            return False
-        even, pose = np.array([1.0, 1.0, grasp.arm]), np.array(grasp.pose)
-        if self._place is None:
-            self._place = pose
-        away = pose - self._place
-        away[2] = math.remainder(away[2], 2.0 * math.pi)
-        compliance = even[:, None] * grasp.response.pose
-        wanted = self.wrench - np.linalg.solve(compliance, even * away)
-        before, self.wrench = self.wrench, limit_wrench(wanted, compliance, self._limit)
-        return bool(np.abs(self.wrench - before).max() > NEGLIGIBLE * self._limit)
+        if self._places is None:
+            self._places, self.loads = places.copy(), np.zeros(len(places))
 
-    def settle(self, grasp: HeldGrip) -> None:
+    def hold_back(self, free: Array, compliance: Array) -> bool:
         """
-        Take note of where the object stands now, if it has slid.
+        Change the friction so that all stay in their places, or as far as the limits allow.
 
-        :param grasp: the object in equilibrium with the friction.
+        :param free: (n,) where they would be without friction, see `stand` [m].
+        :param compliance: (n, n) by which friction moves them from there [m/N].
+        :return: whether it changed.
         """
-        if np.linalg.norm(self.wrench) > (1.0 - NEGLIGIBLE) * self._limit:
-            self._place = np.array(grasp.pose)
+        away, before = free - self._places, self.loads
+        away[2] = math.remainder(away[2], 2.0 * math.pi * self._arm)
+        limits = np.array([self._limits[min(i, 1)] for i in range(_blocks(away)[-1] + 1)])
+        self.loads = limit_loads(away, compliance, limits, before)
+        return bool(np.abs(self.loads - before).max() > NEGLIGIBLE * max(self._limits))
+
+    def settle(self, places: Array) -> None:
+        """
+        Take note of where what has slid stands now.
+
+        :param places: (n,) see `stand` [m].
+        """
+        blocks = _blocks(places)
+        sizes, limits = np.sqrt(np.bincount(blocks, self.loads**2)), self._limits
+        slid = sizes > (1.0 - NEGLIGIBLE) * np.array([limits[0], *[limits[1]] * (len(sizes) - 1)])
+        self._places = np.where(slid[blocks], places, self._places)
 
 
-def limit_wrench(wanted: Array, compliance: Array, limit: float) -> Array:
+def limit_loads(away: Array, compliance: Array, limits: Array, start: Array) -> Array:
     """
-    Return the friction within its limit that is nearest to the wanted one in energy.
+    Return the friction within its limits that dissipates the most.
 
-    :param wanted: (3,) that would hold the object [N].
-    :param compliance: (3, 3) displacement of the object by wrench, positive definite [m/N].
-    :param limit: largest size, positive [N].
+    min over f of  f^T C f / 2 + f^T a  by accelerated projected gradients with restarts (Beck,
+    Teboulle 2009; O'Donoghue, Candes 2015).
+
+    :param away: (3 + 2j,) a, where object and joints would be without it from where they stand
+        [m].
+    :param compliance: (3 + 2j, 3 + 2j) C, their displacement by it, positive semi-definite [m/N].
+    :param limits: (1 + j,) largest size of that on the object, and on each joint [N].
+    :param start: (3 + 2j,) to begin with [N].
     """
-    size = float(np.linalg.norm(wanted))
-    if size <= limit:
-        return wanted
-    values, axes = np.linalg.eigh(0.5 * (compliance + compliance.T))
-    along = axes.T @ wanted
+    blocks = _blocks(away)
+    # In units in which one newton more moves everything alike.
+    gives = np.bincount(blocks, np.diag(compliance))
+    unit = 1.0 / np.sqrt(np.where(gives > 0.0, gives, 1.0))[blocks]
+    scaled, pushed = unit[:, None] * compliance * unit, unit * away
+    steepest = float(np.linalg.eigvalsh(scaled)[-1])
+    found, wanted, weight = start / unit, start / unit, 1.0
+    least = CHANGE * float(limits.max())
+    for _ in range(STEPS):
+        ahead = wanted - (scaled @ wanted + pushed) / steepest
+        sizes = np.sqrt(np.bincount(blocks, (unit * ahead) ** 2))
+        ahead *= (limits / np.maximum(sizes, np.maximum(limits, TINY)))[blocks]
+        change = ahead - found
+        if (wanted - ahead) @ change > 0.0:
+            weight = 1.0
+        before, weight = weight, 0.5 + math.sqrt(0.25 + weight**2)
+        found, wanted = ahead, ahead + (before - 1.0) / weight * change
+        if np.abs(unit * change).max() <= least:
+            break
+    return unit * found
 
-    def left(slid: float) -> Array:
-        return values / (values + slid) * along
 
-    # It slides by `slid` times the friction; no further than where it is as soft as anywhere.
-    most = values[-1] * (size / limit - 1.0)
-    slid = scipy.optimize.brentq(lambda slid: np.linalg.norm(left(slid)) - limit, 0.0, most)
-    return axes @ left(slid)
+def _blocks(loads: Array) -> Indices:
+    """Return to which of object and joints each of (3 + 2j,) numbers belongs."""
+    return np.append([0, 0, 0], 1 + np.arange(len(loads) - 3) // 2)

@@ -49,8 +49,8 @@ MUJOCO_SPECS = (
     FixedSpec(
         'module_friction',
         0.0,
-        'Force along x or y at which a joint of the robot begins to slide on the floor, mujoco '
-        'only [N]',
+        'Force at which a joint of the robot begins to slide on the floor, mujoco (along x or y) '
+        'and, where it holds the object, elastic [N]',
         (0.0, 1e3),
     ),
     FixedSpec(

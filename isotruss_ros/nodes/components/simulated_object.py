@@ -126,14 +126,18 @@ class StartingObject:
         """
         return RigidObject(self.body.moved_to(pose), self._friction)
 
-    def elastic(self, pose: Pose, stiffness_scale: float, ground_friction: float) -> ElasticObject:
+    def elastic(
+        self, pose: Pose, stiffness_scale: float, ground_friction: float, module_friction: float
+    ) -> ElasticObject:
         """
         Return it as the elastic plant has it.
 
         :param pose: where it is put.
         :param stiffness_scale: stiffness of the plant against that of the model.
         :param ground_friction: up to which the floor holds it in its place [N].
+        :param module_friction: up to which it holds each joint [N].
         """
         body = self.body
         friction = self._friction if body.friction is None else body.friction
-        return ElasticObject(body.moved_to(pose), friction, stiffness_scale, ground_friction)
+        floor = ground_friction, module_friction
+        return ElasticObject(body.moved_to(pose), friction, stiffness_scale, *floor)

@@ -234,7 +234,7 @@ def test_a_tube_that_lies_on_it_does_not_grip_it(monkeypatch):
 
 def test_the_robot_looks_once_for_each_rest():
     rests = []
-    counting = SimpleNamespace(come_to_rest=rests.append, follow=lambda _config: None)
+    counting = SimpleNamespace(come_to_rest=rests.append, follow=lambda _config, _elapsed: None)
     robot = SimulatedRobot(ROBOT.home, counting, RollerFaults(stuck=frozenset({'south/P'})))
     for _ in range(3):
         robot.advance(0.1)

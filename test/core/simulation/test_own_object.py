@@ -37,7 +37,7 @@ class GluedObject:
         middle = 0.5 * (start + end)
         return Pose(middle.real, middle.imag, float(np.angle(end - start)))
 
-    def follow(self, config):
+    def follow(self, config, elapsed):
         """Go with the robot: nothing is remembered."""
 
     def come_to_rest(self, config):
