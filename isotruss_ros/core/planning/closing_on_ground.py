@@ -26,8 +26,14 @@ from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.holding.settle_grasp import settle_grasp
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.arrays import Array, as_xy
-from isotruss_ros.core.planning.closed_grip import ClosedGrip, exceeded_bound, grasp_loads
-from isotruss_ros.core.planning.closing import Closing, outward_normals
+from isotruss_ros.core.planning.closed_grip import (
+    ClosedGrip,
+    CLOSING_STEP,
+    find_loads,
+    LEAST_SHARE,
+    REFINEMENT,
+)
+from isotruss_ros.core.planning.closing import Closing
 from isotruss_ros.core.planning.closing_step import press
 from isotruss_ros.core.planning.grasp_plan import SearchTally
 from isotruss_ros.core.planning.requirements import GraspRequirements
@@ -36,6 +42,11 @@ from numpy.typing import ArrayLike
 
 #: Members balance where friction misses less than this share of their forces [-].
 BALANCED = 0.003
+#: Steps that balance the members at one mean indentation.
+MAX_BALANCE_STEPS = 6
+#: Deepest mean indentation, in diameters of the tube, and largest one of a member against the mean;
+#: the inverse is the smallest.
+MAX_DEPTH, MAX_SHARE = 0.8, 10.0
 
 
 def close_on_ground(
@@ -50,15 +61,14 @@ def close_on_ground(
     :param tally: of the search.
     :raises SolverError: a quadratic program, or the contact, was not solved.
     """
-    settings, config = closing.settings, touch
-    tube, depth, share = touch.robot.description.tube_diameter, 0.0, 1.0
-    shares = np.ones(len(closing.members))
-    while share > settings.least_share and depth < settings.max_depth * tube:
-        deeper = depth + share * settings.closing_step * tube
+    config, depth, share = touch, 0.0, 1.0
+    tube, shares = touch.robot.description.tube_diameter, np.ones(len(closing.members))
+    while share > LEAST_SHARE and depth < MAX_DEPTH * tube:
+        deeper = depth + share * CLOSING_STEP * tube
         found = _balance(config, closing, needs, tally, deeper, shares)
         grip = None if found is None else _judge(found[0], found[1], closing, needs, tally)
         if grip is None:
-            share *= settings.refinement
+            share *= REFINEMENT
             continue
         config, _, shares = found
         depth = deeper
@@ -74,11 +84,9 @@ def _judge(
 ) -> ClosedGrip | None:
     """Return a grip with what it does; None where a bound is exceeded."""
     settled = settle_grasp(config, closing.body, needs.friction, needs.external_wrench)
-    bears = tuple(settled.utilisation.values()) if settled.hold.at_rest else ()
-    loads = grasp_loads(analysis, (), bears)
-    over = exceeded_bound(needs, loads)
-    if over is not None:
-        tally.record(*over, 1.0 - over[2] / over[1])
+    bears = [*settled.utilisation.values()] if settled.hold.at_rest else []
+    loads = find_loads(needs, analysis, [], bears, tally)
+    if loads is None:
         return None
     margin = None
     if _closes(analysis, needs, tally):
@@ -101,11 +109,10 @@ def _balance(
     :param shares: (s,) where to begin.
     :return: None where members cannot be brought to such indentations.
     """
-    settings = closing.settings
     free = np.linalg.svd(np.ones((1, len(shares))))[2][1:].T  # what leaves the mean as it is
     slope: Array | None = None
     last: tuple[Array, Array] | None = None
-    for _ in range(settings.max_balance_steps):
+    for _ in range(MAX_BALANCE_STEPS):
         pressed = press(config, closing, depth * shares, tally)
         if pressed is None:
             return None
@@ -127,7 +134,7 @@ def _balance(
         move = np.linalg.lstsq(slope, -load.load, rcond=None)[0]
         size = float(np.abs(move).max())
         shares = shares + free @ move * min(1.0, 0.5 * depth / size) / depth
-        if shares.min() < 1.0 / settings.max_share or shares.max() > settings.max_share:
+        if shares.min() < 1.0 / MAX_SHARE or shares.max() > MAX_SHARE:
             break
     return found
 
@@ -181,7 +188,7 @@ def find_imbalance(
         return None
     # As if each member were a spring of its own; the caller's secants correct it.
     stiffness = np.array(pressing) / depths
-    inward = -outward_normals(config, closing)
+    inward = -closing.normals(config)
     model = np.stack([inward.real * stiffness, inward.imag * stiffness, np.zeros(len(inward))])
     wrench = np.asarray(external_wrench) + analysis.normal_wrench
     load = wrench / (1.0, 1.0, body.arm)

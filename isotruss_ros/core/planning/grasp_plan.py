@@ -18,7 +18,6 @@ from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip, members_at
 from isotruss_ros.core.numerics.arrays import Array
-import numpy as np
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,23 +183,3 @@ class Progress:
     best: float | None
     share: float
     time_left: float | None
-
-
-#: Of the largest speed, near the object: a member that touches first, since its rollers lag less
-#: than others, pushes the object along.
-NEAR_SHARE = 0.25
-
-
-def path_times(path: Array, max_speed: float, near: Array, min_duration: float = 0.01) -> Array:
-    """
-    Return when each waypoint is reached, straight between them.
-
-    :param path: (k, r) roller positions [m].
-    :param max_speed: of any roller [m/s].
-    :param near: (k - 1,) pieces that are driven at `NEAR_SHARE` of the speed.
-    :param min_duration: of each piece, so that times increase [s].
-    :return: (k,) times from the start, the first 0 [s].
-    """
-    speeds = np.where(near, NEAR_SHARE * max_speed, max_speed)
-    longest = np.abs(np.diff(path, axis=0)).max(axis=1, initial=0.0)
-    return np.append(0.0, np.cumsum(np.maximum(longest / speeds, min_duration)))

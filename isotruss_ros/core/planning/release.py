@@ -32,12 +32,11 @@ from isotruss_ros.core.manipulation.solve_twist import solve_twist
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
-from isotruss_ros.core.planning.closing import Closing
+from isotruss_ros.core.planning.closing import BOUND_SHARE, Closing
 from isotruss_ros.core.planning.closing_step import press
 from isotruss_ros.core.planning.grasp_plan import SearchTally, Violation
 from isotruss_ros.core.planning.motion_in_place import squeeze_in_place
 from isotruss_ros.core.planning.requirements import MIN_RIGIDITY
-from isotruss_ros.core.planning.settings import DEFAULT
 import numpy as np
 
 #: Shares of the squeeze at the waypoints of the unloading; at the last the members let go. What
@@ -99,7 +98,7 @@ def plan_release(
             'all tubes together'
         )
     numbers = find_members(config.robot, Grip(tuple(members), body).members).members
-    limit = MemberLengthLimit(file.min_length, file.max_length, DEFAULT.bound_share)
+    limit = MemberLengthLimit(file.min_length, file.max_length, BOUND_SHARE)
     closing = Closing(body, tuple(numbers.tolist()), (limit,), min_rigidity)
     tally = SearchTally()
     unloaded = _unload(config, closing, tally)

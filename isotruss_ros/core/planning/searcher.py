@@ -24,9 +24,9 @@ from typing import NamedTuple
 from isotruss_ros.core.errors import GraspError, IsotrussError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.planning.describe_plan import plan_in_words
 from isotruss_ros.core.planning.grasp_plan import GraspPlan, Progress
 from isotruss_ros.core.planning.plan_grasps import plan_grasps
-from isotruss_ros.core.planning.plan_words import plan_in_words
 from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.planning.workers import WorkerPool
 

@@ -12,13 +12,19 @@
 from dataclasses import replace
 
 from isotruss_ros.core import ConvexObject, GraspRequirements, load_robot, plan_grasps
-from isotruss_ros.core.planning.export import export_figures, export_path, export_violation
+from isotruss_ros.core.planning.describe_plan import (
+    export_figures,
+    export_path,
+    export_violation,
+    plan_in_words,
+    SENTENCES,
+    violation_in_words,
+)
 from isotruss_ros.core.planning.grasp_plan import (
     GraspPlan,
     path_times,
     Violation,
 )
-from isotruss_ros.core.planning.plan_words import plan_in_words, SENTENCES, violation_in_words
 import numpy as np
 import pytest
 

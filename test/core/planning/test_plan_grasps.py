@@ -30,8 +30,8 @@ from isotruss_ros.core import (
 from isotruss_ros.core.errors import GraspError, SolverError
 from isotruss_ros.core.planning import grasp_candidate, grasp_search
 from isotruss_ros.core.planning import plan_grasps as search
+from isotruss_ros.core.planning.describe_plan import plan_in_words, violation_in_words
 from isotruss_ros.core.planning.foresee_path import foresee_grip
-from isotruss_ros.core.planning.plan_words import plan_in_words, violation_in_words
 from isotruss_ros.core.planning.requirements import Measure
 from isotruss_ros.core.planning.seeds import find_seeds
 from isotruss_ros.core.planning.settings import DEFAULT

@@ -25,9 +25,8 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.depths import member_lines
-from isotruss_ros.core.planning.export import export_figures
+from isotruss_ros.core.planning.describe_plan import export_figures, plan_in_words
 from isotruss_ros.core.planning.facing import balances, contact_ends, find_facing, friction_angles
-from isotruss_ros.core.planning.plan_words import plan_in_words
 from isotruss_ros.core.planning.seeds import enclosing_members, find_seeds
 from isotruss_ros.core.planning.settings import DEFAULT
 from isotruss_ros.core.safety.margins import object_distances

@@ -7,12 +7,32 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""What the search for grasps finds, in words."""
+"""A planned grasp as plain numbers, names and lists, as a path in time, and in words."""
 
 from __future__ import annotations
 
-from isotruss_ros.core.planning.grasp_plan import GraspPlan, PlannedGrasp, Violation
+from typing import Any
 
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.planning.grasp_plan import GraspPlan, PlannedGrasp, Violation
+import numpy as np
+
+#: Of a planned grasp, what `export_figures` returns as it is.
+FIGURES = (
+    'score',
+    'squeeze',
+    'slip_margin',
+    'closure_margin',
+    'required_friction',
+    'max_contact_force',
+    'total_force',
+    'utilisation',
+    'travel',
+    'rigidity',
+)
+#: Of the largest speed, near the object: a member that touches first, since its rollers lag less
+#: than others, pushes the object along.
+NEAR_SHARE = 0.25
 #: By the name of a requirement: value of the closest candidate, and bound.
 SENTENCES = {
     'free': 'the robot touches the object already: the gap between them is {value:.4g} m',
@@ -36,6 +56,63 @@ SENTENCES = {
     'max_utilisation': 'a tube bears {value:.3g} of its wrinkling moment; at most {bound:.3g}',
     'carry': 'the object can be carried {value:.0%} of its path without slipping',
 }
+
+
+def export_figures(grasp: PlannedGrasp) -> dict[str, Any]:
+    """
+    Return what characterises a grasp, by name: module, members, roller positions and scores.
+
+    The module is empty where the members of the grip do not meet at one.
+
+    :param grasp: see `PlannedGrasp` for the figures and their units.
+    """
+    return {
+        'module': grasp.module or '',
+        'members': list(grasp.members),
+        'roller_positions': grasp.roller_positions.tolist(),
+    } | {name: getattr(grasp, name) for name in FIGURES}
+
+
+def export_path(grasp: PlannedGrasp) -> dict[str, Any]:
+    """
+    Return the path to a grasp: `path` (k, r) [m], `times` (k,) [s], and the row `touch`.
+
+    :param grasp: driven at the largest speed of the robot's rollers, and at `NEAR_SHARE` of it
+        from two waypoints before the touch on.
+    """
+    near = np.arange(len(grasp.path) - 1) >= grasp.touch - 2
+    times = path_times(grasp.path, grasp.config.robot.description.max_speed, near)
+    return {'path': grasp.path.tolist(), 'times': times.tolist(), 'touch': grasp.touch}
+
+
+def export_violation(violation: Violation | None) -> dict[str, Any]:
+    """
+    Return which requirement is violated, with value and bound; nothing where none is.
+
+    :param violation: the closest one of a search.
+    """
+    if violation is None:
+        return {}
+    return {
+        'violated_requirement': violation.requirement,
+        'violation_value': float(violation.value),
+        'violation_bound': float(violation.bound),
+    }
+
+
+def path_times(path: Array, max_speed: float, near: Array, min_duration: float = 0.01) -> Array:
+    """
+    Return when each waypoint is reached, straight between them.
+
+    :param path: (k, r) roller positions [m].
+    :param max_speed: of any roller [m/s].
+    :param near: (k - 1,) pieces that are driven at `NEAR_SHARE` of the speed.
+    :param min_duration: of each piece, so that times increase [s].
+    :return: (k,) times from the start, the first 0 [s].
+    """
+    speeds = np.where(near, NEAR_SHARE * max_speed, max_speed)
+    longest = np.abs(np.diff(path, axis=0)).max(axis=1, initial=0.0)
+    return np.append(0.0, np.cumsum(np.maximum(longest / speeds, min_duration)))
 
 
 def violation_in_words(violation: Violation | None) -> str:
