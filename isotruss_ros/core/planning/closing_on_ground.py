@@ -38,10 +38,12 @@ from isotruss_ros.core.planning.closing_step import press
 from isotruss_ros.core.planning.grasp_plan import SearchTally
 from isotruss_ros.core.planning.requirements import GraspRequirements
 import numpy as np
+from isotruss_ros.core.planning.motion_in_place import balanced_shares
 from numpy.typing import ArrayLike
 
 #: Members balance where friction misses less than this share of their forces [-].
-BALANCED = 0.003
+BALANCED = 0.0015
+RELAXATION = 2.3
 #: Steps that balance the members at one mean indentation.
 MAX_BALANCE_STEPS = 6
 #: Deepest mean indentation, in diameters of the tube, and largest one of a member against the mean;
@@ -109,9 +111,7 @@ def _balance(
     :param shares: (s,) where to begin.
     :return: None where members cannot be brought to such indentations.
     """
-    free = np.linalg.svd(np.ones((1, len(shares))))[2][1:].T  # what leaves the mean as it is
-    slope: Array | None = None
-    last: tuple[Array, Array] | None = None
+    names = [config.robot.member_names[i] for i in closing.members]
     for _ in range(MAX_BALANCE_STEPS):
         pressed = press(config, closing, depth * shares, tally)
         if pressed is None:
@@ -120,20 +120,15 @@ def _balance(
         tally.analyses += 1
         analysis = analyze_grasp(config, closing.body, needs.friction, needs.external_wrench)
         found = config, analysis, shares
-        load = find_imbalance(config, closing, analysis, needs.external_wrench, depth * shares)
-        total = float(analysis.normal_forces.sum())
-        if load is None or np.abs(load.load).max() < BALANCED * total:
+        forces = np.array([analysis.contact_forces.get(name, 0.0) for name in names])
+        if forces.min() <= 0.0:
             break
-        here = free.T @ (depth * shares)
-        if slope is None or last is None:
-            slope = load.slope @ free
-        else:
-            moved, secant = here - last[0], load.load - last[1]
-            slope = slope + np.outer(secant - slope @ moved, moved) / (moved @ moved)
-        last = here, load.load
-        move = np.linalg.lstsq(slope, -load.load, rcond=None)[0]
-        size = float(np.abs(move).max())
-        shares = shares + free @ move * min(1.0, 0.5 * depth / size) / depth
+        change = find_correction(config, closing, analysis, needs.external_wrench)
+        if np.abs(change).max() < BALANCED * forces.sum():
+            break
+        # As if each member were a spring of its own.
+        shares = shares * np.clip(1.0 + RELAXATION * (change / forces), 0.5, 2.0)
+        shares = shares / shares.mean()
         if shares.min() < 1.0 / MAX_SHARE or shares.max() > MAX_SHARE:
             break
     return found
@@ -154,52 +149,30 @@ def _closes(analysis: GraspAnalysis, needs: GraspRequirements, tally: SearchTall
     return False
 
 
-class Imbalance(NamedTuple):
-    """
-    What friction cannot take, in s - 1 directions for s members.
-
-    :ivar load: (s - 1,) in these directions [N], moments over the arm of the object.
-    :ivar slope: (s - 1, s) derivatives of the load by the indentations of the members [N/m].
-    """
-
-    load: Array
-    slope: Array
-
-
-def find_imbalance(
+def find_correction(
     config: Configuration,
     closing: Closing,
     analysis: GraspAnalysis,
     external_wrench: ArrayLike,
-    depths: Array,
-) -> Imbalance | None:
+) -> Array:
     """
-    Return the load that friction cannot take, or None where a member does not press.
+    Return the changes (s,) of normal forces, zero in sum, that balance what friction cannot take.
 
     :param config: configuration of the robot.
     :param closing: what presses on which object.
-    :param analysis: of the grasp.
+    :param analysis: of the grasp, in which all members press.
     :param external_wrench: (fx, fy, m) on the object [N, N m].
-    :param depths: (s,) indentation of each member, positive [m].
     """
-    body, names = closing.body, config.robot.member_names
-    pressing = [analysis.contact_forces.get(names[i], 0.0) for i in closing.members]
-    if min(pressing) <= 0.0:
-        return None
-    # As if each member were a spring of its own; the caller's secants correct it.
-    stiffness = np.array(pressing) / depths
-    inward = -closing.normals(config)
-    model = np.stack([inward.real * stiffness, inward.imag * stiffness, np.zeros(len(inward))])
-    wrench = np.asarray(external_wrench) + analysis.normal_wrench
-    load = wrench / (1.0, 1.0, body.arm)
-    if len(inward) > 2:
-        return Imbalance(load[:2], model[:2])
-    touching = analysis.normal_forces > 0.0
-    normals = analysis.normals[touching]
-    arms = analysis.points[touching] - as_xy(np.array([body.center]))
-    moments = (arms * normals).sum(axis=1) / body.arm
-    tangents = np.column_stack([-normals[:, 1], normals[:, 0], moments])
-    across = np.linalg.svd(analysis.normal_forces[touching, None] * tangents)[2][2]
-    slope = across @ model
-    turn = 1.0 if slope[0] >= slope[1] else -1.0  # an axis has no sign: always the same one
-    return Imbalance(turn * np.array([across @ load]), turn * slope[None])
+    body, inward = closing.body, -closing.normals(config)
+    axes = np.eye(3)[:2]
+    if len(inward) == 2:
+        touching = analysis.normal_forces > 0.0
+        normals, forces = analysis.normals[touching], analysis.normal_forces[touching, None]
+        arms = analysis.points[touching] - as_xy(np.array([body.center]))
+        moments = (arms * normals).sum(axis=1) / body.arm
+        tangents = np.column_stack([-normals[:, 1], normals[:, 0], moments])
+        axes = np.linalg.svd(forces * tangents)[2][2:]
+    load = (np.asarray(external_wrench) + analysis.normal_wrench) / (1.0, 1.0, body.arm)
+    model = np.stack([inward.real, inward.imag, np.zeros(len(inward))])
+    rows = np.vstack([axes @ model, np.ones(len(inward))])
+    return np.linalg.solve(rows, np.append(-axes @ load, 0.0))
