@@ -26,7 +26,7 @@ from isotruss_ros.core.planning.facing import balances, CONE_SHARE, find_facing,
 from isotruss_ros.core.planning.grasp_plan import SearchTally
 import numpy as np
 
-#: Gap of the grasping members at the end, and by how much more it may be, in diameters of the tube.
+#: Gap of the grasping members at the end, and by how much more it may be, in tube diameters.
 STANDOFF, STANDOFF_TOLERANCE = 0.06, 0.02
 #: A turn of the members that may be missing at the end [rad].
 TURN_TOLERANCE = 1e-3
@@ -34,11 +34,16 @@ TURN_TOLERANCE = 1e-3
 MAX_STEPS, MAX_IDLE_STEPS, MIN_PROGRESS = 100, 12, 0.02
 
 
+def never() -> bool:
+    """Return that nothing is to stop."""
+    return False
+
+
 def approach(
     config: Configuration,
     closing: Closing,
     tally: SearchTally,
-    should_stop: Callable[[], bool],
+    should_stop: Callable[[], bool] = never,
 ) -> tuple[list[Configuration], tuple[str, float, float] | None]:
     """
     Bring the grasping members close to the object, facing it so that friction can hold it.

@@ -31,21 +31,16 @@ class ClosedGrip(NamedTuple):
     """
     A grip that presses on the object.
 
-    :ivar config: configuration of the robot.
-    :ivar body: the object where it lay, or where it went as the grip closed.
-    :ivar analysis: of the object held fast.
-    :ivar loads: see `find_loads`.
-    :ivar squeeze: mean normal force of the grasping members [N].
-    :ivar slip_margin: see `SettledGrasp.slip_margin`: of the free object, zero where that would
-        not be held; None where the grip does not fulfil the requirements [N].
+    Its slip margin is zero where the free object would not be held, None where the grip does not
+    fulfil the requirements; see `SettledGrasp.slip_margin`.
     """
 
-    config: Configuration
-    body: ConvexObject
-    analysis: GraspAnalysis
-    loads: dict[str, float]
-    squeeze: float
-    slip_margin: float | None
+    config: Configuration  #: configuration of the robot
+    body: ConvexObject  #: the object where it lay, or where it went as the grip closed
+    analysis: GraspAnalysis  #: of the object held fast
+    loads: dict[str, float]  #: see `find_loads`
+    squeeze: float  #: mean normal force of the grasping members [N]
+    slip_margin: float | None  #: of the free object [N], see above
 
 
 def find_loads(

@@ -61,22 +61,13 @@ class Closing:
 
 @dataclass(frozen=True, eq=False)
 class SearchState:
-    """
-    A configuration, and the quantities that steps from it and to it depend on.
+    """A configuration, and the quantities that steps from it and to it depend on."""
 
-    :ivar config: the configuration.
-    :ivar gaps: (3m,) between the object and members, modules, rods [m]; of members negative where
-        they would be indented.
-    :ivar gaps_by_nodes: (3m, 2n) derivatives of the gaps by the node coordinates [-].
-    :ivar modes: its smallest singular values; the first is the rigidity index, 1 at home.
-    :ivar distances: (p,) of parts that must not meet, see `CollisionModel` [m].
-    """
-
-    config: Configuration
-    gaps: Array
-    gaps_by_nodes: Array
-    modes: Modes
-    distances: Array
+    config: Configuration  #: the configuration
+    gaps: Array  #: (3m,) of members, modules, rods [m]; negative where indented
+    gaps_by_nodes: Array  #: (3m, 2n) derivatives of the gaps by the node coordinates [-]
+    modes: Modes  #: its smallest singular values; the first is the rigidity index, 1 at home
+    distances: Array  #: (p,) of parts that must not meet, see `CollisionModel` [m]
 
     @property
     def rigidity(self) -> float:

@@ -11,15 +11,13 @@
 Closing on an object that the ground holds: the members press on it as it lies, as in the paper.
 
 They hold it only where their forces balance, so one is indented more and the other less until
-friction balances the rest: Newton's method, with secant updates of the slopes. Two places of
-contact: the wrenches that friction can bring about lie in a plane, next to flat, so what matters
-is the load across it. Three: the resultant force of all.
+friction balances the rest. Two places of contact: the wrenches that friction can bring about lie
+in a plane, next to flat, so what matters is the load across it. Three: the resultant force of all.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
 
 from isotruss_ros.core.contact.analyze_grasp import analyze_grasp
 from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
@@ -38,15 +36,15 @@ from isotruss_ros.core.planning.closing_step import press
 from isotruss_ros.core.planning.grasp_plan import SearchTally
 from isotruss_ros.core.planning.requirements import GraspRequirements
 import numpy as np
-from isotruss_ros.core.planning.motion_in_place import balanced_shares
 from numpy.typing import ArrayLike
 
 #: Members balance where friction misses less than this share of their forces [-].
 BALANCED = 0.0015
-RELAXATION = 2.3
 #: Steps that balance the members at one mean indentation.
 MAX_BALANCE_STEPS = 6
-#: Deepest mean indentation, in diameters of the tube, and largest one of a member against the mean;
+#: A member's force changes by about so much less than its indentation: the frame gives, too [-].
+GIVE = 2.3
+#: Deepest mean indentation, in diameters of the tube, and largest share of it that one member has;
 #: the inverse is the smallest.
 MAX_DEPTH, MAX_SHARE = 0.8, 10.0
 
@@ -90,11 +88,18 @@ def _judge(
     loads = find_loads(needs, analysis, [], bears, tally)
     if loads is None:
         return None
-    margin = None
-    if _closes(analysis, needs, tally):
-        margin = settled.slip_margin if settled.held else 0.0
-    mean = float(analysis.normal_forces.sum()) / len(closing.members)
-    return ClosedGrip(config, closing.body, analysis, loads, mean, margin)
+    total, friction = float(analysis.normal_forces.sum()), analysis.required_friction
+    margin, slip = analysis.closure_margin, None
+    if total == 0.0:
+        tally.record('force_closure', 0.0, 1.0, 30.0)
+    elif not analysis.force_closure or margin < 0.0:
+        tally.record('force_closure', friction, needs.friction, 1.0 - margin / total)
+    elif margin < needs.min_margin:
+        tally.record('min_margin', margin, needs.min_margin, 1.0 - margin / needs.min_margin)
+    else:
+        slip = settled.slip_margin if settled.held else 0.0
+    mean = total / len(closing.members)
+    return ClosedGrip(config, closing.body, analysis, loads, mean, slip)
 
 
 def _balance(
@@ -126,27 +131,11 @@ def _balance(
         change = find_correction(config, closing, analysis, needs.external_wrench)
         if np.abs(change).max() < BALANCED * forces.sum():
             break
-        # As if each member were a spring of its own.
-        shares = shares * np.clip(1.0 + RELAXATION * (change / forces), 0.5, 2.0)
+        shares = shares * np.clip(1.0 + GIVE * change / forces, 0.5, 2.0)
         shares = shares / shares.mean()
         if shares.min() < 1.0 / MAX_SHARE or shares.max() > MAX_SHARE:
             break
     return found
-
-
-def _closes(analysis: GraspAnalysis, needs: GraspRequirements, tally: SearchTally) -> bool:
-    """Tell whether friction closes a grip with the margin that is wanted."""
-    total = float(analysis.normal_forces.sum())
-    friction, margin, least = analysis.required_friction, analysis.closure_margin, needs.min_margin
-    if total == 0.0:
-        tally.record('force_closure', 0.0, 1.0, 30.0)
-    elif not analysis.force_closure or margin < 0.0:
-        tally.record('force_closure', friction, needs.friction, 1.0 - margin / total)
-    elif margin < least:
-        tally.record('min_margin', margin, least, 1.0 - margin / least)
-    else:
-        return True
-    return False
 
 
 def find_correction(

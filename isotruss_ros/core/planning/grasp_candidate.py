@@ -18,7 +18,7 @@ import math
 from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
-from isotruss_ros.core.planning.approach import approach
+from isotruss_ros.core.planning.approach import approach, never
 from isotruss_ros.core.planning.closed_grip import ClosedGrip, rate_grip
 from isotruss_ros.core.planning.closing import Closing
 from isotruss_ros.core.planning.closing_in_place import close_in_place
@@ -29,11 +29,6 @@ from isotruss_ros.core.planning.grasp_plan import PlannedGrasp, SearchTally
 from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.safety.margins import shape_margins
 import numpy as np
-
-
-def never() -> bool:
-    """Return that nothing is to stop."""
-    return False
 
 
 def judge_candidate(

@@ -26,7 +26,7 @@ from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.holding.settle_grasp import assess_equilibrium, MAX_DISPLACEMENT
 from isotruss_ros.core.manipulation.limits import stack_rows
 from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.numerics.arrays import Array, Points
+from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
 from isotruss_ros.core.planning.closing import Closing, evaluate_state
 from isotruss_ros.core.planning.grasp_plan import SearchTally
@@ -74,7 +74,7 @@ def squeeze_in_place(
     size = 0.0
     for _ in range(MAX_CORRECTIONS):
         # Errors count in tolerances: of squeeze, pose and, of three members, evenness.
-        missing = _missing(grasp, force, closing.body)[: len(scale)] / scale
+        missing = _missing(grasp, force, closing.body) / scale
         before, size = size, np.abs(missing).max()
         try:
             if rates is None or size > RENEWED * before:
@@ -154,22 +154,14 @@ def rolling_rates(grasp: HeldGrip) -> tuple[Array, Array]:
 
 def _missing(grasp: HeldGrip, force: float, body: ConvexObject) -> Array:
     """Return what a grip lacks of a squeeze [N], a pose [m, rad] and, of three members, forces."""
-    owners, count = grasp.contacts.owners, len(grasp.members)
-    normals = grasp.state.normals[np.searchsorted(owners, np.arange(count))]
-    forces = count * force * balanced_shares(normals) - grasp.normal_forces
-    return np.concatenate([[force - grasp.squeeze], -displacement(grasp, body), forces])
-
-
-def balanced_shares(normals: Points) -> Array:
-    """
-    Return in which shares of the total members press so that their forces balance, (s,) [-].
-
-    :param normals: (s,) unit vectors out of the object into two members or three, x + iy.
-    """
-    if len(normals) == 2:
-        return np.array([0.5, 0.5])
+    missing = np.append(force - grasp.squeeze, -displacement(grasp, body))
+    owners = grasp.contacts.owners
+    if owners[-1] < 2:
+        return missing
+    # Three members press in such shares of the total that their forces balance.
+    normals = grasp.state.normals[np.searchsorted(owners, np.arange(3))]
     shares = (np.roll(normals, -1).conj() * np.roll(normals, -2)).imag
-    return shares / shares.sum()
+    return np.append(missing, 3.0 * force * shares / shares.sum() - grasp.normal_forces)
 
 
 def _stays(grasp: HeldGrip, closing: Closing, tally: SearchTally) -> bool:

@@ -27,8 +27,9 @@ from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.blas_threads import single_threaded
+from isotruss_ros.core.planning.approach import never
 from isotruss_ros.core.planning.closing import Closing, mean_member_length
-from isotruss_ros.core.planning.grasp_candidate import judge_candidate, never
+from isotruss_ros.core.planning.grasp_candidate import judge_candidate
 from isotruss_ros.core.planning.grasp_plan import GraspPlan, PlannedGrasp, Progress, SearchTally
 from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.planning.seeds import find_seeds, required_members

@@ -44,17 +44,11 @@ class Outcome(enum.IntEnum):
 
 
 class Answer(NamedTuple):
-    """
-    What a search came to.
+    """What a search came to."""
 
-    :ivar outcome: why the search ended.
-    :ivar message: in words.
-    :ivar plan: the plan; None where there was no search, or it failed.
-    """
-
-    outcome: Outcome
-    message: str
-    plan: GraspPlan | None = None
+    outcome: Outcome  #: why the search ended
+    message: str  #: in words
+    plan: GraspPlan | None = None  #: the plan; None where there was no search, or it failed
 
 
 class Stop:

@@ -13,14 +13,13 @@ from dataclasses import replace
 
 import closings
 from isotruss_ros.core import ConvexObject, Disc, load_robot
+from isotruss_ros.core.planning import closing_step
 from isotruss_ros.core.planning.closing import (
     Closing,
     evaluate_state,
-    outward_normals,
     turning_rows,
 )
 from isotruss_ros.core.planning.closing_step import bound_rows, solve_step
-from isotruss_ros.core.planning.settings import SearchSettings
 import numpy as np
 import pytest
 
@@ -47,7 +46,7 @@ def test_normals_go_out_of_the_object_across_the_members():
 @pytest.mark.parametrize('turns', [(0.02, -0.03), (-0.01, 0.03)])
 def test_members_turn_toward_where_they_are_to_face(turns):
     state = evaluate_state(HOME, PAIR.body)
-    normals = outward_normals(HOME, PAIR)
+    normals = PAIR.normals(HOME)
     facing = replace(PAIR, facing=normals * np.exp(1j * np.array(turns)))
     members = list(PAIR.members)
     move = solve_step(state, facing, state.gaps[members], 1.0)
@@ -68,15 +67,14 @@ def test_parts_that_are_not_to_touch_come_nearer_by_half_of_what_is_left():
 
 @pytest.mark.parametrize('seed', [3, 8, 18])
 @pytest.mark.parametrize(('near', 'apart'), [(0.2, 0.01), (0.6, 0.05)])
-def test_parts_of_the_robot_that_are_near_keep_apart(seed, near, apart):
+def test_parts_of_the_robot_that_are_near_keep_apart(seed, near, apart, monkeypatch):
     config, body, tube = closings.scene(seed)
     length = config.member_lengths.mean()
     closing = closings.closing(config, body, tube, np.random.default_rng(0))
-    settings = SearchSettings(near=near, self_clearance=apart)
+    monkeypatch.setattr(closing_step, 'NEAR', near)
+    monkeypatch.setattr(closing_step, 'SELF_CLEARANCE', apart)
     state = evaluate_state(config, body)
-    rows, least = bound_rows(
-        state, replace(closing, settings=settings), np.zeros(len(closing.members))
-    )
+    rows, least = bound_rows(state, closing, np.zeros(len(closing.members)))
     left = state.distances[state.distances < near * length] - apart * length
     assert 0 < len(left) < len(state.distances)
     rigid = state.modes.values[:2] - closing.min_rigidity
