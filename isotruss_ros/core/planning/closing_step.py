@@ -24,7 +24,6 @@ from __future__ import annotations
 from isotruss_ros.core.errors import ConfigurationError, SolverError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.rigidity import Modes, rigidity_index
-from isotruss_ros.core.manipulation.limits import stack_rows
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
 from isotruss_ros.core.planning.closing import (
@@ -207,9 +206,10 @@ def bound_rows(state: SearchState, closing: Closing, targets: Array) -> tuple[Ar
         config.roller_rows(np.concatenate(shape)),
     ]
     least = [np.minimum(0.0, gaps), np.minimum(0.0, -BOUND_SHARE * left)]
-    limits = stack_rows([limit.rows(config) for limit in closing.limits])
-    matrices += [limits.matrix, -limits.matrix]
-    least += [limits.lower, -limits.upper]
+    for limit in closing.limits:
+        matrix, lower, upper = limit.rows(config)
+        matrices += [matrix, -matrix]
+        least += [lower, -upper]
     return np.concatenate(matrices), np.concatenate(least)
 
 

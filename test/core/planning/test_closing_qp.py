@@ -17,9 +17,8 @@ from isotruss_ros.core.planning import closing_step
 from isotruss_ros.core.planning.closing import (
     Closing,
     evaluate_state,
-    turning_rows,
 )
-from isotruss_ros.core.planning.closing_step import bound_rows, solve_step
+from isotruss_ros.core.planning.closing_step import bound_rows, solve_step, turning_rows
 import numpy as np
 import pytest
 
@@ -37,7 +36,7 @@ def test_normals_go_out_of_the_object_across_the_members():
     beside = 0.5 * (begin[0] + end[0]) + np.array([0.05j, -0.05j]) * (end[0] - begin[0])
     for center in (BODY.center, *beside):
         body = ConvexObject(Disc(0.2), (center.real, center.imag, 0.0))
-        normals = outward_normals(HOME, replace(every, body=body))
+        normals = replace(every, body=body).normals(HOME)
         assert np.abs(normals) == pytest.approx(1.0)
         assert (normals.conj() * (end - begin)).real == pytest.approx(0.0, abs=1e-12)
         assert (normals.conj() * (begin - center)).real.min() > 0.0
@@ -51,7 +50,7 @@ def test_members_turn_toward_where_they_are_to_face(turns):
     members = list(PAIR.members)
     move = solve_step(state, facing, state.gaps[members], 1.0)
     assert turning_rows(HOME, members) @ move == pytest.approx(turns, rel=0.05)
-    moved = outward_normals(HOME.moved_to(HOME.roller_positions + move), PAIR)
+    moved = PAIR.normals(HOME.moved_to(HOME.roller_positions + move))
     assert np.angle(moved / normals) == pytest.approx(turns, rel=0.1)
 
 

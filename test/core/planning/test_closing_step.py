@@ -67,10 +67,7 @@ def turning(config, closing):
     """Return how fast the members turn with the rollers, by differences."""
     here = config.roller_positions
     ahead, back = (
-        [
-            outward_normals(config.moved_to(here + move), closing)
-            for move in sign * 1e-6 * np.eye(len(here))
-        ]
+        [closing.normals(config.moved_to(here + move)) for move in sign * 1e-6 * np.eye(len(here))]
         for sign in (1.0, -1.0)
     )
     return np.angle(np.array(ahead) / np.array(back)).T / 2e-6

@@ -161,7 +161,7 @@ def test_real_members_come_to_a_balance(preset, module):
     sides = sides_of(config.robot, module)
     snug = np.array(tangent_center(config, module, 0.3))
     into = pushes(config, sides, ConvexObject.disc(tuple(snug), 0.3))
-    depths, left = np.array([0.018, 0.022]), []
+    depths, left = np.array([0.015, 0.025]), []
     for _ in range(4):
         body = ConvexObject.disc(tuple(snug - np.linalg.solve(into, depths)), 0.3)
         analysis = analyze_grasp(config, body, FRICTION, spacing=0.0025)

@@ -16,15 +16,12 @@ from isotruss_ros.core.planning.describe_plan import (
     export_figures,
     export_path,
     export_violation,
+    path_times,
     plan_in_words,
     SENTENCES,
     violation_in_words,
 )
-from isotruss_ros.core.planning.grasp_plan import (
-    GraspPlan,
-    path_times,
-    Violation,
-)
+from isotruss_ros.core.planning.grasp_plan import GraspPlan, Violation
 import numpy as np
 import pytest
 

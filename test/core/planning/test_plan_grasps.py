@@ -13,7 +13,6 @@ from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import replace
 import itertools
 import multiprocessing
-import sys
 from types import SimpleNamespace
 
 from isotruss_ros.cli.plan_report import table
@@ -30,6 +29,7 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.errors import GraspError, SolverError
 from isotruss_ros.core.planning import grasp_candidate
+from isotruss_ros.core.planning import plan_grasps as search
 from isotruss_ros.core.planning.describe_plan import plan_in_words, violation_in_words
 from isotruss_ros.core.planning.foresee_path import foresee_grip
 from isotruss_ros.core.planning.requirements import Measure
@@ -39,8 +39,6 @@ import numpy as np
 import pytest
 
 ROBOT = load_robot('nine_member')
-#: The module; the package has the function by the same name.
-search = sys.modules['isotruss_ros.core.planning.plan_grasps']
 OBJECTS = {
     'north': ConvexObject.disc((0.716, 0.5), 0.3),
     'east': ConvexObject.disc((1.4, -0.85), 0.35),

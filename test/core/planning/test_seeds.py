@@ -127,27 +127,28 @@ def test_later_rounds_turn_members_farther(monkeypatch):
         return find_facing(body, normals, angle, turning)
 
     monkeypatch.setattr(seeds, 'find_facing', record)
-    find_seeds(HOME, BODY, ANY, 0, 0, MANY, SearchTally())
+    monkeypatch.setattr(seeds, 'MAX_SEEDS', 100)
+    find_seeds(HOME, BODY, ANY, 0, 0, SearchTally())
     assert set(prices) == {0.3}
     prices.clear()
     for number in range(1, 10):
-        find_seeds(HOME, BODY, ANY, 0, number, MANY, SearchTally())
+        find_seeds(HOME, BODY, ANY, 0, number, SearchTally())
     assert 0.0 < min(prices) < 0.01
     assert 0.29 < max(prices) < 0.3
 
 
 @pytest.mark.parametrize('seed', [8, 18])
-def test_later_rounds_draw_postures_in_lengths_of_the_members(seed):
+def test_later_rounds_draw_postures_in_lengths_of_the_members(seed, monkeypatch):
+    monkeypatch.setattr(seeds, 'MAX_SEEDS', 100)
     config, body, _ = closings.scene(seed)
     assert all(
-        one.nominal_posture is None
-        for one in find_seeds(config, body, ANY, 0, 0, MANY, SearchTally())
+        one.nominal_posture is None for one in find_seeds(config, body, ANY, 0, 0, SearchTally())
     )
     drawn = np.array(
         [
             one.nominal_posture - config.roller_positions
             for number in range(1, 5)
-            for one in find_seeds(config, body, ANY, 0, number, MANY, SearchTally())
+            for one in find_seeds(config, body, ANY, 0, number, SearchTally())
         ]
     )
     assert drawn.std() == pytest.approx(0.3 * config.member_lengths.mean(), rel=0.08)
