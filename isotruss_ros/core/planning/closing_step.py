@@ -105,7 +105,11 @@ def take_closing_step(
     """
     move = solve_step(state, closing, targets, share)
     rigidity, room = min(closing.min_rigidity, state.rigidity), min(0.0, state.clearance)
-    bounds, config = _gap_bounds(state, closing, targets), state.config
+    config, diameter = state.config, state.config.robot.description.tube_diameter
+    # Gaps that are to be left: the program is right to first order only.
+    bounds = np.full(len(state.gaps), KEPT_CLEARANCE * CLEARANCE * diameter)
+    bounds[list(closing.members)] = targets - OVERSHOOT * diameter
+    bounds = np.minimum(bounds, state.gaps - GAP_ROUNDING)
     blocked: tuple[str, float, float] | None = None
     for halving in range(MAX_HALVINGS):
         tally.evaluations += 1
@@ -211,11 +215,3 @@ def bound_rows(state: SearchState, closing: Closing, targets: Array) -> tuple[Ar
         matrices += [matrix, -matrix]
         least += [lower, -upper]
     return np.concatenate(matrices), np.concatenate(least)
-
-
-def _gap_bounds(state: SearchState, closing: Closing, targets: Array) -> Array:
-    """Return the gaps (3m,) that a step must leave; the program is right to first order only."""
-    diameter = state.config.robot.description.tube_diameter
-    bounds = np.full(len(state.gaps), KEPT_CLEARANCE * CLEARANCE * diameter)
-    bounds[list(closing.members)] = targets - OVERSHOOT * diameter
-    return np.minimum(bounds, state.gaps - GAP_ROUNDING)

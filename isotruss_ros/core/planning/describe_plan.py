@@ -11,25 +11,13 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from typing import Any
 
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.planning.grasp_plan import GraspPlan, PlannedGrasp, Violation
 import numpy as np
 
-#: Of a planned grasp, what `export_figures` returns as it is.
-FIGURES = (
-    'score',
-    'squeeze',
-    'slip_margin',
-    'closure_margin',
-    'required_friction',
-    'max_contact_force',
-    'total_force',
-    'utilisation',
-    'travel',
-    'rigidity',
-)
 #: Of the largest speed, near the object: a member that touches first, since its rollers lag less
 #: than others, pushes the object along.
 NEAR_SHARE = 0.25
@@ -66,11 +54,12 @@ def export_figures(grasp: PlannedGrasp) -> dict[str, Any]:
 
     :param grasp: see `PlannedGrasp` for the figures and their units.
     """
+    numbers = [field.name for field in fields(grasp) if field.type == 'float']
     return {
         'module': grasp.module or '',
         'members': list(grasp.members),
         'roller_positions': grasp.roller_positions.tolist(),
-    } | {name: getattr(grasp, name) for name in FIGURES}
+    } | {name: getattr(grasp, name) for name in numbers}
 
 
 def export_path(grasp: PlannedGrasp) -> dict[str, Any]:
@@ -127,9 +116,7 @@ def violation_in_words(violation: Violation | None) -> str:
         return f'the closest grasp candidate cannot be computed: {violation.requirement}'
     if violation.requirement == 'force_closure' and violation.value == 0.0:
         return 'force_closure: the members do not press on the object'
-    sentence = SENTENCES[violation.requirement].format(
-        value=violation.value, bound=violation.bound
-    )
+    sentence = SENTENCES[violation.requirement].format(**vars(violation))
     return f'{violation.requirement}: {sentence}'
 
 
@@ -160,10 +147,9 @@ def plan_in_words(plan: GraspPlan) -> str:
     if not plan.grasps:
         violation = violation_in_words(plan.closest_violation)
         return f'no grasp found in {plan.evaluations} evaluations; {violation}'
-    count = len(plan.grasps)
-    found = 'one grasp' if count == 1 else f'{count} grasps, the best'
-    wrinkled = sum(grasp.outside_model for grasp in plan.grasps[1:])
+    found = 'one grasp' if len(plan) == 1 else f'{len(plan)} grasps, the best'
+    wrinkled = sum(grasp.outside_model for grasp in plan[1:])
     others = f'; so it is in {wrinkled} of the others'
-    if not plan.grasps[0].outside_model:
+    if not plan[0].outside_model:
         others = f'; in {wrinkled} of the others a tube wrinkles: outside of the model'
-    return f'{found} {grasp_in_words(plan.grasps[0])}{others if wrinkled else ""}'
+    return f'{found} {grasp_in_words(plan[0])}{others if wrinkled else ""}'
