@@ -328,54 +328,6 @@ def test_symmetric_robot_moves_symmetrically():
             assert near[0] == pytest.approx(near[1], abs=1e-5)
 
 
-class Place:
-    """A state that an approach comes to: its gap, against the tube, and what is too wide [rad]."""
-
-    def __init__(self, config, gap, wide):
-        diameter = config.robot.description.tube_diameter
-        self.config, self.wide = self, wide
-        self.robot = config.robot
-        gaps = np.full(len(config.robot.member_names), (0.06 + gap) * diameter)
-        self.gaps = gaps
-
-
-def approach_places(places, closing, monkeypatch):
-    """Return an approach whose steps lead from place to place, and the shares of its steps."""
-    left, shares = list(places), []
-
-    def step(state, turned, targets, share, tally):
-        shares.append(share)
-        return left.pop(0), 0.5, None
-
-    monkeypatch.setattr(approaching, 'evaluate_state', lambda *_: left.pop(0))
-    monkeypatch.setattr(approaching, 'find_turn', lambda place, closing: (place.wide, closing))
-    monkeypatch.setattr(approaching, 'take_closing_step', step)
-    return approach(places[0].config, closing), shares
-
-
-@pytest.mark.parametrize(
-    ('gap', 'wide', 'kept'),
-    [(0.022, 0.0, True), (0.0, 0.022, True), (0.018, 0.0, False), (0.0, 0.018, False)],
-)
-def test_a_fiftieth_of_a_diameter_or_of_a_radian_is_progress(gap, wide, kept, monkeypatch):
-    config, _, ways = reached(0)
-    closing = ways[0].closing
-    monkeypatch.setattr(approaching, 'MAX_STEPS', 20)
-    ahead = np.arange(21, -1, -1)
-    places = [Place(config, 0.1 + n * gap, 0.001 + n * wide) for n in ahead]
-    way, shares = approach_places(places, closing, monkeypatch)
-    assert len(way.path) == (21 if kept else 14)
-    assert way.unmet[0] == 'reach'
-    assert shares[0] == 1.0
-    assert set(shares[1:]) == {0.5}
-
-
-def test_members_that_face_elsewhere_are_told(monkeypatch):
-    config, _, ways = reached(0)
-    way, _ = approach_places([Place(config, 0.0, 0.3)] * 20, ways[0].closing, monkeypatch)
-    assert way.unmet == ('facing', 0.3, 0.0)
-
-
 def test_members_turn_to_where_friction_holds_to_spare():
     config, body = HOME, ConvexObject(Disc(0.2), (0.716, 0.43, 0.0))
     members = tuple(config.robot.member_names.index(name) for name in ('north/P-Z', 'north/Z-R'))

@@ -21,10 +21,9 @@ from isotruss_ros.core import (
     load_robot,
     settle_grasp,
 )
-from isotruss_ros.core.planning import closing_on_ground, closing_step
+from isotruss_ros.core.planning import closing_on_ground
 from isotruss_ros.core.planning.approach import approach
 from isotruss_ros.core.planning.closing import Closing
-from isotruss_ros.core.planning.closing_on_ground import close_on_ground
 from isotruss_ros.core.planning.closing_step import press
 from isotruss_ros.core.planning.grasp_candidate import close_grip
 from isotruss_ros.core.planning.grasp_plan import SearchTally
@@ -317,28 +316,6 @@ def test_what_the_ground_alone_holds_has_no_slip_margin(monkeypatch):
     assert close_grip(*opened('tight'), UNBOUNDED, SearchTally())[1].slip_margin == 0.0
 
 
-def test_no_member_presses_less_deep_than_its_share(monkeypatch):
-    tried = []
-
-    def record(config, closing, depths, tally):
-        tried.append(depths / max(depths.mean(), 1e-9))
-        return press(config, closing, depths, tally)
-
-    def lopsided(config, closing, analysis, wrench):
-        # The first is to press harder and harder.
-        return 0.1 * analysis.normal_forces.sum() * np.array([1.0, -1.0])
-
-    monkeypatch.setattr(closing_on_ground, 'press', record)
-    monkeypatch.setattr(closing_on_ground, 'find_correction', lopsided)
-    monkeypatch.setattr(closing_on_ground, 'MAX_SHARE', 1.25)
-    monkeypatch.setattr(closing_on_ground, 'MAX_DEPTH', 0.2)
-    start, closing = opened('tight')
-    touch = press(start, closing, np.zeros(2), SearchTally())
-    list(close_on_ground(touch, closing, UNBOUNDED, SearchTally()))
-    assert tried
-    assert min(shares.min() for shares in tried) >= 0.8
-
-
 @pytest.mark.parametrize('fields', [{'force_closure': False}, {'closure_margin': -1e-9}])
 def test_open_grips_are_none_by_whichever_sign(fields, monkeypatch):
     def opened_up(*arguments, **options):
@@ -354,19 +331,6 @@ def test_no_margin_is_enough_where_none_is_asked_for(monkeypatch):
 
     monkeypatch.setattr(closing_on_ground, 'analyze_grasp', barely)
     assert close_grip(*opened('top'), UNBOUNDED, SearchTally()) is not None
-
-
-def test_what_blocks_a_step_is_told_with_its_bound(monkeypatch):
-    start, closing = opened('top')
-    tally, make = SearchTally(), closing_step.take_closing_step
-
-    def blocked(*arguments):
-        return *make(*arguments)[:2], ('rigidity', 0.125, 0.15)
-
-    monkeypatch.setattr(closing_step, 'take_closing_step', blocked)
-    assert press(start, closing, np.array([0.02, 0.02]), tally) is None
-    miss = tally.closest
-    assert (miss.requirement, miss.value, miss.bound) == ('rigidity', 0.125, 0.15)
 
 
 def symmetric():

@@ -355,20 +355,6 @@ def test_where_there_is_no_shape_there_is_no_rigidity(monkeypatch):
     assert made.state is place
 
 
-def test_the_longest_step_is_not_made_longer(monkeypatch):
-    config, (closing, _), _ = tasks(0)
-    place, targets = (
-        evaluate_state(config, closing.body),
-        np.full(len(closing.members), STANDOFF),
-    )
-    still = np.zeros(len(config.roller_positions))
-    monkeypatch.setattr(closing_step, 'solve_step', lambda *_: still)
-    shares = [
-        step(place, closing, targets, share, SearchTally()).share for share in (0.2, 0.5, 0.8, 1.0)
-    ]
-    assert shares == [0.4, 1.0, 1.0, 1.0]
-
-
 @pytest.mark.parametrize('seed', range(40))
 def test_who_stands_still_is_not_blocked_wherever_that_is(seed, monkeypatch):
     config, closing, _ = crowded(seed)
@@ -407,18 +393,3 @@ def test_members_that_do_not_reach_say_how_far_they_are(monkeypatch):
         assert violation.value == pytest.approx(np.abs(gaps + depth).max())
     order = np.argsort([violation.value for violation in found])
     assert order.tolist() == np.argsort([violation.distance for violation in found]).tolist()
-
-
-def test_members_press_by_the_longest_steps_at_first(monkeypatch):
-    config, (closing, _), _ = tasks(0)
-    take, shares = closing_step.take_closing_step, []
-
-    def record(state, closing, targets, share, tally):
-        shares.append(share)
-        made = take(state, closing, targets, share, tally)
-        return made[0], 0.5, made[2]
-
-    monkeypatch.setattr(closing_step, 'take_closing_step', record)
-    press(config, closing, np.full(len(closing.members), 0.01), SearchTally())
-    assert shares[0] == 1.0
-    assert set(shares[1:]) == {0.5}

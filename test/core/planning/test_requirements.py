@@ -15,18 +15,8 @@ from isotruss_ros.core import GraspRequirements
 from isotruss_ros.core.planning.closed_grip import find_loads, rate_grip
 from isotruss_ros.core.planning.grasp_plan import SearchTally
 from isotruss_ros.core.planning.requirements import Measure
-from isotruss_ros.core.statics.wrinkling import MAX_UTILISATION
 import numpy as np
 import pytest
-
-
-def test_values_where_nothing_else_is_said():
-    needs = GraspRequirements()
-    assert (needs.friction, needs.min_slip_margin, needs.count) == (0.5, 0.0, 3)
-    assert needs.external_wrench == (0.0, 0.0, 0.0)
-    assert needs.direction == (0.0, 1.0, 0.0)
-    assert needs.min_rigidity == 0.15
-    assert needs.max_utilisation == MAX_UTILISATION
 
 
 def test_stiffness_is_that_along_y_where_nothing_else_is_said():

@@ -119,24 +119,6 @@ def test_later_rounds_draw_cones_between_half_and_all_of_them():
     assert 0.98 < drawn.max() <= 1.0
 
 
-def test_later_rounds_turn_members_farther(monkeypatch):
-    find_facing, prices = seeds.find_facing, []
-
-    def record(body, normals, angle, turning):
-        prices.append(turning)
-        return find_facing(body, normals, angle, turning)
-
-    monkeypatch.setattr(seeds, 'find_facing', record)
-    monkeypatch.setattr(seeds, 'MAX_SEEDS', 100)
-    find_seeds(HOME, BODY, ANY, 0, 0, SearchTally())
-    assert set(prices) == {0.3}
-    prices.clear()
-    for number in range(1, 10):
-        find_seeds(HOME, BODY, ANY, 0, number, SearchTally())
-    assert 0.0 < min(prices) < 0.01
-    assert 0.29 < max(prices) < 0.3
-
-
 @pytest.mark.parametrize('seed', [8, 18])
 def test_later_rounds_draw_postures_in_lengths_of_the_members(seed, monkeypatch):
     monkeypatch.setattr(seeds, 'MAX_SEEDS', 100)
