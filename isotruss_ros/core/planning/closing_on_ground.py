@@ -44,9 +44,8 @@ BALANCED = 0.0015
 MAX_BALANCE_STEPS = 6
 #: A member's force changes by about so much less than its indentation: the frame gives, too [-].
 GIVE = 2.3
-#: Deepest mean indentation, in diameters of the tube, and largest share of it that one member has;
-#: the inverse is the smallest.
-MAX_DEPTH, MAX_SHARE = 0.8, 10.0
+#: Deepest mean indentation, in diameters of the tube.
+MAX_DEPTH = 0.8
 
 
 def close_on_ground(
@@ -65,13 +64,12 @@ def close_on_ground(
     tube, shares = touch.robot.description.tube_diameter, np.ones(len(closing.members))
     while share > LEAST_SHARE and depth < MAX_DEPTH * tube:
         deeper = depth + share * CLOSING_STEP * tube
-        found = _balance(config, closing, needs, tally, deeper, shares)
+        found = _balance(config, deeper * shares, closing, needs, tally)
         grip = None if found is None else _judge(found[0], found[1], closing, needs, tally)
         if grip is None:
             share *= REFINEMENT
             continue
-        config, _, shares = found
-        depth = deeper
+        config, depth, shares = found[0], deeper, found[2] / deeper
         yield grip
 
 
@@ -104,37 +102,29 @@ def _judge(
 
 def _balance(
     config: Configuration,
+    depths: Array,
     closing: Closing,
     needs: GraspRequirements,
     tally: SearchTally,
-    depth: float,
-    shares: Array,
 ) -> tuple[Configuration, GraspAnalysis, Array] | None:
-    """
-    Return the grip that balances best at a mean indentation, and its shares of that by member.
-
-    :param shares: (s,) where to begin.
-    :return: None where members cannot be brought to such indentations.
-    """
-    names = [config.robot.member_names[i] for i in closing.members]
+    """Return the grip that balances best about some depths (s,), the mean kept, and its depths."""
+    mean, names = depths.mean(), [config.robot.member_names[i] for i in closing.members]
     for _ in range(MAX_BALANCE_STEPS):
-        pressed = press(config, closing, depth * shares, tally)
+        pressed = press(config, closing, depths, tally)
         if pressed is None:
             return None
         config = pressed
         tally.analyses += 1
         analysis = analyze_grasp(config, closing.body, needs.friction, needs.external_wrench)
-        found = config, analysis, shares
+        found = config, analysis, depths
         forces = np.array([analysis.contact_forces.get(name, 0.0) for name in names])
         if forces.min() <= 0.0:
             break
         change = find_correction(config, closing, analysis, needs.external_wrench)
         if np.abs(change).max() < BALANCED * forces.sum():
             break
-        shares = shares * np.clip(1.0 + GIVE * change / forces, 0.5, 2.0)
-        shares = shares / shares.mean()
-        if shares.min() < 1.0 / MAX_SHARE or shares.max() > MAX_SHARE:
-            break
+        depths = depths * np.clip(1.0 + GIVE * change / forces, 0.5, 2.0)
+        depths = depths * (mean / depths.mean())
     return found
 
 

@@ -143,13 +143,13 @@ def solve_step(state: SearchState, closing: Closing, targets: Array, share: floa
     if closing.facing is not None:
         turned = np.angle(closing.facing * closing.normals(config).conj())
         turned = np.clip(turned, -MAX_TURN_STEP, MAX_TURN_STEP)
-        matrix = np.concatenate([matrix, TURNING_ARM * turning_rows(config, members)])
+        matrix = np.concatenate([matrix, TURNING_ARM * _turning_rows(config, members)])
         aim = np.append(aim, TURNING_ARM * turned)
     longest = np.full(len(config.roller_positions), MAX_STEP * size)
     nominal = np.zeros(len(longest))
     if closing.nominal_posture is not None:
         nominal = np.clip(closing.nominal_posture - config.roller_positions, -longest, longest)
-    rows, least = bound_rows(state, closing, targets)
+    rows, least = _bound_rows(state, closing, targets)
     found = solve_qp(
         QuadraticProgram(
             matrix.T @ matrix + MOTION_WEIGHT * np.eye(len(nominal)),
@@ -168,14 +168,8 @@ def solve_step(state: SearchState, closing: Closing, targets: Array, share: floa
     return found
 
 
-def turning_rows(config: Configuration, members: list[int]) -> Array:
-    """
-    Return how fast members turn for 1 m/s at each roller, (s, r) [rad/m].
-
-    :param config: configuration of the robot.
-    :param members: (s,) their numbers.
-    :raises ConfigurationError: the configuration is singular.
-    """
+def _turning_rows(config: Configuration, members: list[int]) -> Array:
+    """Return how fast members (s,) turn for 1 m/s at each roller, (s, r) [rad/m]."""
     topology, points, own = config.robot.topology, config.points, np.arange(len(members))
     starts, ends = topology.b[members], topology.c[topology.following[members]]
     turning = 1j / (points[ends] - points[starts]).conj()
@@ -184,16 +178,12 @@ def turning_rows(config: Configuration, members: list[int]) -> Array:
     return config.roller_rows(rows.view(np.float64))
 
 
-def bound_rows(state: SearchState, closing: Closing, targets: Array) -> tuple[Array, Array]:
+def _bound_rows(state: SearchState, closing: Closing, targets: Array) -> tuple[Array, Array]:
     """
     Return the bounds of a step u as rows (k, r) and least values (k,): rows u >= least.
 
-    They are those of gaps, by targets for grasping members, by a clearance for others; of the
-    rigidity; of distances of near parts of the robot; and the limits.
-
-    :param state: where the step begins.
-    :param closing: what closes.
-    :param targets: (s,) gaps of the grasping members [m].
+    They are those of gaps, by targets (s,) for grasping members [m], by a clearance for others; of
+    the rigidity; of distances of near parts of the robot; and the limits.
     """
     config, members, length = state.config, list(closing.members), mean_member_length(state.config)
     robot, collisions = config.robot, collision_model(config.robot)

@@ -90,6 +90,8 @@ def plan_grasps(
         needs = replace(needs, friction=body.friction)
     if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
         raise GraspError(f'seed {seed!r}: must be an integer, not negative')
+    # As another process has it: nothing is known of it but the shape.
+    config = Configuration(config.robot, config.roller_positions, config.points)
     structure_of(config)  # contradictory stiffness laws are reported here, once
     search = _Search(config, needs, executor, on_progress, should_stop or never)
     gap = float(object_distances(config, body).min())
@@ -115,9 +117,7 @@ class _Search:
         on_progress: Callable[[Progress], None] | None,
         should_stop: Callable[[], bool],
     ) -> None:
-        # As another process has it: nothing is known of it but the shape.
-        self._config = Configuration(config.robot, config.roller_positions, config.points)
-        self._needs, self._executor = needs, executor
+        self._config, self._needs, self._executor = config, needs, executor
         self._on_progress, self._should_stop = on_progress, should_stop
         self._began = time.perf_counter()
         self._grasps: list[PlannedGrasp] = []

@@ -106,11 +106,9 @@ class Searcher:
         """
         if self._pool is None:
             self._pool = WorkerPool(self._workers)
-        # One of its own: a configuration keeps what is computed of it, in one thread only.
-        own = Configuration(config.robot, config.roller_positions, config.points)
         self._search, self._stop = Future(), Stop(time_limit)
         self._progress = Progress(0, 0, None, 0.0, None), 0.0
-        arguments = (own, body, requirements, seed, self._pool.executor)
+        arguments = (config, body, requirements, seed, self._pool.executor)
         threading.Thread(target=self._run, args=(self._search, arguments), daemon=True).start()
 
     def progress(self) -> Progress | None:
