@@ -39,7 +39,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 #: Members balance where friction misses less than this share of their forces [-].
-BALANCED = 0.0015
+BALANCED = 0.002
 #: Steps that balance the members at one mean indentation.
 MAX_BALANCE_STEPS = 6
 #: A member's force changes by about so much less than its indentation: the frame gives, too [-].
