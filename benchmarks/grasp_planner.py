@@ -43,7 +43,7 @@ from isotruss_ros.core import (
     load_robot,
     plan_grasps,
 )
-from isotruss_ros.core.planning.closing import Closing, outward_normals
+from isotruss_ros.core.planning.closing import Closing
 from isotruss_ros.core.planning.seeds import enclosing_members
 from isotruss_ros.core.safety.margins import object_distances, shape_margins
 from measuring import print_machine, print_table
@@ -122,7 +122,7 @@ def _missed(config: Configuration, body: ConvexObject) -> float:
     off = np.abs(members + DEPTH)
     sides = sorted(around, key=lambda i: off[i])[:2]
     others = np.delete(members, sides)
-    one, other = outward_normals(config, Closing(body, tuple(sides), (), 0.0))
+    one, other = Closing(body, tuple(sides), (), 0.0).normals(config)
     half_wedge = 0.5 * abs(np.angle(-other / one))
     wide = max(0.0, 2.0 * (half_wedge - 0.8 * np.arctan(NEEDS.friction)))
     shape += np.maximum(0.0, -others).sum()

@@ -42,14 +42,12 @@ from isotruss_ros.core import (
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.planning.seeds import enclosing_members
-from isotruss_ros.core.planning.settings import SearchSettings
 from isotruss_ros.core.safety.margins import object_distances
 from measuring import print_machine, print_table, timed
 import numpy as np
 
 ROBOT = load_robot('nine_member')
 NEEDS = GraspRequirements(count=1)
-SETTINGS = SearchSettings(max_rounds=1)
 SEED, OBJECTS = 0, 100
 WIDTHS, FREE = (0.1, 0.6), 0.02
 KINDS = ('disc', 'ellipse', 'polygon')
@@ -121,7 +119,7 @@ def search(kind: str, width: float, body: ConvexObject, modules: Sequence[str]) 
     margin, members, seconds = 0.0, (), 0.0
     for module in wanted:
         needs = GraspRequirements(count=1, module=module)
-        spent, plan = timed(lambda n=needs: plan_grasps(ROBOT.home, body, n, settings=SETTINGS))
+        spent, plan = timed(lambda n=needs: plan_grasps(ROBOT.home, body, n, max_rounds=1))
         seconds += spent
         if plan and plan[0].slip_margin > margin:
             margin, members = plan[0].slip_margin, plan[0].grip.members

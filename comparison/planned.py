@@ -28,7 +28,7 @@ from isotruss_ros.core.control.path_tracking import (
     RETURN_SPEED,
     RETURN_TURN_RATE,
 )
-from isotruss_ros.core.planning.export import export_path
+from isotruss_ros.core.planning.describe_plan import export_path
 from isotruss_ros.core.planning.grasp_plan import PlannedGrasp
 from isotruss_ros.demo.path import figure_9
 from isotruss_ros.mujoco_plant.options import PlantOptions

@@ -39,8 +39,8 @@ from isotruss_ros.core import (
     plan_grasps,
     read_object,
 )
+from isotruss_ros.core.planning.describe_plan import plan_in_words
 from isotruss_ros.core.planning.grasp_plan import GraspPlan
-from isotruss_ros.core.planning.plan_words import plan_in_words
 from isotruss_ros.core.planning.searcher import Stop
 from isotruss_ros.core.planning.workers import WorkerPool
 from rich.console import Console

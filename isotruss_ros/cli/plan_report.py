@@ -15,7 +15,7 @@ import math
 from typing import Any
 
 from isotruss_ros.core import GraspRequirements, Robot
-from isotruss_ros.core.planning.export import export_figures, export_path
+from isotruss_ros.core.planning.describe_plan import export_figures, export_path
 from isotruss_ros.core.planning.grasp_plan import GraspPlan
 from rich.table import Table
 

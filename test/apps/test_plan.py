@@ -26,7 +26,7 @@ from isotruss_ros.core import (
     plan_grasps,
     read_object,
 )
-from isotruss_ros.core.planning.grasp_plan import path_times
+from isotruss_ros.core.planning.describe_plan import path_times
 from isotruss_ros.core.planning.workers import core_count, NICENESS, WorkerPool
 import numpy as np
 from planning import begun_workers, workers

@@ -27,7 +27,7 @@ from isotruss_msgs.msg import GraspState
 from isotruss_ros.core import ConvexObject, Ellipse, Pose
 from isotruss_ros.core.control.inputs import InputError, StampedInput
 from isotruss_ros.core.control.path_tracking import RETURN
-from isotruss_ros.core.planning.grasp_plan import NEAR_SHARE
+from isotruss_ros.core.planning.describe_plan import NEAR_SHARE
 from isotruss_ros.nodes.components import action_steps, grasp_sequences
 from isotruss_ros.nodes.components.action_steps import (
     ActionStep,

@@ -26,7 +26,8 @@ from isotruss_ros.core import (
     Pose,
     read_object,
 )
-from isotruss_ros.core.planning.grasp_plan import NEAR_SHARE, Progress
+from isotruss_ros.core.planning.describe_plan import NEAR_SHARE
+from isotruss_ros.core.planning.grasp_plan import Progress
 from isotruss_ros.core.planning.searcher import Answer, Outcome
 from isotruss_ros.nodes import grasp_planner
 from isotruss_ros.nodes.conversions.messages import to_pose_message

@@ -58,6 +58,10 @@ class Configuration:
         roller_positions.flags.writeable = False
         points.flags.writeable = False
 
+    def __reduce__(self) -> tuple:
+        """Return what another process makes it of, without what can be computed again."""
+        return Configuration, (self.robot, self.roller_positions, self.points)
+
     @property
     def nodes(self) -> Array:
         """Return the (n, 2) node positions in `Robot.node_names` order, robot frame [m]."""

@@ -11,7 +11,9 @@
 
 from __future__ import annotations
 
+import functools
 from pathlib import Path
+import pickle
 
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.constraints import Targets
@@ -41,6 +43,10 @@ class Robot(Mechanism):
         )
         self.home = Configuration(self, np.zeros(len(self.topology.driven)), points)
 
+    def __reduce__(self) -> tuple:
+        """Return what another process makes it of, there once for all copies."""
+        return _made_of, (pickle.dumps(self.description),)
+
     def configuration(
         self, roller_positions: ArrayLike, near: Configuration | None = None
     ) -> Configuration:
@@ -54,6 +60,11 @@ class Robot(Mechanism):
         :raises ConfigurationError: wrong shape, not finite, or no such configuration.
         """
         return (near or self.home).moved_to(roller_positions)
+
+
+@functools.lru_cache(maxsize=4)
+def _made_of(description: bytes) -> Robot:
+    return Robot(pickle.loads(description))
 
 
 def load_robot(name_or_path: str | Path) -> Robot:

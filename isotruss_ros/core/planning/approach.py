@@ -18,39 +18,33 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 import math
-from typing import NamedTuple
 
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.planning.closing import (
-    Closing,
-    evaluate_state,
-    outward_normals,
-    SearchState,
-)
+from isotruss_ros.core.planning.closing import Closing, evaluate_state
 from isotruss_ros.core.planning.closing_step import take_closing_step
-from isotruss_ros.core.planning.facing import balances, find_facing
+from isotruss_ros.core.planning.facing import balances, CONE_SHARE, find_facing, USED_SHARE
 from isotruss_ros.core.planning.grasp_plan import SearchTally
 import numpy as np
 
+#: Gap of the grasping members at the end, and by how much more it may be, in tube diameters.
+STANDOFF, STANDOFF_TOLERANCE = 0.06, 0.02
+#: A turn of the members that may be missing at the end [rad].
+TURN_TOLERANCE = 1e-3
+#: Most steps, and most of them in a row without this progress [diameters of the tube, rad].
+MAX_STEPS, MAX_IDLE_STEPS, MIN_PROGRESS = 100, 12, 0.02
 
-class Approach(NamedTuple):
-    """
-    The path to an open grip.
 
-    :ivar path: configurations along it, the present one first; straight in roller travel between.
-    :ivar unmet: name and value of the requirement that is not met; None if all are.
-    """
-
-    path: tuple[Configuration, ...]
-    unmet: tuple[str, float] | None = None
+def never() -> bool:
+    """Return that nothing is to stop."""
+    return False
 
 
 def approach(
     config: Configuration,
     closing: Closing,
     tally: SearchTally,
-    should_stop: Callable[[], bool] | None = None,
-) -> Approach:
+    should_stop: Callable[[], bool] = never,
+) -> tuple[list[Configuration], tuple[str, float, float] | None]:
     """
     Bring the grasping members close to the object, facing it so that friction can hold it.
 
@@ -59,63 +53,47 @@ def approach(
     :param tally: of the search.
     :param should_stop: called before every step; an approach that was stopped returns the
         requirement that was not met yet.
+    :return: configurations along the path, the present one first, straight in roller travel
+        between; and name, value and bound of the requirement that is not met, None if all are.
     :raises SolverError: a quadratic program was not solved.
     """
-    settings, diameter = closing.settings, config.robot.description.tube_diameter
-    standoff, tolerance = settings.standoff * diameter, settings.standoff_tolerance * diameter
-    members, targets = list(closing.members), [standoff] * len(closing.members)
+    diameter, members = config.robot.description.tube_diameter, list(closing.members)
+    targets = np.full(len(members), STANDOFF * diameter)
     path, state = [config], evaluate_state(config, closing.body)
     best, idle, share = np.inf, 0, 1.0
     while True:
-        gap = float(state.gaps[members].max()) - standoff
-        missing = missing_turn(state, closing)
-        if gap <= tolerance and missing <= 1e-3:
-            return Approach(tuple(path))
+        gap = float((state.gaps[members] - targets).max())
+        missing, turned = find_turn(state.config, closing)
+        unmet = ('facing', missing, 0.0) if missing > TURN_TOLERANCE else None
+        if gap > STANDOFF_TOLERANCE * diameter:
+            unmet = 'reach', gap, 0.0
         left = max(gap, 0.0) / diameter + missing
-        idle = 0 if left < best - settings.min_progress else idle + 1
+        idle = 0 if left < best - MIN_PROGRESS else idle + 1
         best = min(best, left) if idle else left
-        unmet = ('reach', gap) if gap > tolerance else ('facing', missing)
-        aborted = idle > settings.max_idle_steps or len(path) > settings.max_approach_steps
-        if not aborted and not (should_stop is not None and should_stop()):
-            turned = turned_closing(state, closing, missing)
-            step = take_closing_step(state, turned, targets, share, tally)
-            if step.blocked is None:
-                state, share = step.state, step.share
-                path.append(state.config)
-                continue
-            unmet = step.blocked
-        return Approach(tuple(path), unmet)
+        if unmet is None or idle > MAX_IDLE_STEPS or len(path) > MAX_STEPS or should_stop():
+            return path, unmet
+        state, share, blocked = take_closing_step(state, turned, targets, share, tally)
+        if blocked is not None:
+            return path, blocked
+        path.append(state.config)
 
 
-def turned_closing(state: SearchState, closing: Closing, missing: float) -> Closing:
+def find_turn(config: Configuration, closing: Closing) -> tuple[float, Closing]:
     """
-    Return what closes, two members turned toward the nearest directions that hold the object.
+    Return by how much the grasping members are to turn yet [rad], and what closes while they do.
 
-    :param state: where the robot is.
-    :param closing: what closes.
-    :param missing: see `missing_turn` [rad]; where friction holds they need not turn.
-    """
-    if closing.facing is None:
-        return closing
-    if missing <= 0.0:
-        return replace(closing, facing=None)
-    settings, normals = closing.settings, outward_normals(state.config, closing)
-    angle = settings.cone_share * closing.friction_angle
-    found = find_facing(closing.body, normals, angle, settings.turning_price)
-    return closing if found is None else replace(closing, facing=found)
+    Where friction holds they need not turn. Else two members are turned toward the nearest
+    directions that hold the object.
 
-
-def missing_turn(state: SearchState, closing: Closing) -> float:
-    """
-    Return by how much the grasping members are to turn yet, zero where friction holds [rad].
-
-    :param state: where the robot is.
+    :param config: configuration of the robot.
     :param closing: what closes.
     """
-    normals = outward_normals(state.config, closing)
-    angle = closing.settings.used_share * closing.friction_angle
-    if balances(closing.body, normals, angle):
-        return 0.0
+    normals, angle = closing.normals(config), closing.friction_angle
+    balanced = balances(closing.body, normals, USED_SHARE * angle)
     if closing.facing is None:
-        return math.pi
-    return float(np.abs(np.angle(closing.facing / normals)).sum())
+        return 0.0 if balanced else math.pi, closing
+    missing = 0.0 if balanced else float(np.abs(np.angle(closing.facing / normals)).sum())
+    if missing == 0.0:
+        return 0.0, replace(closing, facing=None)
+    found = find_facing(closing.body, normals, CONE_SHARE * angle)
+    return missing, closing if found is None else replace(closing, facing=found)

@@ -6,11 +6,11 @@
 # writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
+
 """What closes on which object, and what its steps depend on."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from isotruss_ros.core.holding.pressed_contacts import member_lines
@@ -19,9 +19,11 @@ from isotruss_ros.core.kinematics.rigidity import Modes, rigidity_index
 from isotruss_ros.core.manipulation.limits import Limit
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, Points
-from isotruss_ros.core.planning.settings import DEFAULT, SearchSettings
 from isotruss_ros.core.safety.distances import collision_model
 import numpy as np
+
+#: A step uses at most this share of the distance from a bound.
+BOUND_SHARE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +40,6 @@ class Closing:
         present ones if None.
     :ivar facing: (s,) unit normals out of the object, x + iy, that the members are turned to face;
         they stay as they are if None.
-    :ivar settings: of the search.
     """
 
     body: ConvexObject
@@ -48,35 +49,25 @@ class Closing:
     friction_angle: float = 0.0
     nominal_posture: Array | None = None
     facing: Points | None = None
-    settings: SearchSettings = DEFAULT
 
-    def bound(self, requirement: str) -> float:
+    def normals(self, config: Configuration) -> Points:
         """
-        Return the bound of a requirement.
+        Return the directions from the object across the grasping members, (s,) x + iy.
 
-        :param requirement: its name.
+        :param config: configuration of the robot.
         """
-        return self.min_rigidity if requirement == 'rigidity' else 0.0
+        return member_lines(config, self.body, np.array(self.members))[1]
 
 
 @dataclass(frozen=True, eq=False)
 class SearchState:
-    """
-    A configuration, and the quantities that steps from it and to it depend on.
+    """A configuration, and the quantities that steps from it and to it depend on."""
 
-    :ivar config: the configuration.
-    :ivar gaps: (3m,) between the object and members, modules, rods [m]; of members negative where
-        they would be indented.
-    :ivar gaps_by_nodes: (3m, 2n) derivatives of the gaps by the node coordinates [-].
-    :ivar modes: its smallest singular values.
-    :ivar distances: (p,) of parts that must not meet, see `CollisionModel` [m].
-    """
-
-    config: Configuration
-    gaps: Array
-    gaps_by_nodes: Array
-    modes: Modes
-    distances: Array
+    config: Configuration  #: the configuration
+    gaps: Array  #: (3m,) of members, modules, rods [m]; negative where indented
+    gaps_by_nodes: Array  #: (3m, 2n) derivatives of the gaps by the node coordinates [-]
+    modes: Modes  #: its smallest singular values; the first is the rigidity index, 1 at home
+    distances: Array  #: (p,) of parts that must not meet, see `CollisionModel` [m]
 
     @property
     def rigidity(self) -> float:
@@ -87,6 +78,26 @@ class SearchState:
     def clearance(self) -> float:
         """Return the smallest of the distances [m]."""
         return float(self.distances.min(initial=np.inf))
+
+    def broken_bound(
+        self, rigidity: float, clearance: float, gaps: Array
+    ) -> tuple[str, float, float] | None:
+        """
+        Return name, value and bound of a requirement that the configuration violates, if any.
+
+        :param rigidity: smallest rigidity index.
+        :param clearance: smallest distance of parts that must not meet [m].
+        :param gaps: (3m,) smallest ones [m].
+        """
+        low = int((self.gaps - gaps).argmin())
+        for name, value, bound in (
+            ('rigidity', self.rigidity, rigidity),
+            ('self_clearance', self.clearance, clearance),
+            ('object_clearance', float(self.gaps[low]), float(gaps[low])),
+        ):
+            if value < bound:
+                return name, value, bound
+        return None
 
 
 def evaluate_state(config: Configuration, body: ConvexObject) -> SearchState:
@@ -113,30 +124,3 @@ def mean_member_length(config: Configuration) -> float:
     :param config: a configuration of the robot.
     """
     return float(config.robot.home.member_lengths.mean())
-
-
-def outward_normals(config: Configuration, closing: Closing) -> Points:
-    """
-    Return the directions from the object across the grasping members, (s,) x + iy.
-
-    :param config: configuration of the robot.
-    :param closing: what closes on which object.
-    """
-    return member_lines(config, closing.body, np.array(closing.members))[1]
-
-
-def turning_rows(config: Configuration, members: Sequence[int]) -> Array:
-    """
-    Return how fast members turn for 1 m/s at each roller, (s, r) [rad/m].
-
-    :param config: configuration of the robot.
-    :param members: (s,) their numbers.
-    :raises ConfigurationError: the configuration is singular.
-    """
-    topology, numbers, points = config.robot.topology, np.array(members), config.points
-    starts, ends = topology.b[numbers], topology.c[topology.following[numbers]]
-    turning = 1j / (points[ends] - points[starts]).conj()
-    rows = np.zeros((len(numbers), len(points)), dtype=np.complex128)
-    own = np.arange(len(numbers))
-    rows[own, ends], rows[own, starts] = turning, -turning
-    return config.roller_rows(rows.view(np.float64))

@@ -28,20 +28,35 @@ from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
 from isotruss_ros.core.holding.loaded_frame import held_utilisation
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.planning.closed_grip import ClosedGrip, exceeded_bound, grasp_loads
-from isotruss_ros.core.planning.closing import Closing, outward_normals
+from isotruss_ros.core.planning.closed_grip import (
+    ClosedGrip,
+    CLOSING_STEP,
+    find_loads,
+    LEAST_SHARE,
+    REFINEMENT,
+)
+from isotruss_ros.core.planning.closing import Closing
 from isotruss_ros.core.planning.closing_step import press
 from isotruss_ros.core.planning.facing import contact_ends
 from isotruss_ros.core.planning.grasp_plan import SearchTally
-from isotruss_ros.core.planning.motion_in_place import squeeze_in_place, SQUEEZE_TOLERANCE
+from isotruss_ros.core.planning.motion_in_place import (
+    displacement,
+    squeeze_in_place,
+    SQUEEZE_TOLERANCE,
+)
 from isotruss_ros.core.planning.requirements import GraspRequirements
 import numpy as np
 
-#: An object that is nearer than this to where it lay has stayed there [m].
+#: An object that is nearer than this to where it lay has stayed there, turns at its arm [m].
 SAME_PLACE = 1e-4
 #: So often the depths of three members are corrected until the object stays there.
 MAX_BALANCE_STEPS = 4
+#: Indentation with which an object is held first, in diameters of the tube; the larger one where a
+#: face is to lie on a member: it is touched at both ends.
+FIRST_CONTACT, FACE_CONTACT = 1e-3, 1e-2
+#: The squeeze of three members rises at most by this factor from waypoint to waypoint, and by this
+#: much [N].
+SQUEEZE_GROWTH, SQUEEZE_RISE = 2.0, 4.0
 
 
 def close_in_place(
@@ -57,58 +72,36 @@ def close_in_place(
     :raises SolverError: a quadratic program, or the contact, was not solved.
     :raises StructureError: see `structure_of`.
     """
-    settings, wanted = closing.settings, needs.squeeze
-    grasp, pair = _hold(touch, closing, tally), len(closing.members) == 2
+    wanted, pair = needs.squeeze, len(closing.members) == 2
+    grasp = _hold(touch, closing, tally)
     if grasp is None or not _sticks(grasp, needs.friction, tally):
         return
     # Two members bring the object back to its place with the next step only.
     if not pair and (first := _judge(grasp, closing, needs, tally)) is not None:
         yield first
     share = 1.0
-    while share > settings.least_share and not (wanted and _reached(grasp, wanted)):
-        rise = min(
-            (settings.squeeze_growth - 1.0) * grasp.squeeze,
-            settings.squeeze_rise,
-        )
+    while share > LEAST_SHARE and not (wanted and _reached(grasp, wanted)):
+        rise = min((SQUEEZE_GROWTH - 1.0) * grasp.squeeze, SQUEEZE_RISE)
         if pair:
-            step = settings.closing_step * touch.robot.description.tube_diameter
+            step = CLOSING_STEP * touch.robot.description.tube_diameter
             rise = -step * grasp.squeeze_stiffness()
         force = min(grasp.squeeze + share * rise, wanted or math.inf)
         moved = squeeze_in_place(grasp, force, closing, tally)
         found = None if moved is None else _judge(moved, closing, needs, tally)
         if found is None:
-            share *= settings.refinement
+            share *= REFINEMENT
             continue
         grasp = moved
         yield found
 
 
-def _judge(
-    grasp: HeldGrip, closing: Closing, needs: GraspRequirements, tally: SearchTally
-) -> ClosedGrip | None:
-    """Return a grip with what it does; None where a contact slips or a bound is exceeded."""
-    if not _sticks(grasp, needs.friction, tally):
-        return None
-    tally.analyses += 1
-    body = _placed(grasp, closing.body)
-    analysis = analyze_grasp(grasp.config, body, needs.friction, needs.external_wrench)
-    loads = grasp_loads(analysis, grasp.normal_forces.tolist(), held_utilisation(grasp))
-    over = exceeded_bound(needs, loads)
-    if over is not None:
-        tally.record(*over, 1.0 - over[2] / over[1])
-        return None
-    wanted = needs.squeeze is None or _reached(grasp, needs.squeeze)
-    margin = _require(grasp, closing, analysis, needs, tally) if wanted else None
-    return ClosedGrip(grasp.config, body, analysis, loads, grasp.squeeze, margin)
-
-
 def _hold(touch: Configuration, closing: Closing, tally: SearchTally) -> HeldGrip | None:
     """Return how the object is held first; three members press as deep as keeps it there."""
     body, members = closing.body, np.array(closing.members)
-    settings, tube = closing.settings, touch.robot.description.tube_diameter
-    one, other = contact_ends(body, outward_normals(touch, closing))
-    depth = settings.first_contact if (one == other).all() else settings.face_contact
-    config, depths = touch, np.full(len(members), depth * tube)
+    one, other = contact_ends(body, closing.normals(touch))
+    depth = FIRST_CONTACT if (one == other).all() else FACE_CONTACT
+    depths = np.full(len(members), depth * touch.robot.description.tube_diameter)
+    config = touch
     for _ in range(MAX_BALANCE_STEPS):
         pressed = press(config, closing, depths, tally)
         if pressed is None:
@@ -120,9 +113,27 @@ def _hold(touch: Configuration, closing: Closing, tally: SearchTally) -> HeldGri
         away = found.body.center - body.center
         if len(members) == 2 or abs(away) < SAME_PLACE:
             break
-        normals = outward_normals(config, closing)
-        depths = np.maximum(depths + (away * normals.conj()).real, 0.0)
+        depths = np.maximum(depths + (away * closing.normals(config).conj()).real, 0.0)
     return roll_grip(found, config)  # from here on contacts roll
+
+
+def _judge(
+    grasp: HeldGrip, closing: Closing, needs: GraspRequirements, tally: SearchTally
+) -> ClosedGrip | None:
+    """Return a grip with what it does; None where a contact slips or a bound is exceeded."""
+    if not _sticks(grasp, needs.friction, tally):
+        return None
+    tally.analyses += 1
+    moved = displacement(grasp, closing.body) * (1.0, 1.0, grasp.arm)
+    body = closing.body if np.abs(moved).max() < SAME_PLACE else grasp.body
+    analysis = analyze_grasp(grasp.config, body, needs.friction, needs.external_wrench)
+    loads = find_loads(needs, analysis, grasp.normal_forces, held_utilisation(grasp), tally)
+    if loads is None:
+        return None
+    margin = None
+    if needs.squeeze is None or _reached(grasp, needs.squeeze):
+        margin = _require(grasp, closing, analysis, needs, tally)
+    return ClosedGrip(grasp.config, body, analysis, loads, grasp.squeeze, margin)
 
 
 def _sticks(grasp: HeldGrip, friction: float, tally: SearchTally) -> bool:
@@ -144,7 +155,7 @@ def _require(
     tally: SearchTally,
 ) -> float | None:
     """Return the slip margin of a grip [N], None if it does not bear what it must."""
-    loaded = grasp
+    loaded: HeldGrip | None = grasp
     if any(needs.external_wrench):
         loaded = roll_grip(grasp, grasp.config, np.array(needs.external_wrench))
     if loaded is None:
@@ -152,27 +163,17 @@ def _require(
         return None
     if not _sticks(loaded, needs.friction, tally):
         return None
-    names, count = grasp.config.robot.member_names, len(closing.members)
-    if set(analysis.contact_forces) != {names[i] for i in closing.members}:
+    if set(analysis.contact_forces) != set(grasp.member_names):
         # Friction deflects a soft structure by so much that without it one member lets go.
-        tally.record('grip', len(analysis.contact_forces), count, 15.0)
+        tally.record('grip', len(analysis.contact_forces), len(closing.members), 15.0)
         return None
-    slip, fast = loaded.slip_margin(needs.friction), analysis.closure_margin
-    for name, value, least in (
-        ('min_slip_margin', slip, needs.min_slip_margin),
-        ('min_margin', fast, needs.min_margin),
-    ):
+    slip = loaded.slip_margin(needs.friction)
+    for name, value in (('min_slip_margin', slip), ('min_margin', analysis.closure_margin)):
+        least = getattr(needs, name)
         if least is not None and value < least:
             tally.record(name, value, least, 1.0 - max(0.0, value) / least if least else 1.0)
             return None
     return slip
-
-
-def _placed(grasp: HeldGrip, lay: ConvexObject) -> ConvexObject:
-    """Return the object where it is: where it lay, if it stayed there."""
-    moved = np.subtract(grasp.pose, lay.pose)
-    moved[2] = lay.arm * math.remainder(moved[2], 2.0 * math.pi)
-    return lay if np.abs(moved).max() < SAME_PLACE else lay.moved_to(grasp.pose)
 
 
 def _reached(grasp: HeldGrip, squeeze: float) -> bool:

@@ -13,15 +13,13 @@ One step of closing the grasping members on an object: a quadratic program (QP).
     minimize    1/2 |g + (dg/dphi) u - target|^2 + 1/2 a^2 |turn - facing|^2 + 1/2 w |u - n|^2
     subject to  limits, gaps of all that must not touch, rigidity, clearance,  |u| <= longest step
 
-u is the roller travel of the step, n that to the nominal posture, a the turning arm and w the
-motion weight of `SearchSettings`. Steps are a path: the configuration at the end of each is
-evaluated, and the step is halved where a requirement is violated there.
+u is the roller travel of the step, n that to the nominal posture, a `TURNING_ARM` and w
+`MOTION_WEIGHT`. Steps are a path: the configuration at the end of each is evaluated, and the step
+is halved where a requirement is violated there. Lengths are shares of the mean length of members
+at home or of the tube's diameter, so that they fit robots of any size.
 """
 
 from __future__ import annotations
-
-from collections.abc import Sequence
-from dataclasses import dataclass
 
 from isotruss_ros.core.errors import ConfigurationError, SolverError
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -29,36 +27,38 @@ from isotruss_ros.core.kinematics.rigidity import Modes, rigidity_index
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
 from isotruss_ros.core.planning.closing import (
+    BOUND_SHARE,
     Closing,
     evaluate_state,
     mean_member_length,
-    outward_normals,
     SearchState,
-    turning_rows,
 )
 from isotruss_ros.core.planning.grasp_plan import SearchTally
 from isotruss_ros.core.safety.distances import collision_model
 import numpy as np
 
+#: In the longest step: travel of a roller, and change of a gap, in mean lengths of members; ...
+MAX_STEP, MAX_GAP_STEP = 0.035, 0.027
+#: ... and turn of a member [rad].
+MAX_TURN_STEP = 0.1
+#: Weight of the rollers' motion against that of the gaps [-].
+MOTION_WEIGHT = 1e-4
+#: A gap of 1 m weighs as much as this many metres times a turn of 1 rad [m].
+TURNING_ARM = 0.3
+#: Clearance of parts that must not touch the object, in diameters of the tube, and the share of it
+#: that remains after a step of finite length.
+CLEARANCE, KEPT_CLEARANCE = 0.1, 0.5
+#: Distances of parts of the robot that are kept, and that are looked at, in mean lengths.
+SELF_CLEARANCE, NEAR = 0.01, 0.15
+#: Number of singular values that are constrained.
+MODES = 2
+#: Of a grasping member beyond its target, in diameters of the tube.
+OVERSHOOT = 0.015
+#: A step that violates a requirement is halved until so many steps were tried.
+MAX_HALVINGS = 5
+#: Steps to one set of indentations, and how exactly gaps are brought to their targets [m].
+MAX_PRESS_STEPS, GAP_TOLERANCE = 15, 1e-9
 GAP_ROUNDING = 1e-12  # [m]
-#: Gaps are brought to their targets to this [m].
-GAP_TOLERANCE = 1e-9
-
-
-@dataclass(frozen=True, eq=False)
-class Step:
-    """
-    One step.
-
-    :ivar state: at its end; that at its beginning if no step was admissible.
-    :ivar share: of the longest step, a good choice for the next one.
-    :ivar blocked: name and value of the requirement that would be violated; None if the step was
-        made.
-    """
-
-    state: SearchState
-    share: float
-    blocked: tuple[str, float] | None = None
 
 
 def press(
@@ -76,63 +76,54 @@ def press(
     """
     state = evaluate_state(config, closing.body)
     members, share, left = list(closing.members), 1.0, np.inf
-    for _ in range(closing.settings.max_press_steps):
+    for _ in range(MAX_PRESS_STEPS):
         left = float(np.abs(state.gaps[members] + depths).max())
         if left <= GAP_TOLERANCE:
             return state.config
-        step = take_closing_step(state, closing, -depths, share, tally)
-        if step.blocked:
-            name, value = step.blocked
-            tally.record(name, value, closing.bound(name), 50.0)
+        state, share, blocked = take_closing_step(state, closing, -depths, share, tally)
+        if blocked is not None:
+            tally.record(*blocked, 50.0)
             return None
-        state, share = step.state, step.share
     tally.record('reach', left, 0.0, 40.0 + left)
     return None
 
 
 def take_closing_step(
-    state: SearchState,
-    closing: Closing,
-    targets: Sequence[float],
-    share: float,
-    tally: SearchTally,
-) -> Step:
+    state: SearchState, closing: Closing, targets: Array, share: float, tally: SearchTally
+) -> tuple[SearchState, float, tuple[str, float, float] | None]:
     """
     Bring the gaps of the grasping members closer to their targets.
 
     :param state: where the step begins.
     :param closing: what closes.
-    :param targets: one for each of `closing.members` [m].
-    :param share: of the longest step, 1 at first; then `Step.share` of the step before.
+    :param targets: (s,) gaps of the grasping members [m].
+    :param share: of the longest step, 1 at first; then that which the step before returned.
     :param tally: of the search.
+    :return: the state at the end; the share for the next step; and name, value and bound of what
+        is violated where no step is admissible, None if one was made.
     :raises SolverError: the quadratic program was not solved.
     """
-    aims = np.asarray(targets)
-    move = solve_step(state, closing, aims, share)
-    least = min(closing.min_rigidity, state.rigidity)
-    room = min(0.0, state.clearance)
-    bounds = _gap_bounds(state, closing, aims)
-    config, halvings = state.config, closing.settings.max_halvings
-    blocked = ('reach', float((state.gaps[list(closing.members)] - aims).max()))
-    for halving in range(halvings):
+    move = solve_step(state, closing, targets, share)
+    rigidity, room = min(closing.min_rigidity, state.rigidity), min(0.0, state.clearance)
+    config, diameter = state.config, state.config.robot.description.tube_diameter
+    # Gaps that are to be left: the program is right to first order only.
+    bounds = np.full(len(state.gaps), KEPT_CLEARANCE * CLEARANCE * diameter)
+    bounds[list(closing.members)] = targets - OVERSHOOT * diameter
+    bounds = np.minimum(bounds, state.gaps - GAP_ROUNDING)
+    blocked: tuple[str, float, float] | None = None
+    for halving in range(MAX_HALVINGS):
         tally.evaluations += 1
         try:
             moved = config.moved_to(config.roller_positions + 0.5**halving * move)
             there = evaluate_state(moved, closing.body)
         except ConfigurationError:
-            blocked = ('rigidity', 0.0)
+            blocked = 'rigidity', 0.0, rigidity
             continue
-        low = int((there.gaps - bounds).argmin())
-        if there.rigidity < least:
-            blocked = ('rigidity', there.rigidity)
-        elif there.clearance < room:
-            blocked = ('self_clearance', there.clearance)
-        elif there.gaps[low] < bounds[low]:
-            blocked = ('object_clearance', float(there.gaps[low]))
-        else:
+        blocked = there.broken_bound(rigidity, room, bounds)
+        if blocked is None:
             larger = 2.0 * share if halving == 0 else share * 0.5**halving
-            return Step(there, min(1.0, larger))
-    return Step(state, share, blocked)
+            return there, min(1.0, larger), None
+    return state, share, blocked
 
 
 def solve_step(state: SearchState, closing: Closing, targets: Array, share: float) -> Array:
@@ -145,30 +136,28 @@ def solve_step(state: SearchState, closing: Closing, targets: Array, share: floa
     :param share: of the longest step.
     :raises SolverError: the quadratic program was not solved.
     """
-    config, settings = state.config, closing.settings
+    config, members = state.config, list(closing.members)
     size = share * mean_member_length(config)
-    members = list(closing.members)
     matrix = (state.gaps_by_nodes @ config.node_jacobian)[members]
-    aim = np.maximum(targets - state.gaps[members], -settings.max_gap_step * size)
+    aim = np.maximum(targets - state.gaps[members], -MAX_GAP_STEP * size)
     if closing.facing is not None:
-        turned = np.angle(closing.facing * outward_normals(config, closing).conj())
-        turned = np.clip(turned, -settings.max_turn_step, settings.max_turn_step)
-        matrix = np.concatenate([matrix, settings.turning_arm * turning_rows(config, members)])
-        aim = np.append(aim, settings.turning_arm * turned)
-    longest = settings.max_step * size
-    nominal = np.zeros(len(config.roller_positions))
+        turned = np.angle(closing.facing * closing.normals(config).conj())
+        turned = np.clip(turned, -MAX_TURN_STEP, MAX_TURN_STEP)
+        matrix = np.concatenate([matrix, TURNING_ARM * _turning_rows(config, members)])
+        aim = np.append(aim, TURNING_ARM * turned)
+    longest = np.full(len(config.roller_positions), MAX_STEP * size)
+    nominal = np.zeros(len(longest))
     if closing.nominal_posture is not None:
         nominal = np.clip(closing.nominal_posture - config.roller_positions, -longest, longest)
-    weight, bounds = settings.motion_weight, np.full(len(nominal), longest)
-    rows, least = bound_rows(state, closing, targets)
+    rows, least = _bound_rows(state, closing, targets)
     found = solve_qp(
         QuadraticProgram(
-            matrix.T @ matrix + weight * np.eye(len(nominal)),
-            -matrix.T @ aim - weight * nominal,
+            matrix.T @ matrix + MOTION_WEIGHT * np.eye(len(nominal)),
+            -matrix.T @ aim - MOTION_WEIGHT * nominal,
             -rows,
             -least,
-            -bounds,
-            bounds,
+            -longest,
+            longest,
         )
     )
     if found is None:
@@ -179,48 +168,40 @@ def solve_step(state: SearchState, closing: Closing, targets: Array, share: floa
     return found
 
 
-def bound_rows(state: SearchState, closing: Closing, targets: Array) -> tuple[Array, Array]:
+def _turning_rows(config: Configuration, members: list[int]) -> Array:
+    """Return how fast members (s,) turn for 1 m/s at each roller, (s, r) [rad/m]."""
+    topology, points, own = config.robot.topology, config.points, np.arange(len(members))
+    starts, ends = topology.b[members], topology.c[topology.following[members]]
+    turning = 1j / (points[ends] - points[starts]).conj()
+    rows = np.zeros((len(members), len(points)), dtype=np.complex128)
+    rows[own, ends], rows[own, starts] = turning, -turning
+    return config.roller_rows(rows.view(np.float64))
+
+
+def _bound_rows(state: SearchState, closing: Closing, targets: Array) -> tuple[Array, Array]:
     """
     Return the bounds of a step u as rows (k, r) and least values (k,): rows u >= least.
 
-    They are those of gaps, by targets for grasping members, by a clearance for others; of the
-    rigidity; of distances of near parts of the robot; and the limits.
-
-    :param state: where the step begins.
-    :param closing: what closes.
-    :param targets: (s,) gaps of the grasping members [m].
+    They are those of gaps, by targets (s,) for grasping members [m], by a clearance for others; of
+    the rigidity; of distances of near parts of the robot; and the limits.
     """
-    config, settings, members = state.config, closing.settings, list(closing.members)
-    robot, length = config.robot, mean_member_length(config)
-    gaps = settings.bound_share * (
-        settings.clearance * robot.description.tube_diameter - state.gaps
-    )
+    config, members, length = state.config, list(closing.members), mean_member_length(state.config)
+    robot, collisions = config.robot, collision_model(config.robot)
+    gaps = BOUND_SHARE * (CLEARANCE * robot.description.tube_diameter - state.gaps)
     gaps[members] = targets - state.gaps[members]
     values, rows, nodes = state.modes
-    few = Modes(values[: settings.modes], rows[:, : settings.modes], nodes[:, : settings.modes])
-    near = np.flatnonzero(state.distances < settings.near * length)
-    left = np.append(
-        few.values - closing.min_rigidity,
-        state.distances[near] - settings.self_clearance * length,
-    )
-    shape = np.concatenate(
-        [
-            rigidity_index(robot).gradients(config, few),
-            collision_model(robot).gradients(config, near),
-        ]
-    )
-    matrices = [state.gaps_by_nodes @ config.node_jacobian, config.roller_rows(shape)]
-    least = [np.minimum(0.0, gaps), np.minimum(0.0, -settings.bound_share * left)]
+    few = Modes(values[:MODES], rows[:, :MODES], nodes[:, :MODES])
+    near = np.flatnonzero(state.distances < NEAR * length)
+    apart = state.distances[near] - SELF_CLEARANCE * length
+    left = np.append(few.values - closing.min_rigidity, apart)
+    shape = [rigidity_index(robot).gradients(config, few), collisions.gradients(config, near)]
+    matrices = [
+        state.gaps_by_nodes @ config.node_jacobian,
+        config.roller_rows(np.concatenate(shape)),
+    ]
+    least = [np.minimum(0.0, gaps), np.minimum(0.0, -BOUND_SHARE * left)]
     for limit in closing.limits:
         matrix, lower, upper = limit.rows(config)
         matrices += [matrix, -matrix]
         least += [lower, -upper]
     return np.concatenate(matrices), np.concatenate(least)
-
-
-def _gap_bounds(state: SearchState, closing: Closing, targets: Array) -> Array:
-    """Return the gaps (3m,) that a step must leave; the program is right to first order only."""
-    diameter, settings = state.config.robot.description.tube_diameter, closing.settings
-    bounds = np.full(len(state.gaps), settings.kept_clearance * settings.clearance * diameter)
-    bounds[list(closing.members)] = targets - settings.overshoot * diameter
-    return np.minimum(bounds, state.gaps - GAP_ROUNDING)

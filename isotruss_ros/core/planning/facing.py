@@ -32,6 +32,10 @@ SINK = 0.001
 DIRECTIONS, WEDGES = 72, np.linspace(-0.8, 0.8, 17)
 #: What is left of a balance of unit forces.
 BALANCED = 1e-6
+#: Of the friction cones that grips are to use at most, and that they use where they are open.
+CONE_SHARE, USED_SHARE = 0.75, 0.85
+#: Angle of friction that is given up for a smaller turn of the members [-].
+TURNING_PRICE = 0.3
 
 
 def contact_ends(body: ConvexObject, normals: Points) -> tuple[Points, Points]:
@@ -106,7 +110,7 @@ def balances(body: ConvexObject, normals: Points, angle: float) -> bool:
 
 
 def find_facing(
-    body: ConvexObject, normals: Points, angle: float, turning: float
+    body: ConvexObject, normals: Points, angle: float, turning: float = TURNING_PRICE
 ) -> Points | None:
     """
     Return directions in which two members hold an object, the best near to the present ones.

@@ -36,19 +36,12 @@ OFF_PATH = 4.0 * STEP
 
 
 class Foresight(NamedTuple):
-    """
-    How far the model of a held object follows a path.
+    """How far the model of a held object follows a path."""
 
-    :ivar pose: the last one that it comes to.
-    :ivar share: of the path up to there, 0 to 1.
-    :ivar slip_margin: the least on the way [N].
-    :ivar why: it ends there; empty at the end of the path.
-    """
-
-    pose: Pose
-    share: float
-    slip_margin: float
-    why: str
+    pose: Pose  #: the last one that it comes to
+    share: float  #: of the path up to there, 0 to 1
+    slip_margin: float  #: the least on the way [N]
+    why: str  #: it ends there; empty at the end of the path
 
 
 @single_threaded

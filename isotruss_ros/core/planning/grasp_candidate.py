@@ -12,103 +12,55 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-import functools
+from dataclasses import replace
 import math
-import pickle
-from typing import NamedTuple
 
-from isotruss_ros.core.errors import ConfigurationError, GraspError, IsotrussError, SolverError
+from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import Grip
-from isotruss_ros.core.numerics.arrays import Array, Points
-from isotruss_ros.core.planning.approach import approach
-from isotruss_ros.core.planning.closed_grip import ClosedGrip
+from isotruss_ros.core.planning.approach import approach, never
+from isotruss_ros.core.planning.closed_grip import ClosedGrip, rate_grip
 from isotruss_ros.core.planning.closing import Closing
 from isotruss_ros.core.planning.closing_in_place import close_in_place
 from isotruss_ros.core.planning.closing_on_ground import close_on_ground
 from isotruss_ros.core.planning.closing_step import press
 from isotruss_ros.core.planning.foresee_path import foresee_grip
 from isotruss_ros.core.planning.grasp_plan import PlannedGrasp, SearchTally
-from isotruss_ros.core.planning.requirements import GraspRequirements, rate_grasp
+from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.safety.margins import shape_margins
 import numpy as np
 
 
-@dataclass(frozen=True, eq=False)
-class GraspCandidate:
+def judge_candidate(
+    config: Configuration,
+    closing: Closing,
+    needs: GraspRequirements,
+    should_stop: Callable[[], bool] = never,
+) -> tuple[PlannedGrasp | None, SearchTally]:
     """
-    A seed, and what a grasp needs; nothing in it is tied to a process.
-
-    :ivar robot: the pickled description of the robot.
-    :ivar positions: (r,) roller positions where the path begins [m].
-    :ivar points: (n,) the nodes there [m].
-    :ivar closing: what closes.
-    :ivar requirements: what the grasp is to fulfil.
-    """
-
-    robot: bytes
-    positions: Array
-    points: Points
-    closing: Closing
-    requirements: GraspRequirements
-
-
-class Judged(NamedTuple):
-    """
-    What became of a candidate.
-
-    :ivar grasp: the grasp; None if there is none.
-    :ivar tally: what was looked at, with the violation if there is no grasp.
-    """
-
-    grasp: PlannedGrasp | None
-    tally: SearchTally
-
-
-def make_grasp_candidate(
-    config: Configuration, closing: Closing, requirements: GraspRequirements
-) -> GraspCandidate:
-    """
-    Return a candidate that can be sent to another process.
+    Bring the members of a seed to the object and close them there, in any process.
 
     :param config: configuration of the robot.
     :param closing: the seed.
-    :param requirements: what the grasp must fulfil.
-    """
-    description = pickle.dumps(config.robot.description)
-    positions, points = config.roller_positions, config.points
-    return GraspCandidate(description, positions, points, closing, requirements)
-
-
-def judge_candidate(
-    candidate: GraspCandidate, should_stop: Callable[[], bool] | None = None
-) -> Judged:
-    """
-    Bring a candidate to the object and close it there, in any process.
-
-    :param candidate: the seed.
+    :param needs: what the grasp must fulfil.
     :param should_stop: called before every step toward the open grip.
+    :return: the grasp, None if there is none; and what was looked at, with the violation.
     """
-    start = Configuration(_robot(candidate.robot), candidate.positions, candidate.points)
-    closing, needs, tally, grasp = candidate.closing, candidate.requirements, SearchTally(), None
+    tally = SearchTally()
     try:
-        opened, unmet = approach(start, closing, tally, should_stop)
-        closed = None
-        if unmet is None:
-            closed = close_grip(opened[-1], closing, needs, tally)
-        else:
-            tally.record(*unmet, closing.bound(unmet[0]), 100.0)
+        opened, unmet = approach(config, closing, tally, should_stop)
+        if unmet is not None:
+            tally.record(*unmet, 100.0)
+            return None, tally
+        closed = close_grip(opened[-1], closing, needs, tally)
+        if closed is not None and needs.carry:
+            tally.closest = None
+            closed = closed if _carries(closed[1], needs, tally) else None
     except IsotrussError as error:
         # A candidate that cannot be computed is none; what was found out before still counts.
         tally.record(str(error), 0.0, 0.0, 100.0)
-    else:
-        if closed is not None:
-            grasp = _planned(closing, needs, opened, *closed)
-        if grasp is not None and needs.carry:
-            grasp = _carrying(grasp, needs, tally)
-    return Judged(grasp, tally)
+        return None, tally
+    return None if closed is None else _planned(closing, needs, opened, *closed), tally
 
 
 def close_grip(
@@ -139,64 +91,50 @@ def close_grip(
         if grip.slip_margin is None:
             continue
         # The path as far as here is shorter than all of it.
-        total = grip.loads.max_total_force
-        score = rate_grasp(needs, grip.analysis, total, grip.slip_margin, -grip.squeeze)
+        score = rate_grip(needs, grip, -grip.squeeze)
         if score <= best_score:
             break
         best, best_score = (path[:], grip), score
     return best
 
 
+def _carries(grip: ClosedGrip, needs: GraspRequirements, tally: SearchTally) -> bool:
+    """Tell whether a grip carries the object along its path without slipping."""
+    found = foresee_grip(grip.config, grip.body, needs.friction, np.array(needs.carry))
+    if found is not None and not found.why:
+        return True
+    share = 0.0 if found is None else found.share
+    tally.record('carry', share, 1.0, 1.0 - share)
+    return False
+
+
 def _planned(
     closing: Closing,
     needs: GraspRequirements,
-    opened: tuple[Configuration, ...],
+    opened: list[Configuration],
     pressed: list[Configuration],
-    closed: ClosedGrip,
+    grip: ClosedGrip,
 ) -> PlannedGrasp:
     """Return the grasp at the end of the path to an open grip and of that from the touch on."""
-    configs, analysis, loads = (*opened, *pressed), closed.analysis, closed.loads
+    configs, analysis, loads = (*opened, *pressed), grip.analysis, grip.loads
     path = np.array([config.roller_positions for config in configs])
     travel = float(np.abs(np.diff(path, axis=0)).sum(axis=0).max())
-    total, margin = loads.max_total_force, closed.slip_margin
-    names = tuple(closed.config.robot.member_names[i] for i in closing.members)
+    names = tuple(grip.config.robot.member_names[i] for i in closing.members)
     return PlannedGrasp(
-        grip=Grip(names, closed.body, needs.friction),
+        grip=Grip(names, grip.body, needs.friction),
         members=tuple(analysis.contact_lengths),
-        config=closed.config,
+        config=grip.config,
         analysis=analysis,
-        score=rate_grasp(needs, analysis, total, margin, -travel),
-        squeeze=closed.squeeze,
-        slip_margin=margin,
+        score=rate_grip(needs, grip, -travel),
+        squeeze=grip.squeeze,
+        slip_margin=grip.slip_margin,
         closure_margin=analysis.closure_margin,
         required_friction=analysis.required_friction,
-        max_contact_force=loads.max_contact_force,
-        total_force=total,
-        utilisation=loads.max_utilisation,
+        max_contact_force=loads['max_contact_force'],
+        total_force=loads['max_total_force'],
+        utilisation=loads['max_utilisation'],
         travel=travel,
         rigidity=min(shape_margins(config).rigidity for config in configs),
         path=path,
         touch=len(opened),
     )
-
-
-def _carrying(
-    grasp: PlannedGrasp, needs: GraspRequirements, tally: SearchTally
-) -> PlannedGrasp | None:
-    """Return a grasp if it carries the object along its path; None if it slips on it."""
-    tally.closest = None
-    try:
-        found = foresee_grip(grasp.config, grasp.grip.body, needs.friction, np.array(needs.carry))
-    except (ConfigurationError, GraspError, SolverError) as error:
-        tally.record(str(error), 0.0, 1.0, 1.0)
-        return None
-    if found is not None and not found.why:
-        return grasp
-    share = 0.0 if found is None else found.share
-    tally.record('carry', share, 1.0, 1.0 - share)
-    return None
-
-
-@functools.lru_cache(maxsize=4)
-def _robot(description: bytes) -> Robot:
-    return Robot(pickle.loads(description))

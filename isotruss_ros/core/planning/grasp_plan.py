@@ -18,24 +18,16 @@ from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip, members_at
 from isotruss_ros.core.numerics.arrays import Array
-import numpy as np
 
 
 @dataclass(frozen=True, eq=False)
 class Violation:
-    """
-    The requirement that a grasp candidate violates.
+    """The requirement that a grasp candidate violates."""
 
-    :ivar requirement: its name.
-    :ivar value: that of the candidate.
-    :ivar bound: that of the requirement.
-    :ivar distance: of the value from the bound, without unit, to compare candidates by.
-    """
-
-    requirement: str
-    value: float
-    bound: float
-    distance: float
+    requirement: str  #: its name
+    value: float  #: that of the candidate
+    bound: float  #: that of the requirement
+    distance: float  #: of the value from the bound, without unit, to compare candidates by
 
 
 class SearchTally:
@@ -81,44 +73,26 @@ class PlannedGrasp:
     """
     A grasp that fulfils the requirements, and the path to it.
 
-    :ivar grip: the members that were closed on the object, and the object where it is then.
-    :ivar members: names `t/j-k` of all members that touch the object.
-    :ivar config: configuration of the robot in the grasp.
-    :ivar analysis: of the grasp.
-    :ivar score: of the measure asked for; larger is better.
-    :ivar squeeze: mean normal force of the grasping members on the free object [N].
-    :ivar slip_margin: see `SettledGrasp.slip_margin`: of the free object; zero where that would
-        not be held [N].
-    :ivar closure_margin: see `GraspAnalysis.closure_margin`: of the object held fast; negative
-        where that is open, which an object that is free does not mind [N].
-    :ivar required_friction: see `GraspAnalysis.required_friction`.
-    :ivar max_contact_force: largest sum of the normal forces of one member, of the object held
-        fast or free [N].
-    :ivar total_force: sum of the normal forces, likewise [N].
-    :ivar utilisation: largest of all members, likewise, see `SettledGrasp.utilisation`; above 1
-        all numbers are outside of the model.
-    :ivar travel: path length of the roller that travels furthest [m].
-    :ivar rigidity: the smallest rigidity index along the path, 1 at home.
-    :ivar path: (k, r) roller positions from the present ones to the grasp, straight between [m].
-    :ivar touch: the row of `path` at which all grasping members touch; none does before.
+    The path is straight between its rows. An object that is free does not mind a grasp that is
+    open, by (10), of the object held fast.
     """
 
-    grip: Grip
-    members: tuple[str, ...]
-    config: Configuration
-    analysis: GraspAnalysis
-    score: float
-    squeeze: float
-    slip_margin: float
-    closure_margin: float
-    required_friction: float
-    max_contact_force: float
-    total_force: float
-    utilisation: float
-    travel: float
-    rigidity: float
-    path: Array
-    touch: int
+    grip: Grip  #: the members that were closed on the object, and the object where it is then
+    members: tuple[str, ...]  #: names `t/j-k` of all members that touch the object
+    config: Configuration  #: configuration of the robot in the grasp
+    analysis: GraspAnalysis  #: of the grasp
+    score: float  #: of the measure asked for; larger is better
+    squeeze: float  #: mean normal force of the grasping members on the free object [N]
+    slip_margin: float  #: of the free object [N], see `SettledGrasp`; zero where that is not held
+    closure_margin: float  #: of the object held fast [N]; negative where that is open
+    required_friction: float  #: see `GraspAnalysis.required_friction`
+    max_contact_force: float  #: largest sum of one member, of the object held fast or free [N]
+    total_force: float  #: sum of the normal forces, likewise [N]
+    utilisation: float  #: largest of all members, likewise; above 1 outside of the model
+    travel: float  #: path length of the roller that travels furthest [m]
+    rigidity: float  #: the smallest rigidity index along the path, 1 at home
+    path: Array  #: (k, r) roller positions from the present ones to the grasp [m]
+    touch: int  #: the row of `path` at which all grasping members touch; none does before
 
     @property
     def module(self) -> str | None:
@@ -140,23 +114,14 @@ class PlannedGrasp:
 
 @dataclass(frozen=True, eq=False)
 class GraspPlan(Sequence[PlannedGrasp]):
-    """
-    The result of a search; as a sequence, its grasps.
+    """The result of a search; as a sequence, its grasps."""
 
-    :ivar grasps: distinct ones, best first; empty where none was found.
-    :ivar complete: whether the search ended by itself, and was not stopped.
-    :ivar closest_violation: where none was found: the violation of the closest candidate.
-    :ivar evaluations: configurations evaluated, by kinematics or statics.
-    :ivar analyses: of them, how many by statics.
-    :ivar computing_time: [s].
-    """
-
-    grasps: tuple[PlannedGrasp, ...]
-    complete: bool
-    closest_violation: Violation | None
-    evaluations: int
-    analyses: int
-    computing_time: float
+    grasps: tuple[PlannedGrasp, ...]  #: distinct ones, best first; empty where none was found
+    complete: bool  #: whether the search ended by itself, and was not stopped
+    closest_violation: Violation | None  #: of the closest candidate, where no grasp was found
+    evaluations: int  #: configurations evaluated, by kinematics or statics
+    analyses: int  #: of them, how many by statics
+    computing_time: float  #: [s]
 
     def __getitem__(self, place: int | slice) -> PlannedGrasp | tuple[PlannedGrasp, ...]:
         """Return a grasp, or some of them."""
@@ -169,38 +134,10 @@ class GraspPlan(Sequence[PlannedGrasp]):
 
 @dataclass(frozen=True)
 class Progress:
-    """
-    Progress of a search.
+    """Progress of a search."""
 
-    :ivar evaluations: configurations evaluated so far.
-    :ivar found: grasps so far.
-    :ivar best: score of the best of them; None while there is none.
-    :ivar share: of the candidates of all rounds that were computed, 0 to 1.
-    :ivar time_left: estimate [s]; None while there is none.
-    """
-
-    evaluations: int
-    found: int
-    best: float | None
-    share: float
-    time_left: float | None
-
-
-#: Of the largest speed, near the object: a member that touches first, since its rollers lag less
-#: than others, pushes the object along.
-NEAR_SHARE = 0.25
-
-
-def path_times(path: Array, max_speed: float, near: Array, min_duration: float = 0.01) -> Array:
-    """
-    Return when each waypoint is reached, straight between them.
-
-    :param path: (k, r) roller positions [m].
-    :param max_speed: of any roller [m/s].
-    :param near: (k - 1,) pieces that are driven at `NEAR_SHARE` of the speed.
-    :param min_duration: of each piece, so that times increase [s].
-    :return: (k,) times from the start, the first 0 [s].
-    """
-    speeds = np.where(near, NEAR_SHARE * max_speed, max_speed)
-    longest = np.abs(np.diff(path, axis=0)).max(axis=1, initial=0.0)
-    return np.append(0.0, np.cumsum(np.maximum(longest / speeds, min_duration)))
+    evaluations: int  #: configurations evaluated so far
+    found: int  #: grasps so far
+    best: float | None  #: score of the best of them; None while there is none
+    share: float  #: of the candidates of all rounds that were computed, 0 to 1
+    time_left: float | None  #: estimate [s]; None while there is none

@@ -23,7 +23,9 @@ from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.holding.grasp_gradient import grasp_gradient
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.roll_grip import roll_grip
-from isotruss_ros.core.holding.settle_grasp import assess_equilibrium
+from isotruss_ros.core.holding.settle_grasp import assess_equilibrium, MAX_DISPLACEMENT
+from isotruss_ros.core.manipulation.limits import stack_rows
+from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
 from isotruss_ros.core.planning.closing import Closing, evaluate_state
@@ -59,19 +61,45 @@ def squeeze_in_place(
     :return: None where there is none; then the tally has the violation.
     :raises StructureError: see `structure_of`.
     """
-    bounds = _Bounds(grasp, force, closing)
+    evened = len(closing.members) if len(closing.members) > 2 else 0
+    scale = np.array(
+        [SQUEEZE_TOLERANCE * force, PLACE_TOLERANCE, PLACE_TOLERANCE, TURN_TOLERANCE]
+        + evened * [EVEN_TOLERANCE * force]
+    )
+    weights = WEIGHTS[: len(scale) - 1]
+    limits = stack_rows([limit.rows(grasp.config) for limit in closing.limits])
+    rows = np.concatenate([limits.matrix, -limits.matrix])
+    room = np.concatenate([limits.upper, -limits.lower])  # until where the motion ends
     rates: Array | None = None
     size = 0.0
     for _ in range(MAX_CORRECTIONS):
-        missing = bounds.missing(grasp)
+        # Errors count in tolerances: of squeeze, pose and, of three members, evenness.
+        missing = _missing(grasp, force, closing.body) / scale
         before, size = size, np.abs(missing).max()
-        if rates is None or size > RENEWED * before:
-            rates = bounds.rates(grasp)
-        travel = None if rates is None else bounds.travel(missing, rates)
+        try:
+            if rates is None or size > RENEWED * before:
+                pose, forces = rolling_rates(grasp)
+                rates = np.vstack([forces.mean(axis=0), pose, forces])[: len(scale)]
+                rates = rates / scale[:, None]
+        except GraspError:
+            break
+        others = weights[:, None] * rates[1:]
+        # The motion brings the squeeze, and of the rest what it can.
+        travel = solve_qp(
+            QuadraticProgram(
+                others.T @ others + MOTION_WEIGHT * np.eye(others.shape[1]),
+                -others.T @ (weights * missing[1:]),
+                rows,
+                room,
+                equality=rates[:1],
+                target=missing[:1],
+            )
+        )
         if travel is None:
             break
+        room = room - rows @ travel
         gain = rates @ travel
-        errors = [np.linalg.norm(bounds.weights * each[1:]) for each in (missing, missing - gain)]
+        errors = [np.linalg.norm(weights * each[1:]) for each in (missing, missing - gain)]
         if abs(missing[0]) < 1.0 and (np.abs(gain).max() < 1.0 or errors[1] > SLOW * errors[0]):
             return grasp if _stays(grasp, closing, tally) else None
         tally.evaluations += 1
@@ -89,64 +117,16 @@ def squeeze_in_place(
     return None
 
 
-class _Bounds:
+def displacement(grasp: HeldGrip, body: ConvexObject) -> Array:
     """
-    Bounds of a motion, and errors: of squeeze, pose and, of three members, evenness, (k,).
+    Return by how much an object has moved, (3,) [m, rad].
 
-    Bounds are those where the motion begins; errors count in tolerances.
+    :param grasp: how it is held.
+    :param body: the object where it lay.
     """
-
-    def __init__(self, grasp: HeldGrip, force: float, closing: Closing) -> None:
-        self._force, self._closing = force, closing
-        rows = [limit.rows(grasp.config) for limit in closing.limits]
-        self._rows = np.concatenate([part for row in rows for part in (row.matrix, -row.matrix)])
-        self._most = np.concatenate([part for row in rows for part in (row.upper, -row.lower)])
-        bounds = [SQUEEZE_TOLERANCE * force, PLACE_TOLERANCE, PLACE_TOLERANCE, TURN_TOLERANCE]
-        self._even = len(closing.members) > 2
-        if self._even:
-            bounds += [EVEN_TOLERANCE * force] * len(closing.members)
-        self._scale = np.array(bounds)
-        self.weights = WEIGHTS[: len(bounds) - 1]
-
-    def rates(self, grasp: HeldGrip) -> Array | None:
-        """Return the rates of what is missing, (k, r); None where these are not finite."""
-        try:
-            pose, forces = rolling_rates(grasp)
-        except GraspError:
-            return None
-        rates = np.vstack([forces.mean(axis=0), pose, forces])
-        return rates[: len(self._scale)] / self._scale[:, None]
-
-    def missing(self, grasp: HeldGrip) -> Array:
-        """Return what is missing where a grip is."""
-        away = np.subtract(self._closing.body.pose, grasp.pose)
-        away[2] = math.remainder(away[2], 2.0 * math.pi)
-        missing = np.append(self._force - grasp.squeeze, away)
-        if self._even:
-            wanted = len(self._closing.members) * self._force * _shares(grasp)
-            missing = np.append(missing, wanted - grasp.normal_forces)
-        return missing / self._scale
-
-    def travel(self, missing: Array, rates: Array) -> Array | None:
-        """
-        Return the next motion of the rollers (r,); None where bounds leave none [m].
-
-        It brings the squeeze, and of the rest what it can.
-        """
-        others = self.weights[:, None] * rates[1:]
-        found = solve_qp(
-            QuadraticProgram(
-                others.T @ others + MOTION_WEIGHT * np.eye(others.shape[1]),
-                -others.T @ (self.weights * missing[1:]),
-                self._rows,
-                self._most,
-                equality=rates[:1],
-                target=missing[:1],
-            )
-        )
-        if found is not None:
-            self._most = self._most - self._rows @ found
-        return found
+    moved = np.subtract(grasp.pose, body.pose)
+    moved[2] = math.remainder(moved[2], 2.0 * math.pi)
+    return moved
 
 
 def rolling_rates(grasp: HeldGrip) -> tuple[Array, Array]:
@@ -172,30 +152,30 @@ def rolling_rates(grasp: HeldGrip) -> tuple[Array, Array]:
     )
 
 
-def _shares(grasp: HeldGrip) -> Array:
-    """Return with which shares of the total three members press so that their forces balance."""
+def _missing(grasp: HeldGrip, force: float, body: ConvexObject) -> Array:
+    """Return what a grip lacks of a squeeze [N], a pose [m, rad] and, of three members, forces."""
+    missing = np.append(force - grasp.squeeze, -displacement(grasp, body))
     owners = grasp.contacts.owners
-    normals = grasp.state.normals[np.searchsorted(owners, np.arange(owners[-1] + 1))]
-    ahead, behind = np.roll(normals, -1), np.roll(normals, -2)
-    found = (ahead.conj() * behind).imag
-    return found / found.sum()
+    if owners[-1] < 2:
+        return missing
+    # Three members press in such shares of the total that their forces balance.
+    normals = grasp.state.normals[np.searchsorted(owners, np.arange(3))]
+    shares = (np.roll(normals, -1).conj() * np.roll(normals, -2)).imag
+    return np.append(missing, 3.0 * force * shares / shares.sum() - grasp.normal_forces)
 
 
 def _stays(grasp: HeldGrip, closing: Closing, tally: SearchTally) -> bool:
     """Tell whether a grip keeps the bounds, and the object in place, as far as rollers can."""
-    state, file = evaluate_state(grasp.config, grasp.body), grasp.config.robot.description
-    gaps = np.delete(state.gaps, closing.members)
-    for name, value, bound in (
-        ('rigidity', state.rigidity, closing.min_rigidity),
-        ('self_clearance', state.clearance, 0.0),
-        ('object_clearance', float(gaps.min()), 0.0),
-    ):
-        if value < bound:
-            tally.record(name, value, bound, 50.0)
-            return False
+    state = evaluate_state(grasp.config, grasp.body)
+    least = np.zeros(len(state.gaps))
+    least[list(closing.members)] = -np.inf
+    broken = state.broken_bound(closing.min_rigidity, 0.0, least)
+    if broken is not None:
+        tally.record(*broken, 50.0)
+        return False
     # A robot of few rollers cannot close and keep the object in place: it goes along a little.
-    bound = closing.settings.max_displacement * file.tube_diameter
-    distance = math.hypot(*np.subtract(closing.body.pose, grasp.pose)[:2])
+    bound = MAX_DISPLACEMENT * grasp.config.robot.description.tube_diameter
+    distance = math.hypot(*displacement(grasp, closing.body)[:2])
     if distance > bound:
         tally.record('in_place', distance, bound, 20.0)
     return distance <= bound

@@ -43,23 +43,14 @@ PATIENCE = 20
 
 @dataclass(frozen=True, eq=False)
 class ReachedPose:
-    """
-    Where the robot brings a held object.
+    """Where the robot brings a held object."""
 
-    :ivar config: of the robot at the end of the way.
-    :ivar pose: of the object there.
-    :ivar share: of the way from the first pose to the one asked for, 0 to 1.
-    :ivar status: OK where the pose is reached; else what ends the way.
-    :ivar why: the same in words; empty where the pose is reached.
-    :ivar path: (k, r) roller positions on the way, the first ones included [m].
-    """
-
-    config: Configuration
-    pose: Pose
-    share: float
-    status: Status
-    why: str
-    path: Array
+    config: Configuration  #: of the robot at the end of the way
+    pose: Pose  #: of the object there
+    share: float  #: of the way from the first pose to the one asked for, 0 to 1
+    status: Status  #: OK where the pose is reached; else what ends the way
+    why: str  #: the same in words; empty where the pose is reached
+    path: Array  #: (k, r) roller positions on the way, the first ones included [m]
 
     @property
     def roller_positions(self) -> Array:

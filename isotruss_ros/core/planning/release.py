@@ -19,9 +19,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from isotruss_ros.core.errors import ConfigurationError, GraspError
+from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
+from isotruss_ros.core.holding.held_grip import HoldStatus
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths
@@ -31,12 +31,11 @@ from isotruss_ros.core.manipulation.solve_twist import solve_twist
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
-from isotruss_ros.core.planning.closing import Closing
+from isotruss_ros.core.planning.closing import BOUND_SHARE, Closing
 from isotruss_ros.core.planning.closing_step import press
 from isotruss_ros.core.planning.grasp_plan import SearchTally, Violation
 from isotruss_ros.core.planning.motion_in_place import squeeze_in_place
 from isotruss_ros.core.planning.requirements import MIN_RIGIDITY
-from isotruss_ros.core.planning.settings import DEFAULT
 import numpy as np
 
 #: Shares of the squeeze at the waypoints of the unloading; at the last the members let go. What
@@ -55,18 +54,11 @@ MIN_SCALE = 0.999
 
 @dataclass(frozen=True, eq=False)
 class Release:
-    """
-    A path that lets the object go, or why there is none.
+    """A path that lets the object go, or why there is none."""
 
-    :ivar path: (k, r) roller positions from the present ones, straight between [m]; none where
-        there is a violation.
-    :ivar apart: the row of `path` from which on nothing touches the object.
-    :ivar violation: what ends the motion; None if nothing does.
-    """
-
-    path: Array
-    apart: int
-    violation: Violation | None = None
+    path: Array  #: (k, r) roller positions from the present ones [m]; none with a violation
+    apart: int  #: the row of `path` from which on nothing touches the object
+    violation: Violation | None = None  #: what ends the motion; None if nothing does
 
 
 @single_threaded
@@ -87,6 +79,7 @@ def plan_release(
         together [m].
     :param min_rigidity: smallest rigidity index along the path, 1 at home.
     :raises GraspError: no such members, or a clearance out of range.
+    :raises ConfigurationError: the shape in which the grip opens is singular.
     :raises SolverError: a quadratic program was not solved.
     :raises StructureError: see `structure_of`.
     """
@@ -98,18 +91,18 @@ def plan_release(
             'all tubes together'
         )
     numbers = find_members(config.robot, Grip(tuple(members), body).members).members
-    limit = MemberLengthLimit(file.min_length, file.max_length, DEFAULT.bound_share)
+    limit = MemberLengthLimit(file.min_length, file.max_length, BOUND_SHARE)
     closing = Closing(body, tuple(numbers.tolist()), (limit,), min_rigidity)
     tally = SearchTally()
-    unloaded = _unload(config, closing, tally)
+    unloaded, failed = _unload(config, closing, tally), np.empty((0, len(config.roller_positions)))
     if unloaded is None:
-        return _fail(config, tally)
+        return Release(failed, 0, tally.closest)
     path, closing = unloaded
     apart = len(path) - 1 if len(path) > 1 else 1
     for gap in np.linspace(0.0, clearance, OPENING_STEPS + 1)[1:]:
         opened = press(path[-1], closing, np.full(len(closing.members), -gap), tally)
         if opened is None:
-            return _fail(config, tally)
+            return Release(failed, 0, tally.closest)
         path.append(opened)
     return Release(np.array([where.roller_positions for where in path]), apart)
 
@@ -139,29 +132,12 @@ def _unload(
             return None
         grasp = moved
         path.append(grasp.config)
-    opened = _open(grasp, FIRST_OPENING * diameter, closing)
-    if opened is None:
+    # In place: members that merely moved away would roll the object along as they touch it yet.
+    grip, config = Grip(grasp.member_names, grasp.body), grasp.config
+    opening = FIRST_OPENING * diameter
+    command = solve_twist(config, grip, np.zeros(3), limits=closing.limits, opening_rate=opening)
+    if command.scale < MIN_SCALE:
         tally.record('squeeze', grasp.squeeze, 0.0, 5.0)
         return None
-    path.append(opened)
+    path.append(config.moved_to(config.roller_positions + command.roller_velocities))
     return path, replace(closing, body=grasp.body)
-
-
-def _open(grasp: HeldGrip, distance: float, closing: Closing) -> Configuration | None:
-    """
-    Return the configuration in which the grip is open by so much more; None where limits end that.
-
-    The object stays: members that merely moved away would roll it along as long as they touch it.
-    """
-    grip, config = Grip(grasp.member_names, grasp.body), grasp.config
-    command = solve_twist(config, grip, np.zeros(3), limits=closing.limits, opening_rate=distance)
-    if command.scale < MIN_SCALE:
-        return None
-    try:
-        return config.moved_to(config.roller_positions + command.roller_velocities)
-    except ConfigurationError:
-        return None
-
-
-def _fail(config: Configuration, tally: SearchTally) -> Release:
-    return Release(np.empty((0, len(config.roller_positions))), 0, tally.closest)

@@ -16,12 +16,10 @@ from dataclasses import dataclass, fields
 from enum import Enum
 import math
 
-from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.errors import GraspError, quote
 from isotruss_ros.core.manipulation.grip import FEWEST, MOST
 from isotruss_ros.core.numerics.arrays import finite_array
 from isotruss_ros.core.statics.wrinkling import MAX_UTILISATION
-import numpy as np
 
 #: Smallest rigidity index along the path, 1 at home.
 MIN_RIGIDITY = 0.15
@@ -145,31 +143,3 @@ class GraspRequirements:
                 f'requirement {name}: {value!r}: must be a number, not negative'
                 + (', and finite' if bounded else '')
             )
-
-
-def rate_grasp(
-    needs: GraspRequirements,
-    analysis: GraspAnalysis,
-    total_force: float,
-    slip_margin: float,
-    shortness: float,
-) -> float:
-    """
-    Return the score of a grasp by the measure; larger is better.
-
-    :param needs: the requirements, with the measure.
-    :param analysis: of the grasp.
-    :param total_force: sum of the normal forces [N].
-    :param slip_margin: of the free object [N].
-    :param shortness: the larger, the shorter is the path.
-    """
-    if needs.measure is Measure.TRAVEL:
-        return shortness
-    if needs.measure is Measure.TOTAL_FORCE:
-        return -total_force
-    if needs.measure is Measure.STIFFNESS:
-        along = np.array(needs.direction) / np.linalg.norm(needs.direction)
-        return float(along @ analysis.stiffness @ along)
-    if needs.measure is Measure.CLOSURE_MARGIN:
-        return analysis.closure_margin
-    return slip_margin

@@ -24,9 +24,9 @@ from typing import NamedTuple
 from isotruss_ros.core.errors import GraspError, IsotrussError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.planning.describe_plan import plan_in_words
 from isotruss_ros.core.planning.grasp_plan import GraspPlan, Progress
 from isotruss_ros.core.planning.plan_grasps import plan_grasps
-from isotruss_ros.core.planning.plan_words import plan_in_words
 from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.planning.workers import WorkerPool
 
@@ -44,17 +44,11 @@ class Outcome(enum.IntEnum):
 
 
 class Answer(NamedTuple):
-    """
-    What a search came to.
+    """What a search came to."""
 
-    :ivar outcome: why the search ended.
-    :ivar message: in words.
-    :ivar plan: the plan; None where there was no search, or it failed.
-    """
-
-    outcome: Outcome
-    message: str
-    plan: GraspPlan | None = None
+    outcome: Outcome  #: why the search ended
+    message: str  #: in words
+    plan: GraspPlan | None = None  #: the plan; None where there was no search, or it failed
 
 
 class Stop:
@@ -112,11 +106,9 @@ class Searcher:
         """
         if self._pool is None:
             self._pool = WorkerPool(self._workers)
-        # One of its own: a configuration keeps what is computed of it, in one thread only.
-        own = Configuration(config.robot, config.roller_positions, config.points)
         self._search, self._stop = Future(), Stop(time_limit)
         self._progress = Progress(0, 0, None, 0.0, None), 0.0
-        arguments = (own, body, requirements, seed, self._pool.executor)
+        arguments = (config, body, requirements, seed, self._pool.executor)
         threading.Thread(target=self._run, args=(self._search, arguments), daemon=True).start()
 
     def progress(self) -> Progress | None:

@@ -6,6 +6,7 @@
 # writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
+
 """Seeds of the search for grasps: pairs and triples of the members around an object."""
 
 from __future__ import annotations
@@ -19,99 +20,99 @@ from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import find_members, members_at
 from isotruss_ros.core.manipulation.limits import MemberLengthLimit
 from isotruss_ros.core.model.convex_object import ConvexObject, segment_gaps
-from isotruss_ros.core.numerics.arrays import Array, Points
-from isotruss_ros.core.planning.closing import Closing, mean_member_length, outward_normals
-from isotruss_ros.core.planning.facing import balances, find_facing
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.planning.closing import BOUND_SHARE, Closing, mean_member_length
+from isotruss_ros.core.planning.facing import balances, CONE_SHARE, find_facing, TURNING_PRICE
+from isotruss_ros.core.planning.grasp_plan import SearchTally
 from isotruss_ros.core.planning.requirements import GraspRequirements
-from isotruss_ros.core.planning.settings import DEFAULT, SearchSettings
 import numpy as np
 
 #: Lines of sight from the object's middle.
 SIGHTS = 180
+#: Seeds of a round, the easiest first.
+MAX_SEEDS = 8
+#: Of random seeds: friction cones, as shares of the whole ones, and standard deviation of the
+#: nominal roller positions, in mean lengths of members.
+RANDOM_CONES, RANDOM_POSTURE = (0.5, 1.0), 0.3
 
 
 def find_seeds(
     config: Configuration,
     body: ConvexObject,
-    requirements: GraspRequirements,
+    needs: GraspRequirements,
     seed: int,
     number: int,
-    settings: SearchSettings = DEFAULT,
+    tally: SearchTally,
 ) -> list[Closing]:
     """
     Return the seeds of one round, pairs first, the easiest first.
 
-    There are none where members do not enclose the object.
-
     :param config: configuration of the robot.
     :param body: the object.
-    :param requirements: what a grasp must fulfil; of a required module only its two members grip,
-        and of required members only these.
+    :param needs: what a grasp must fulfil; of a required module only its two members grip, and of
+        required members only these.
     :param seed: of the random numbers.
     :param number: of the round; the first is 0. In the others cones and postures are random,
         and few groups of members are tried several times.
-    :param settings: of the search.
+    :param tally: of the search; has the reason where there are no seeds.
     :raises GraspError: the robot has no such module or members as those required.
     """
+    around, file = enclosing_members(config, body.middle), config.robot.description
+    wanted = required_members(config.robot, needs)
+    groups = [group for count in (2, 3) for group in itertools.combinations(around, count)]
+    groups = [group for group in groups if not wanted or wanted == set(group)]
+    if number > 0 and groups:
+        groups *= math.ceil(MAX_SEEDS / len(groups))
+    limit = MemberLengthLimit(
+        file.min_length if needs.min_length is None else needs.min_length,
+        file.max_length if needs.max_length is None else needs.max_length,
+        BOUND_SHARE,
+    )
     rng = np.random.default_rng((seed, number))
     found: list[tuple[float, Closing]] = []
-    for closing in _drafts(config, body, requirements, number, settings):
-        turning = settings.turning_price
+    for group in groups:
+        turning, cone, posture = TURNING_PRICE, math.atan(needs.friction), None
         if number > 0:
-            turning *= float(rng.uniform(0.0, 1.0))
-            size = settings.random_posture * mean_member_length(config)
+            turning *= rng.uniform(0.0, 1.0)
+            size = RANDOM_POSTURE * mean_member_length(config)
             away = size * rng.standard_normal(len(config.roller_positions))
-            closing = replace(
-                closing,
-                nominal_posture=config.roller_positions + away,
-                friction_angle=closing.friction_angle * rng.uniform(*settings.random_cones),
-            )
-        normals = outward_normals(config, closing)
-        facing = _facing(closing, normals, turning)
-        if facing is None:
-            continue
-        effort = _effort(config, closing, np.angle(facing / normals))
-        if len(normals) == 2:
+            posture = config.roller_positions + away
+            cone *= rng.uniform(*RANDOM_CONES)
+        closing = Closing(body, group, (limit,), needs.min_rigidity, cone, posture)
+        normals = closing.normals(config)
+        if len(group) == 2:
+            facing = find_facing(body, normals, CONE_SHARE * cone, turning)
             closing = replace(closing, facing=facing)
-        found.append((effort, closing))
+        else:
+            facing = normals if balances(body, normals, CONE_SHARE * cone) else None
+        if facing is not None:
+            found.append((_effort(config, closing, np.angle(facing / normals)), closing))
+    if not found:
+        tally.record(*_explain_none(around, wanted), 1000.0)
     # A tube that keeps its length seldom brings three members to an object at once.
     found.sort(key=lambda item: (len(item[1].members), item[0]))
-    return [closing for _, closing in found[: settings.max_grips]]
+    return [closing for _, closing in found[:MAX_SEEDS]]
 
 
-def explain_no_seeds(
-    config: Configuration, body: ConvexObject, requirements: GraspRequirements
-) -> tuple[str, float, float, float]:
-    """
-    Return why there is not even a seed, as `SearchTally.record` takes it.
-
-    No members go around the object, or not those required.
-
-    :param config: configuration of the robot.
-    :param body: the object.
-    :param requirements: what a grasp must fulfil.
-    :raises GraspError: the robot has no such module or members as those required.
-    """
-    around = enclosing_members(config, body.middle)
+def _explain_none(around: tuple[int, ...], wanted: frozenset[int]) -> tuple[str, float, float]:
+    """Return what is violated where not even a seed is, with value and bound."""
     if not around:
-        return 'enclosed', 0.0, 1.0, 1000.0
-    wanted = required_members(config.robot, requirements)
+        return 'enclosed', 0.0, 1.0
     seen = len(wanted.intersection(around))
-    name = 'members' if seen < len(wanted) else 'opposed'
-    return name, float(seen), float(len(wanted)), 1000.0
+    return 'members' if seen < len(wanted) else 'opposed', seen, len(wanted)
 
 
-def required_members(robot: Robot, requirements: GraspRequirements) -> frozenset[int]:
+def required_members(robot: Robot, needs: GraspRequirements) -> frozenset[int]:
     """
     Return the numbers of the members that are to grip; none where any may.
 
     :param robot: the robot.
-    :param requirements: what a grasp must fulfil.
+    :param needs: what a grasp must fulfil.
     :raises GraspError: the robot has no such module or members.
     """
-    names = requirements.members or ()
-    if requirements.module is not None:
-        names = members_at(robot, requirements.module)
+    names = needs.members or ()
+    if needs.module is not None:
+        names = members_at(robot, needs.module)
     return frozenset(find_members(robot, names).members.tolist())
 
 
@@ -140,45 +141,9 @@ def enclosing_members(config: Configuration, point: complex) -> tuple[int, ...]:
     return tuple(int(i) for i in np.unique(first[first < count]))
 
 
-def _drafts(
-    config: Configuration,
-    body: ConvexObject,
-    needs: GraspRequirements,
-    number: int,
-    settings: SearchSettings,
-) -> list[Closing]:
-    """Return what may close, of each group of members; in later rounds about `max_grips`."""
-    around, file = enclosing_members(config, body.middle), config.robot.description
-    groups = [group for count in (2, 3) for group in itertools.combinations(around, count)]
-    wanted = required_members(config.robot, needs)
-    if wanted:
-        groups = [group for group in groups if wanted == set(group)]
-    if number > 0 and groups:
-        groups *= math.ceil(settings.max_grips / len(groups))
-    limit = MemberLengthLimit(
-        file.min_length if needs.min_length is None else needs.min_length,
-        file.max_length if needs.max_length is None else needs.max_length,
-        settings.bound_share,
-    )
-    cone = math.atan(needs.friction)
-    return [
-        Closing(body, group, (limit,), needs.min_rigidity, cone, settings=settings)
-        for group in groups
-    ]
-
-
-def _facing(closing: Closing, normals: Points, turning: float) -> Points | None:
-    """Return how members are to face the object; None where they cannot hold it."""
-    angle = closing.settings.cone_share * closing.friction_angle
-    if len(normals) == 2:
-        return find_facing(closing.body, normals, angle, turning)
-    return normals if balances(closing.body, normals, angle) else None
-
-
 def _effort(config: Configuration, closing: Closing, turns: Array) -> float:
     """Return how far members are from where they are to be, to compare groups by [m]."""
     topology, numbers = config.robot.topology, list(closing.members)
     ends = topology.b[numbers], topology.c[topology.following[numbers]]
     gaps = segment_gaps(closing.body, *(config.points[nodes] for nodes in ends)).gaps
-    reach = 0.5 * mean_member_length(config)
-    return float(gaps.sum() + reach * np.abs(turns).sum())
+    return float(gaps.sum() + 0.5 * mean_member_length(config) * np.abs(turns).sum())

@@ -37,9 +37,11 @@ from isotruss_ros.core.control.path_tracking import (
     RETURN_TURN_RATE,
 )
 from isotruss_ros.core.manipulation.grip import FEWEST, MOST
-from isotruss_ros.core.planning.export import export_violation
-from isotruss_ros.core.planning.grasp_plan import path_times
-from isotruss_ros.core.planning.plan_words import violation_in_words
+from isotruss_ros.core.planning.describe_plan import (
+    export_violation,
+    path_times,
+    violation_in_words,
+)
 from isotruss_ros.core.planning.release import plan_release, Release
 from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.action_steps import (

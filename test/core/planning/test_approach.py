@@ -12,7 +12,6 @@
 from dataclasses import replace
 import functools
 import itertools
-from types import SimpleNamespace
 from typing import NamedTuple
 
 import closings
@@ -24,12 +23,11 @@ from isotruss_ros.core import (
     plan_grasps,
 )
 from isotruss_ros.core.planning import approach as approaching
-from isotruss_ros.core.planning.approach import missing_turn, turned_closing
-from isotruss_ros.core.planning.closing import Closing, evaluate_state, outward_normals
+from isotruss_ros.core.planning.approach import find_turn, never
+from isotruss_ros.core.planning.closing import Closing
 from isotruss_ros.core.planning.facing import balances, friction_angles
 from isotruss_ros.core.planning.grasp_plan import SearchTally
 from isotruss_ros.core.planning.seeds import find_seeds
-from isotruss_ros.core.planning.settings import SearchSettings
 from isotruss_ros.core.safety.margins import shape_margins
 import numpy as np
 import pytest
@@ -49,7 +47,7 @@ class Way(NamedTuple):
     evaluations: int
 
 
-def approach(config, closing, should_stop=None):
+def approach(config, closing, should_stop=never):
     """Approach an object."""
     tally = SearchTally()
     return Way(
@@ -61,7 +59,8 @@ def approach(config, closing, should_stop=None):
 def reached(seed):
     """Return an object in a robot, and some approaches to it."""
     config, body, _ = closings.scene(seed)
-    found = find_seeds(config, body, NEEDS, 0, 0) + find_seeds(config, body, NEEDS, 0, 1)[:2]
+    found = find_seeds(config, body, NEEDS, 0, 0, SearchTally())
+    found += find_seeds(config, body, NEEDS, 0, 1, SearchTally())[:2]
     ways = [approach(config, closing) for closing in found]
     return config, body, ways
 
@@ -84,7 +83,7 @@ def standing(way, config):
 
 def missing(way, config):
     """Return by how much the sides are to turn yet [rad]."""
-    return missing_turn(evaluate_state(config, way.closing.body), way.closing)
+    return find_turn(config, way.closing)[0]
 
 
 def test_there_are_approaches_of_all_kinds():
@@ -101,7 +100,7 @@ def test_sides_stand_off_the_object_and_friction_holds_it_between_them():
         near = closings.gaps(there, body)[0][list(way.closing.members)]
         assert near.min() > 0.06 * tube - 0.016 * tube
         assert near.max() <= 0.08 * tube + 3e-5
-        normals = outward_normals(there, way.closing)
+        normals = way.closing.normals(there)
         assert balances(body, normals, 0.85 * way.closing.friction_angle)
 
 
@@ -153,7 +152,7 @@ def test_way_begins_where_the_robot_is_and_is_nothing_where_it_is_there():
     for _, way in each(arrived):
         again = approach(way.path[-1], way.closing)
         assert again.unmet is None
-        assert again.path == (way.path[-1],)
+        assert again.path == [way.path[-1]]
         assert again.evaluations == 0
     for config, _, ways in map(reached, SEEDS):
         assert all(way.path[0] is config for way in ways)
@@ -161,7 +160,7 @@ def test_way_begins_where_the_robot_is_and_is_nothing_where_it_is_there():
 
 def test_what_is_missed_is_so():
     for _, way in each(lambda way: not arrived(way)):
-        name, value = way.unmet
+        name, value, _ = way.unmet
         there, tube = way.path[-1], way.path[-1].robot.description.tube_diameter
         gap = standing(way, there)
         if name == 'reach':
@@ -192,21 +191,18 @@ def test_who_gets_nowhere_is_given_up_and_who_gets_on_is_not():
             assert len(way.path) > 13
 
 
-def test_an_approach_ends_after_the_largest_number_of_steps():
+def test_an_approach_ends_after_the_largest_number_of_steps(monkeypatch):
     _, _, ways = reached(0)
     way = max((way for way in ways if arrived(way)), key=lambda way: len(way.path))
     steps = len(way.path) - 1
     assert steps > 3
-    enough, short = (
-        approach(
-            way.path[0],
-            replace(way.closing, settings=SearchSettings(max_approach_steps=number)),
-        )
-        for number in (steps, steps - 1)
-    )
+    monkeypatch.setattr(approaching, 'MAX_STEPS', steps)
+    enough = approach(way.path[0], way.closing)
+    monkeypatch.setattr(approaching, 'MAX_STEPS', steps - 1)
+    short = approach(way.path[0], way.closing)
     assert enough.unmet is None
     assert len(short.path) == steps
-    name, value = short.unmet
+    name, value, _ = short.unmet
     gap = standing(way, short.path[-1])
     tube = short.path[-1].robot.description.tube_diameter
     assert name == ('reach' if gap > 0.02 * tube else 'facing')
@@ -295,7 +291,7 @@ def reversed_tubes(document, body):
 def at_home(document, body):
     """Return whether approaches from home arrive, by the ends of the members."""
     home, found = robots.load(document).home, {}
-    for closing in find_seeds(home, body, NEEDS, 0, 0):
+    for closing in find_seeds(home, body, NEEDS, 0, 0, SearchTally()):
         if len(closing.members) == 2:
             way = approach(home, closing)
             key = frozenset(
@@ -321,7 +317,7 @@ def test_symmetric_robot_moves_symmetrically():
     document['supports'] = {'P': ['y'], 'Q': ['y'], 'X': ['x']}
     home, body = robots.load(document).home, ConvexObject.disc((0.0, 0.35), 0.25)
     needs = GraspRequirements(module='south/X')
-    for closing in find_seeds(home, body, needs, 0, 0)[:2]:
+    for closing in find_seeds(home, body, needs, 0, 0, SearchTally())[:2]:
         way = approach(home, closing)
         assert way.unmet is None
         assert len(way.path) > 3
@@ -332,69 +328,17 @@ def test_symmetric_robot_moves_symmetrically():
             assert near[0] == pytest.approx(near[1], abs=1e-5)
 
 
-class Place:
-    """A state that an approach comes to: its gap, against the tube, and what is too wide [rad]."""
-
-    def __init__(self, config, gap, wide):
-        diameter = config.robot.description.tube_diameter
-        self.config, self.wide = config, wide
-        gaps = np.full(len(config.robot.member_names), (0.06 + gap) * diameter)
-        self.gaps = gaps
-
-
-def approach_places(places, closing, monkeypatch):
-    """Return an approach whose steps lead from place to place, and the shares of its steps."""
-    left, shares = list(places), []
-
-    def step(state, turned, targets, share, tally):
-        shares.append(share)
-        return SimpleNamespace(state=left.pop(0), share=0.5, blocked=None)
-
-    monkeypatch.setattr(approaching, 'evaluate_state', lambda *_: left.pop(0))
-    monkeypatch.setattr(approaching, 'missing_turn', lambda state, _: state.wide)
-    monkeypatch.setattr(approaching, 'turned_closing', lambda _, closing, __: closing)
-    monkeypatch.setattr(approaching, 'take_closing_step', step)
-    return approach(places[0].config, closing, None), shares
-
-
-@pytest.mark.parametrize(
-    ('gap', 'wide', 'kept'),
-    [(0.022, 0.0, True), (0.0, 0.022, True), (0.018, 0.0, False), (0.0, 0.018, False)],
-)
-def test_a_fiftieth_of_a_diameter_or_of_a_radian_is_progress(gap, wide, kept, monkeypatch):
-    config, _, ways = reached(0)
-    closing = replace(ways[0].closing, settings=SearchSettings(max_approach_steps=20))
-    ahead = np.arange(21, -1, -1)
-    places = [Place(config, 0.1 + n * gap, 0.001 + n * wide) for n in ahead]
-    way, shares = approach_places(places, closing, monkeypatch)
-    assert len(way.path) == (21 if kept else 14)
-    assert way.unmet[0] == 'reach'
-    assert shares[0] == 1.0
-    assert set(shares[1:]) == {0.5}
-
-
-def test_members_that_face_elsewhere_are_told(monkeypatch):
-    config, _, ways = reached(0)
-    way, _ = approach_places([Place(config, 0.0, 0.3)] * 20, ways[0].closing, monkeypatch)
-    assert way.unmet == ('facing', 0.3)
-
-
 def test_members_turn_to_where_friction_holds_to_spare():
     config, body = HOME, ConvexObject(Disc(0.2), (0.716, 0.43, 0.0))
     members = tuple(config.robot.member_names.index(name) for name in ('north/P-Z', 'north/Z-R'))
     closing = Closing(body, members, (), 0.0, 0.4, facing=np.exp([0.3j, 2.0j]))
-    state, normals = evaluate_state(config, body), outward_normals(config, closing)
-    assert turned_closing(state, closing, 0.0).facing is None
-    # They turn as little as they can.
-    lazy = replace(closing, settings=SearchSettings(turning_price=2.0))
-    for missing in (0.05, 1.0):
-        facing = turned_closing(state, lazy, missing).facing
-        used = friction_angles(body, facing[:1], facing[1:])[0]
-        assert 0.2 <= used <= 0.75 * 0.4 + 1e-9
-    tight = replace(closing, friction_angle=0.01)
-    assert missing_turn(state, tight) == pytest.approx(
-        np.abs(np.angle(closing.facing * normals.conj())).sum()
-    )
+    wide = replace(closing, friction_angle=3.0)
+    missing, turned = find_turn(config, wide)
+    assert (missing, turned.facing) == (0.0, None)
+    missing, turned = find_turn(config, closing)
+    way = np.angle(closing.facing * closing.normals(config).conj())
+    assert missing == pytest.approx(np.abs(way).sum())
+    assert friction_angles(body, turned.facing[:1], turned.facing[1:])[0] <= 0.75 * 0.4 + 1e-9
 
 
 def test_members_with_nothing_to_turn_to_are_off_by_half_a_turn():
@@ -403,6 +347,5 @@ def test_members_with_nothing_to_turn_to_are_off_by_half_a_turn():
     apart = tuple(names.index(name) for name in ('north/P-Z', 'north/Z-R'))
     closing = Closing(body, apart, (), 0.1, 0.01)
     assert closing.facing is None
-    state = evaluate_state(HOME, body)
-    assert missing_turn(state, closing) == np.pi
-    assert missing_turn(state, replace(closing, friction_angle=3.0)) == 0.0
+    assert find_turn(HOME, closing)[0] == np.pi
+    assert find_turn(HOME, replace(closing, friction_angle=3.0))[0] == 0.0

@@ -54,8 +54,8 @@ def planned(**values):
 @functools.lru_cache(maxsize=2)
 def opened():
     """Return an open grip, and what closes."""
-    seed = find_seeds(HOME, BODY, GraspRequirements(module=MODULE), 0, 0)[0]
-    return approach(HOME, seed, SearchTally()).path[-1], seed
+    seed = find_seeds(HOME, BODY, GraspRequirements(module=MODULE), 0, 0, SearchTally())[0]
+    return approach(HOME, seed, SearchTally())[0][-1], seed
 
 
 def close(**values):

@@ -11,6 +11,7 @@
 
 from dataclasses import replace
 from itertools import pairwise
+from typing import NamedTuple
 
 import closings
 from isotruss_ros.core import ConvexObject, load_robot
@@ -21,9 +22,9 @@ from isotruss_ros.core.planning.closing import (
     Closing,
     evaluate_state,
     mean_member_length,
-    outward_normals,
+    SearchState,
 )
-from isotruss_ros.core.planning.closing_step import press, solve_step, take_closing_step
+from isotruss_ros.core.planning.closing_step import press, solve_step
 from isotruss_ros.core.planning.grasp_plan import SearchTally
 from isotruss_ros.core.safety.distances import collision_model
 import numpy as np
@@ -66,10 +67,7 @@ def turning(config, closing):
     """Return how fast the members turn with the rollers, by differences."""
     here = config.roller_positions
     ahead, back = (
-        [
-            outward_normals(config.moved_to(here + move), closing)
-            for move in sign * 1e-6 * np.eye(len(here))
-        ]
+        [closing.normals(config.moved_to(here + move)) for move in sign * 1e-6 * np.eye(len(here))]
         for sign in (1.0, -1.0)
     )
     return np.angle(np.array(ahead) / np.array(back)).T / 2e-6
@@ -101,7 +99,7 @@ class Program:
         bounds = [np.minimum(0.0, lower)]
         task, aim = by[sides], wanted
         if closing.facing is not None:
-            turned = np.angle(closing.facing / outward_normals(config, closing))
+            turned = np.angle(closing.facing / closing.normals(config))
             task = np.vstack([task, 0.3 * turning(config, closing)])
             aim = np.append(aim, 0.3 * np.clip(turned, -0.1, 0.1))
         count = sum(map(len, rows))
@@ -142,7 +140,7 @@ def test_no_admissible_motion_is_better(seed):
         }
         if rng.random() < 0.5:
             turns = rng.uniform(-0.2, 0.2, len(closing.members))
-            given['facing'] = outward_normals(config, closing) * np.exp(1j * turns)
+            given['facing'] = closing.normals(config) * np.exp(1j * turns)
         closing = replace(closing, **given)
         share = rng.uniform(0.1, 1.0)
         targets = rng.uniform(-0.02, 0.01, len(closing.members))
@@ -201,11 +199,17 @@ def test_what_is_known_of_a_place_is_what_is_there(seed):
     assert mean_member_length(config) == pytest.approx(np.mean(config.robot.home.member_lengths))
 
 
-def test_bounds_are_those_of_what_blocks():
-    _, (closing, _), _ = tasks(0)
-    assert closing.bound('rigidity') == closing.min_rigidity
-    for name in ('reach', 'self_clearance', 'object_clearance'):
-        assert closing.bound(name) == 0.0
+class Step(NamedTuple):
+    """What a step returns."""
+
+    state: SearchState
+    share: float
+    blocked: tuple | None
+
+
+def step(*arguments):
+    """Return one step."""
+    return Step(*closing_step.take_closing_step(*arguments))
 
 
 def floors(config, closing, targets):
@@ -240,7 +244,7 @@ def test_steps_lead_where_they_may_and_are_no_longer_than_they_may(seed):
         targets = np.full(len(closing.members), STANDOFF) - rng.uniform(0.0, 0.04)
         tubes, share = closings.tube_lengths(config), 1.0
         for _ in range(12):
-            made = take_closing_step(place, closing, targets, share, SearchTally())
+            made = step(place, closing, targets, share, SearchTally())
             if made.blocked:
                 assert made.state is place
                 break
@@ -277,7 +281,7 @@ def test_sides_come_to_their_targets_where_nothing_else_is_near(preset, module):
     targets = np.array([0.007, 0.016])
     place, share = evaluate_state(config, body), 1.0
     for _ in range(20):
-        made = take_closing_step(place, closing, targets, share, SearchTally())
+        made = step(place, closing, targets, share, SearchTally())
         place, share = made.state, made.share
     reached = closings.gaps(place.config, body)[0][list(sides)]
     assert reached == pytest.approx(targets, abs=1e-5)
@@ -315,7 +319,7 @@ def test_a_step_is_halved_until_it_leads_where_it_may(seed, monkeypatch):
         )
         monkeypatch.setattr(closing_step, 'solve_step', lambda *_, move=move: move)
         tally = SearchTally()
-        made = take_closing_step(place, closing, targets, 0.3, tally)
+        made = step(place, closing, targets, 0.3, tally)
         for halving in range(5):
             goal = config.roller_positions + move / 2**halving
             try:
@@ -346,26 +350,9 @@ def test_where_there_is_no_shape_there_is_no_rigidity(monkeypatch):
     )
     far[::2] *= -1.0
     monkeypatch.setattr(closing_step, 'solve_step', lambda *_: far)
-    made = take_closing_step(
-        place, closing, np.full(len(closing.members), STANDOFF), 1.0, SearchTally()
-    )
-    assert made.blocked == ('rigidity', 0.0)
+    made = step(place, closing, np.full(len(closing.members), STANDOFF), 1.0, SearchTally())
+    assert made.blocked[:2] == ('rigidity', 0.0)
     assert made.state is place
-
-
-def test_the_longest_step_is_not_made_longer(monkeypatch):
-    config, (closing, _), _ = tasks(0)
-    place, targets = (
-        evaluate_state(config, closing.body),
-        np.full(len(closing.members), STANDOFF),
-    )
-    still = np.zeros(len(config.roller_positions))
-    monkeypatch.setattr(closing_step, 'solve_step', lambda *_: still)
-    shares = [
-        take_closing_step(place, closing, targets, share, SearchTally()).share
-        for share in (0.2, 0.5, 0.8, 1.0)
-    ]
-    assert shares == [0.4, 1.0, 1.0, 1.0]
 
 
 @pytest.mark.parametrize('seed', range(40))
@@ -374,7 +361,7 @@ def test_who_stands_still_is_not_blocked_wherever_that_is(seed, monkeypatch):
     still = np.zeros(len(config.roller_positions))
     monkeypatch.setattr(closing_step, 'solve_step', lambda *_: still)
     place, targets = evaluate_state(config, closing.body), np.full(len(closing.members), STANDOFF)
-    assert take_closing_step(place, closing, targets, 1.0, SearchTally()).blocked is None
+    assert step(place, closing, targets, 1.0, SearchTally()).blocked is None
 
 
 @pytest.mark.parametrize('seed', SEEDS)
@@ -384,9 +371,7 @@ def test_who_is_beyond_a_bound_goes_no_further(seed):
     place, share = evaluate_state(config, closing.body), 1.0
     way = [closings.rigidity(config)]
     for _ in range(6):
-        made = take_closing_step(
-            place, closing, np.full(len(closing.members), STANDOFF), share, SearchTally()
-        )
+        made = step(place, closing, np.full(len(closing.members), STANDOFF), share, SearchTally())
         if made.blocked:
             break
         place, share = made.state, made.share
@@ -394,31 +379,17 @@ def test_who_is_beyond_a_bound_goes_no_further(seed):
     assert all(after > before - 1e-3 for before, after in pairwise(way))
 
 
-def test_members_that_do_not_reach_say_how_far_they_are():
+def test_members_that_do_not_reach_say_how_far_they_are(monkeypatch):
     config, (closing, _), _ = tasks(0)
-    few = replace(closing, settings=replace(closing.settings, max_press_steps=1))
+    monkeypatch.setattr(closing_step, 'MAX_PRESS_STEPS', 1)
     gaps = closings.gaps(config, closing.body)[0][list(closing.members)]
     found = []
     for depth in (0.0, 0.01, 0.02):
         tally = SearchTally()
-        assert press(config, few, np.full(len(closing.members), depth), tally) is None
+        assert press(config, closing, np.full(len(closing.members), depth), tally) is None
         found.append(tally.closest)
     for violation, depth in zip(found, (0.0, 0.01, 0.02), strict=True):
         assert (violation.requirement, violation.bound) == ('reach', 0.0)
         assert violation.value == pytest.approx(np.abs(gaps + depth).max())
     order = np.argsort([violation.value for violation in found])
     assert order.tolist() == np.argsort([violation.distance for violation in found]).tolist()
-
-
-def test_members_press_by_the_longest_steps_at_first(monkeypatch):
-    config, (closing, _), _ = tasks(0)
-    take, shares = closing_step.take_closing_step, []
-
-    def record(state, closing, targets, share, tally):
-        shares.append(share)
-        return replace(take(state, closing, targets, share, tally), share=0.5)
-
-    monkeypatch.setattr(closing_step, 'take_closing_step', record)
-    press(config, closing, np.full(len(closing.members), 0.01), SearchTally())
-    assert shares[0] == 1.0
-    assert set(shares[1:]) == {0.5}

@@ -13,7 +13,7 @@ from types import SimpleNamespace
 
 from isotruss_ros.core import analyze_grasp, ConvexObject, load_robot, tangent_center
 from isotruss_ros.core.planning.closing import Closing
-from isotruss_ros.core.planning.closing_on_ground import find_imbalance
+from isotruss_ros.core.planning.closing_on_ground import find_correction
 import numpy as np
 import pytest
 import robots
@@ -96,12 +96,14 @@ class Contacts:
             contact_forces=dict(zip(names, forces.sum(axis=1), strict=True)),
         )
 
-    def imbalance(self, **given):
-        """Return the imbalance."""
-        analysis = given.pop('analysis', None) or self.analysis()
-        closing = Closing(self.body, self.sides, (), 0.0)
-        depths = given.pop('depths', self.depths)
-        return find_imbalance(self.config, closing, analysis, self.wrench, depths)
+    def correction(self, analysis=None):
+        """Return by how much the members are to press harder, (s,) [N]."""
+        closing, analysis = Closing(self.body, self.sides, (), 0.0), analysis or self.analysis()
+        return find_correction(self.config, closing, analysis, self.wrench)
+
+    def model(self):
+        """Return what a member's force does to the object, (3, s), moments over d/2 [-]."""
+        return np.vstack([self.pushes.T, np.zeros(len(self.sides))])
 
     def friction_wrenches(self):
         """Return what friction of coefficient 1 does at each contact, (k, 3), moments over d/2."""
@@ -132,91 +134,41 @@ def across_of(segments):
 
 
 @pytest.mark.parametrize('seed', range(10))
-def test_load_is_that_across_the_plane_of_friction(seed):
+def test_two_members_balance_the_load_across_the_plane_of_friction(seed):
     contacts = Contacts(seed)
-    found, segments = contacts.imbalance(), contacts.friction_wrenches()
-    across = across_of(segments)
-    assert abs(found.load[0]) == pytest.approx(abs(across @ contacts.load()), rel=1e-3, abs=1e-3)
-    assert found.load.shape == (1,)
-    assert found.slope.shape == (1, 2)
+    across, change = across_of(contacts.friction_wrenches()), contacts.correction()
+    assert change.sum() == pytest.approx(0.0, abs=1e-9)
+    left = across @ (contacts.load() + contacts.model() @ change)
+    assert left == pytest.approx(0.0, abs=1e-3)
 
 
 @pytest.mark.parametrize('seed', range(10))
-@pytest.mark.parametrize('third', [False, True])
-def test_slope_is_that_of_sides_that_are_springs(seed, third):
-    # All contacts of a side in one place, so that across stays where it is.
-    contacts = Contacts(seed, third=third, spread=0.0)
-
-    def load(depths):
-        return contacts.imbalance(analysis=contacts.analysis(depths), depths=depths).load
-
-    slope = contacts.imbalance().slope
-    steps = 1e-7 * np.eye(len(contacts.sides))
-    numeric = np.column_stack(
-        [(load(contacts.depths + s) - load(contacts.depths - s)) / 2e-7 for s in steps]
-    )
-    assert slope == pytest.approx(numeric, rel=1e-4, abs=1e-2)
-
-
-@pytest.mark.parametrize('seed', range(10))
-def test_axis_has_always_the_same_sign(seed):
-    # Secants compare loads of one step with those of the next.
-    contacts = Contacts(seed)
-    found = contacts.imbalance()
-    assert found.slope[0, 0] >= found.slope[0, 1]
-    turned = 1e-6 * contacts.rng.standard_normal(contacts.angles.shape)
-    other = contacts.imbalance(analysis=contacts.analysis(angles=contacts.angles + turned))
-    assert other.load == pytest.approx(found.load, abs=1e-2)
-
-
-@pytest.mark.parametrize('seed', range(10))
-def test_three_sides_are_balanced_by_their_forces(seed):
+def test_three_members_balance_the_resultant_force_but_for_the_squeeze(seed):
     contacts = Contacts(seed, third=True)
-    found = contacts.imbalance()
-    assert found.load == pytest.approx(contacts.load()[:2])
-    # What each side's spring adds to the load goes the way in which it pushes.
-    for push, stiffness, slope in zip(
-        contacts.pushes, contacts.stiffness, found.slope.T, strict=True
-    ):
-        assert slope == pytest.approx(stiffness * push)
-
-
-def test_a_side_that_does_not_press_leaves_nothing_to_be_balanced():
-    for third in (False, True):
-        contacts = Contacts(3, third=third)
-        for i in contacts.sides:
-            analysis = contacts.analysis()
-            del analysis.contact_forces[ROBOT.member_names[i]]
-            assert contacts.imbalance(analysis=analysis) is None
-
-
-def test_a_side_that_presses_lightly_counts():
-    contacts = Contacts(3)
-    light = contacts.analysis(1e-3 * contacts.depths)
-    assert 0.0 < min(light.contact_forces.values()) < 0.1
-    assert contacts.imbalance(analysis=light) is not None
+    change = contacts.correction()
+    assert change.sum() == pytest.approx(0.0, abs=1e-9)
+    left = contacts.load() + contacts.model() @ change
+    assert left[:2] == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize(
     ('preset', 'module'),
     [('nine_member', 'north/Z'), ('triangle', 'main/T'), ('triangle', 'main/L')],
 )
-def test_real_sides_answer_as_the_slope_says(preset, module):
-    # Pressing one side harder than the other moves the load that way; not as far, or further,
-    # since the structure behind the sides is one.
+def test_real_members_come_to_a_balance(preset, module):
+    # Depths that follow the correction leave less and less of it: the structure is one.
     config = robots.random_state(load_robot(preset), np.random.default_rng(1))
     sides = sides_of(config.robot, module)
     snug = np.array(tangent_center(config, module, 0.3))
     into = pushes(config, sides, ConvexObject.disc(tuple(snug), 0.3))
-
-    def at(depths):
+    depths, left = np.array([0.015, 0.025]), []
+    for _ in range(4):
         body = ConvexObject.disc(tuple(snug - np.linalg.solve(into, depths)), 0.3)
         analysis = analyze_grasp(config, body, FRICTION, spacing=0.0025)
         closing = Closing(body, sides, (), 0.0)
-        return find_imbalance(config, closing, analysis, (0.0, 0.0, 0.0), depths)
-
-    depths = np.array([0.02, 0.022])
-    found = at(depths)
-    for move in (np.array([0.002, -0.002]), np.array([-0.002, 0.002])):
-        change, expected = at(depths + move).load - found.load, found.slope @ move
-        assert 0.05 < change[0] / expected[0] < 3.0
+        change = find_correction(config, closing, analysis, (0.0, 0.0, 0.0))
+        forces = [analysis.contact_forces[config.robot.member_names[i]] for i in sides]
+        left.append(np.abs(change).max() / sum(forces))
+        depths = depths * (1.0 + change / forces)
+    assert left[0] > 0.01
+    assert left[-1] < 0.5 * left[0]

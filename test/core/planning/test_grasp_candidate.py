@@ -11,13 +11,16 @@
 
 import functools
 import pickle
+from types import SimpleNamespace
 
 import closings
 from isotruss_ros.core import ConvexObject, GraspRequirements, load_robot
 from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.planning import grasp_candidate as candidates
-from isotruss_ros.core.planning.grasp_candidate import judge_candidate, make_grasp_candidate
-from isotruss_ros.core.planning.requirements import Measure, rate_grasp
+from isotruss_ros.core.planning.closed_grip import rate_grip
+from isotruss_ros.core.planning.grasp_candidate import judge_candidate
+from isotruss_ros.core.planning.grasp_plan import SearchTally
+from isotruss_ros.core.planning.requirements import Measure
 from isotruss_ros.core.planning.seeds import find_seeds
 import numpy as np
 import pytest
@@ -25,35 +28,32 @@ import pytest
 HOME = load_robot('triangle').home
 BODY = ConvexObject.disc((0.716, 0.5), 0.4)
 DIRECTION = (1.0, 2.0, 0.5)
-SEED = find_seeds(HOME, BODY, GraspRequirements(module='main/T'), 0, 0)[0]
+SEED = find_seeds(HOME, BODY, GraspRequirements(module='main/T'), 0, 0, SearchTally())[0]
 
 
-def sent(**values):
-    """Return a candidate that came from another process, as far as it can tell."""
-    needs = GraspRequirements(**values)
-    return pickle.loads(pickle.dumps(make_grasp_candidate(HOME, SEED, needs)))
+def judge(**values):
+    """Return the grasp and the tally of a candidate that was sent, and sent back."""
+    sent = pickle.loads(pickle.dumps((HOME, SEED, GraspRequirements(**values))))
+    return pickle.loads(pickle.dumps(judge_candidate(*sent)))
 
 
 @functools.lru_cache(maxsize=2)
 def judged():
-    """Return the grasp of a candidate that was sent, and sent back."""
-    return pickle.loads(pickle.dumps(judge_candidate(sent())))
+    """Return the grasp."""
+    return judge()[0]
 
 
 def test_what_was_sent_is_judged_as_here():
-    there = judged()
-    here = judge_candidate(make_grasp_candidate(HOME, SEED, GraspRequirements()))
-    assert (there.grasp.path == here.grasp.path).all()
-    assert (there.grasp.config.points == here.grasp.config.points).all()
-    assert there.grasp.slip_margin == here.grasp.slip_margin > 0.0
-    assert (there.tally.evaluations, there.tally.analyses) == (
-        here.tally.evaluations,
-        here.tally.analyses,
-    )
+    grasp, tally = judge()
+    here, counts = judge_candidate(HOME, SEED, GraspRequirements())
+    assert (grasp.path == here.path).all()
+    assert (grasp.config.points == here.config.points).all()
+    assert grasp.slip_margin == here.slip_margin > 0.0
+    assert (tally.evaluations, tally.analyses) == (counts.evaluations, counts.analyses)
 
 
 def test_rows_go_from_the_touch_to_the_grasp_and_rigidity_is_the_least_of_them():
-    grasp = judged().grasp
+    grasp = judged()
     configs = [HOME.moved_to(row) for row in grasp.path]
     sides = list(SEED.members)
     gaps = np.array([closings.gaps(config, BODY)[0][sides] for config in configs])
@@ -67,12 +67,12 @@ def test_rows_go_from_the_touch_to_the_grasp_and_rigidity_is_the_least_of_them()
 
 
 def test_what_is_no_grasp_says_what_it_misses_and_what_it_took():
-    there = judge_candidate(sent(max_total_force=1e-3))
-    assert there.grasp is None
-    violation = there.tally.closest
+    grasp, tally = judge(max_total_force=1e-3)
+    assert grasp is None
+    violation = tally.closest
     assert (violation.requirement, violation.bound) == ('max_total_force', 1e-3)
     assert violation.value > 1e-3
-    assert there.tally.evaluations > 0
+    assert tally.evaluations > 0
 
 
 def test_what_cannot_be_computed_is_no_grasp_and_ends_nothing(monkeypatch):
@@ -81,14 +81,14 @@ def test_what_cannot_be_computed_is_no_grasp_and_ends_nothing(monkeypatch):
         raise SolverError('no solver found anything')
 
     monkeypatch.setattr(candidates, 'close_grip', close)
-    there = judge_candidate(sent())
-    assert there.grasp is None
-    assert there.tally.analyses == 3
-    assert there.tally.closest.requirement == 'no solver found anything'
+    grasp, tally = judge()
+    assert grasp is None
+    assert tally.analyses == 3
+    assert tally.closest.requirement == 'no solver found anything'
 
 
 def test_an_object_that_the_ground_holds_is_pressed_on_as_it_lies():
-    there = judge_candidate(sent(min_margin=0.0)).grasp
+    there, _ = judge(min_margin=0.0)
     assert there.squeeze == pytest.approx(there.analysis.normal_forces.sum() / 2.0)
     assert there.analysis.force_closure
     assert there.grip.body == BODY
@@ -100,11 +100,11 @@ def test_other_errors_are_not_hidden(monkeypatch):
 
     monkeypatch.setattr(candidates, 'close_grip', close)
     with pytest.raises(ZeroDivisionError):
-        judge_candidate(sent())
+        judge()
 
 
 def test_scores_are_those_of_the_measure():
-    there = judged().grasp
+    there = judged()
     # Along the unit vector of the direction, by hand.
     x, y, turn = np.array(DIRECTION) / np.sqrt(1.0 + 4.0 + 0.25)
     k = there.analysis.stiffness
@@ -117,14 +117,16 @@ def test_scores_are_those_of_the_measure():
         Measure.SLIP_MARGIN: 2.5,
         Measure.STIFFNESS: stiffness,
     }
+    grip = SimpleNamespace(
+        analysis=there.analysis, loads={'max_total_force': 31.0}, slip_margin=2.5
+    )
     for measure in Measure:
         needs = GraspRequirements(measure=measure, direction=DIRECTION)
-        score = rate_grasp(needs, there.analysis, 31.0, 2.5, -0.7)
-        assert score == pytest.approx(expected[measure])
+        assert rate_grip(needs, grip, -0.7) == pytest.approx(expected[measure])
 
 
 def test_robots_are_made_once_in_a_process():
-    one, other = sent(), sent()
-    assert candidates._robot(one.robot) is candidates._robot(other.robot)
-    assert candidates._robot(one.robot) is not HOME.robot
-    assert candidates._robot(one.robot).description == HOME.robot.description
+    one, other = (pickle.loads(pickle.dumps(HOME)) for _ in range(2))
+    assert one.robot is other.robot is not HOME.robot
+    assert one.robot.description == HOME.robot.description
+    assert (one.points == HOME.points).all()

@@ -12,13 +12,16 @@
 from dataclasses import replace
 
 from isotruss_ros.core import ConvexObject, GraspRequirements, load_robot, plan_grasps
-from isotruss_ros.core.planning.export import export_figures, export_path, export_violation
-from isotruss_ros.core.planning.grasp_plan import (
-    GraspPlan,
+from isotruss_ros.core.planning.describe_plan import (
+    export_figures,
+    export_path,
+    export_violation,
     path_times,
-    Violation,
+    plan_in_words,
+    SENTENCES,
+    violation_in_words,
 )
-from isotruss_ros.core.planning.plan_words import plan_in_words, SENTENCES, violation_in_words
+from isotruss_ros.core.planning.grasp_plan import GraspPlan, Violation
 import numpy as np
 import pytest
 

@@ -32,7 +32,6 @@ from isotruss_ros.core.planning.closing import Closing
 from isotruss_ros.core.planning.grasp_plan import SearchTally
 from isotruss_ros.core.planning.motion_in_place import rolling_rates, squeeze_in_place
 from isotruss_ros.core.planning.release import plan_release
-from isotruss_ros.core.planning.settings import DEFAULT
 import numpy as np
 import pytest
 
@@ -57,7 +56,7 @@ def planned(shape, pose, **values):
     """Plan a grip."""
     needs = GraspRequirements(count=1, **values)
     body = ConvexObject(shape, pose)
-    return plan_grasps(HOME, body, needs, settings=replace(DEFAULT, max_rounds=1))[0]
+    return plan_grasps(HOME, body, needs, max_rounds=1)[0]
 
 
 def three(**fields):

@@ -28,13 +28,12 @@ from isotruss_ros.core import (
     tangent_center,
 )
 from isotruss_ros.core.errors import GraspError, SolverError
-from isotruss_ros.core.planning import grasp_candidate, grasp_search
+from isotruss_ros.core.planning import grasp_candidate
 from isotruss_ros.core.planning import plan_grasps as search
+from isotruss_ros.core.planning.describe_plan import plan_in_words, violation_in_words
 from isotruss_ros.core.planning.foresee_path import foresee_grip
-from isotruss_ros.core.planning.plan_words import plan_in_words, violation_in_words
 from isotruss_ros.core.planning.requirements import Measure
 from isotruss_ros.core.planning.seeds import find_seeds
-from isotruss_ros.core.planning.settings import DEFAULT
 from isotruss_ros.core.safety.margins import shape_margins
 import numpy as np
 import pytest
@@ -49,7 +48,6 @@ BRICK = ConvexObject(
     Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)], corner_radius=0.02),
     Pose(0.716, 0.43, 0.2),
 )
-ONE_ROUND = replace(DEFAULT, max_rounds=1)
 NEEDS = GraspRequirements(min_margin=0.01, count=2)
 
 
@@ -271,15 +269,13 @@ def test_an_object_that_only_just_touches_is_free(indentation, free):
 def test_rounds_follow_until_there_are_enough_grasps(count, rounds, monkeypatch):
     begun, find = [], search.find_seeds
 
-    def find_seeds(config, body, needs, seed, number, settings):
+    def find_seeds(config, body, needs, seed, number, tally):
         begun.append(number)
-        return find(config, body, needs, seed, number, settings)[:1]
+        return find(config, body, needs, seed, number, tally)[:1]
 
     monkeypatch.setattr(search, 'find_seeds', find_seeds)
     needs = GraspRequirements(module='north/Z', squeeze=10.0, count=count)
-    plan = plan_grasps(
-        ROBOT.home, OBJECTS['north'], needs, settings=replace(DEFAULT, max_rounds=2)
-    )
+    plan = plan_grasps(ROBOT.home, OBJECTS['north'], needs, max_rounds=2)
     assert len(plan) > 0
     assert begun == rounds
 
@@ -298,7 +294,7 @@ def test_a_search_that_is_not_thorough_ends_with_the_first_grasp():
 
 def test_grasps_of_the_same_members_nearby_are_one():
     needs, length = replace(NEEDS, count=9), ROBOT.home.member_lengths.mean()
-    begun = grasp_search.GraspSearch(ROBOT.home, needs, lambda _: None, lambda: False, DEFAULT)
+    begun = search._Search(ROBOT.home, needs, None, None, lambda: False)
     one, other = ('a', 'b'), ('a', 'c')
     for score, members, place in (
         (4.0, one, 0.3),
@@ -323,9 +319,8 @@ def test_a_seed_that_cannot_be_computed_is_skipped(number, found, monkeypatch):
 
     monkeypatch.setattr(grasp_candidate, 'approach', fail_last)
     monkeypatch.setattr(search, 'find_seeds', lambda *given: find_seeds(*given) * number)
-    settings = replace(DEFAULT, max_rounds=1)
     needs = GraspRequirements(module='north/Z', squeeze=10.0, count=1)
-    plan = plan_grasps(ROBOT.home, OBJECTS['north'], needs, settings=settings)
+    plan = plan_grasps(ROBOT.home, OBJECTS['north'], needs, max_rounds=1)
     assert (len(plan), len(seeds)) == (found, number)
     if not found:
         why = violation_in_words(plan.closest_violation)
@@ -372,9 +367,7 @@ def test_stops_when_asked_with_what_it_has():
 
 def test_time_left_is_that_of_the_candidates_so_far(monkeypatch):
     told, ticks = [], itertools.count(50)
-    monkeypatch.setattr(
-        grasp_search, 'time', SimpleNamespace(perf_counter=lambda: float(next(ticks)))
-    )
+    monkeypatch.setattr(search, 'time', SimpleNamespace(perf_counter=lambda: float(next(ticks))))
     plan = plan_grasps(
         ROBOT.home,
         OBJECTS['north'],
@@ -432,7 +425,7 @@ class Never:
         return self.futures[-1]
 
 
-def test_a_search_that_waits_for_others_stops_when_it_is_told_to():
+def test_a_search_that_waits_for_others_stops_when_it_is_told_to(monkeypatch):
     executor, asked = Never(), []
 
     def should_stop():
@@ -440,14 +433,9 @@ def test_a_search_that_waits_for_others_stops_when_it_is_told_to():
         # Waits twice.
         return asked.count(asked[-1]) > 2 and asked[-1] > 0
 
-    settings = replace(DEFAULT, poll_interval=1e-3)
+    monkeypatch.setattr(search, 'POLL_INTERVAL', 1e-3)
     plan = plan_grasps(
-        ROBOT.home,
-        OBJECTS['north'],
-        NEEDS,
-        executor=executor,
-        should_stop=should_stop,
-        settings=settings,
+        ROBOT.home, OBJECTS['north'], NEEDS, executor=executor, should_stop=should_stop
     )
     assert not plan.complete
     assert plan.grasps == ()
@@ -460,7 +448,7 @@ def test_a_grasp_carries_the_object_along_the_path_asked_for(turn, found):
     needs = GraspRequirements(module='north/P', friction=0.6, count=1)
     path = ((0.0, 0.0, 0.0), (0.0, 0.0, turn))
     assert plan_grasps(ROBOT.home, BRICK, needs, thorough=False).grasps
-    plan = plan_grasps(ROBOT.home, BRICK, replace(needs, carry=path), settings=ONE_ROUND)
+    plan = plan_grasps(ROBOT.home, BRICK, replace(needs, carry=path), max_rounds=1)
     assert bool(plan.grasps) == found
     for grasp in plan:
         ahead = foresee_grip(grasp.config, grasp.grip.body, 0.6, np.array(path))

@@ -9,7 +9,6 @@
 
 """The search for grips of convex objects by any two members, or three."""
 
-import dataclasses
 import itertools
 import re
 
@@ -25,11 +24,10 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.depths import member_lines
-from isotruss_ros.core.planning.export import export_figures
+from isotruss_ros.core.planning.describe_plan import export_figures, plan_in_words
 from isotruss_ros.core.planning.facing import balances, contact_ends, find_facing, friction_angles
-from isotruss_ros.core.planning.plan_words import plan_in_words
+from isotruss_ros.core.planning.grasp_plan import SearchTally
 from isotruss_ros.core.planning.seeds import enclosing_members, find_seeds
-from isotruss_ros.core.planning.settings import DEFAULT
 from isotruss_ros.core.safety.margins import object_distances
 import numpy as np
 import pytest
@@ -40,7 +38,6 @@ HOME = ROBOT.home
 HOLE = (0.716, -0.4134)  # between the three tubes
 BOX = Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)], corner_radius=0.02)
 SHAPES = [BOX, Ellipse((0.2, 0.12)), Disc(0.3), Polygon([(0.0, 0.0), (0.3, 0.05), (0.1, 0.25)])]
-FEW = dataclasses.replace(DEFAULT, max_rounds=1)
 
 
 @pytest.fixture(scope='module')
@@ -48,7 +45,7 @@ def plan():
     """Plan the grip of a disc that only three members of different tubes reach around."""
     needs = GraspRequirements(count=1, squeeze=12.0)
     body = ConvexObject(Disc(0.6), (*HOLE, 0.2))
-    return body, needs, plan_grasps(HOME, body, needs, settings=FEW)
+    return body, needs, plan_grasps(HOME, body, needs, max_rounds=1)
 
 
 def cone_closes(body, normals, angle):
@@ -134,7 +131,7 @@ def test_the_grip_that_is_found_holds_the_object(plan):
 def test_an_angle_may_be_off_by_a_whole_turn(plan):
     body, needs, (grasp,) = plan
     turned = ConvexObject(Disc(0.6), (*HOLE, 0.2 + 2.0 * np.pi))
-    (found,) = plan_grasps(HOME, turned, needs, settings=FEW)
+    (found,) = plan_grasps(HOME, turned, needs, max_rounds=1)
     assert found.path == pytest.approx(grasp.path, abs=1e-6)
     # It stays where it lay.
     assert (found.grip.body, grasp.grip.body) == (turned, body)
@@ -154,13 +151,13 @@ def test_nothing_touches_the_object_before_its_members_do(plan):
 
 def test_the_friction_of_the_object_counts():
     body = ConvexObject(Disc(0.6), (*HOLE, 0.0), friction=0.01)
-    found = plan_grasps(HOME, body, GraspRequirements(count=1), settings=FEW)
+    found = plan_grasps(HOME, body, GraspRequirements(count=1), max_rounds=1)
     assert all(grasp.grip.friction == 0.01 for grasp in found)
     assert all(grasp.slip_margin < 0.5 for grasp in found)
 
 
 def test_an_object_that_nothing_encloses_is_not_gripped():
-    found = plan_grasps(HOME, ConvexObject(BOX, (4.0, 1.0, 0.0)), settings=FEW)
+    found = plan_grasps(HOME, ConvexObject(BOX, (4.0, 1.0, 0.0)), max_rounds=1)
     assert not found.grasps
     assert 'enclosed' in plan_in_words(found)
 
@@ -174,7 +171,7 @@ def test_only_the_members_that_are_named_grip():
     numbers = {ROBOT.member_names.index(name) for name in SIDES}
     for number in range(3):
         needs = GraspRequirements(friction=0.9, members=SIDES)
-        seeds = find_seeds(HOME, body, needs, 0, number)
+        seeds = find_seeds(HOME, body, needs, 0, number, SearchTally())
         assert seeds
         assert all(set(seed.members) == numbers for seed in seeds)
     needs = GraspRequirements(friction=0.9, squeeze=12.0, members=SIDES[::-1], count=1)
@@ -217,14 +214,14 @@ def test_members_that_the_robot_does_not_have_are_refused():
 def test_why_named_members_find_nothing_is_told(place, members, words):
     needs = GraspRequirements(members=members, friction=0.01)
     body = ConvexObject(BOX, (*place, 0.3))
-    found = plan_grasps(HOME, body, needs, settings=FEW)
+    found = plan_grasps(HOME, body, needs, max_rounds=1)
     assert not found.grasps
     assert re.search(words, plan_in_words(found))
 
 
 def test_the_members_of_a_module_that_are_not_around_the_object_are_told():
     body = ConvexObject(BOX, (0.716, 0.5, 0.3))
-    found = plan_grasps(HOME, body, GraspRequirements(module='south/P'), settings=FEW)
+    found = plan_grasps(HOME, body, GraspRequirements(module='south/P'), max_rounds=1)
     assert plan_in_words(found).endswith(
         'members: 0 of the 2 members asked for are seen from within the object'
     )

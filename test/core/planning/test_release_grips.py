@@ -9,7 +9,6 @@
 
 """Picking up and letting go: any convex object, on the elastic plant, by planned paths."""
 
-import dataclasses
 import itertools
 
 from isotruss_ros.core import (
@@ -26,7 +25,6 @@ from isotruss_ros.core import (
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.planning.release import plan_release
-from isotruss_ros.core.planning.settings import DEFAULT
 from isotruss_ros.core.safety.margins import object_distances
 import numpy as np
 import pytest
@@ -57,8 +55,7 @@ THREE = ('south/P-Q', 'east/Q-R', 'north/R-P')
 )
 def test_what_was_picked_up_is_held_and_let_go_where_it_is(body, count):
     needs = GraspRequirements(squeeze=8.0, count=1, members=THREE if count == 3 else None)
-    tried = dataclasses.replace(DEFAULT, max_rounds=1)
-    (grasp,) = plan_grasps(HOME, body, needs, settings=tried, thorough=False)
+    (grasp,) = plan_grasps(HOME, body, needs, max_rounds=1, thorough=False)
     assert len(grasp.grip.members) == count
     thing = ElasticObject(body, needs.friction)
     robot = SimulatedRobot(HOME, thing, RollerFaults())

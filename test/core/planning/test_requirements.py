@@ -12,26 +12,17 @@
 from types import SimpleNamespace
 
 from isotruss_ros.core import GraspRequirements
-from isotruss_ros.core.planning.closed_grip import exceeded_bound, grasp_loads, GraspLoads
-from isotruss_ros.core.planning.requirements import Measure, rate_grasp
-from isotruss_ros.core.statics.wrinkling import MAX_UTILISATION
+from isotruss_ros.core.planning.closed_grip import find_loads, rate_grip
+from isotruss_ros.core.planning.grasp_plan import SearchTally
+from isotruss_ros.core.planning.requirements import Measure
 import numpy as np
 import pytest
 
 
-def test_values_where_nothing_else_is_said():
-    needs = GraspRequirements()
-    assert (needs.friction, needs.min_slip_margin, needs.count) == (0.5, 0.0, 3)
-    assert needs.external_wrench == (0.0, 0.0, 0.0)
-    assert needs.direction == (0.0, 1.0, 0.0)
-    assert needs.min_rigidity == 0.15
-    assert needs.max_utilisation == MAX_UTILISATION
-
-
 def test_stiffness_is_that_along_y_where_nothing_else_is_said():
-    analysis = SimpleNamespace(stiffness=np.diag([3.0, 5.0, 7.0]))
+    grip = SimpleNamespace(analysis=SimpleNamespace(stiffness=np.diag([3.0, 5.0, 7.0])))
     needs = GraspRequirements(measure=Measure.STIFFNESS)
-    assert rate_grasp(needs, analysis, 0.0, 0.0, 0.0) == pytest.approx(5.0)
+    assert rate_grip(needs, grip, 0.0) == pytest.approx(5.0)
 
 
 @pytest.mark.parametrize(
@@ -47,19 +38,41 @@ def test_the_ground_holds_the_object_where_only_the_closure_margin_counts(values
     assert GraspRequirements(**values).object_is_free == free
 
 
-def test_bounds_are_exceeded_from_where_they_are():
+def fast(forces, used):
+    """Return what an analysis would say of members that press with some forces [N]."""
+    return SimpleNamespace(
+        contact_forces=dict(enumerate(forces)),
+        normal_forces=np.array(forces),
+        utilisation={'main/T-L': used},
+    )
+
+
+@pytest.mark.parametrize(
+    ('forces', 'free', 'used', 'exceeded'),
+    [
+        ((3.0, 3.0, 2.0), (3.0, 3.0, 2.0), 0.5, None),
+        ((4.0, 1.0), (), 0.6, ('max_contact_force', 4.0, 3.0)),
+        ((1.0, 1.0), (3.5, 1.0), 0.6, ('max_contact_force', 3.5, 3.0)),
+        ((2.0,) * 5, (), 0.6, ('max_total_force', 10.0, 8.0)),
+        ((2.0, 2.0), (2.0, 2.0), 0.625, ('max_utilisation', 0.625, 0.5)),
+    ],
+)
+def test_loads_are_the_larger_ones_and_exceed_bounds_from_where_these_are(
+    forces, free, used, exceeded
+):
     needs = GraspRequirements(max_contact_force=3.0, max_total_force=8.0, max_utilisation=0.5)
-    assert exceeded_bound(needs, GraspLoads(3.0, 8.0, 0.5)) is None
-    for loads, name, value, bound in (
-        (GraspLoads(4.0, 9.0, 0.6), 'max_contact_force', 4.0, 3.0),
-        (GraspLoads(2.0, 10.0, 0.6), 'max_total_force', 10.0, 8.0),
-        (GraspLoads(2.0, 7.0, 0.625), 'max_utilisation', 0.625, 0.5),
-    ):
-        assert exceeded_bound(needs, loads) == (name, value, bound)
+    for analysis, utilisation in ((fast(forces, used), [0.1]), (fast(forces, 0.1), [used])):
+        tally = SearchTally()
+        loads = find_loads(needs, analysis, free, utilisation, tally)
+        if exceeded is None:
+            assert (tuple(loads.values()), tally.closest) == ((3.0, 8.0, 0.5), None)
+            continue
+        missed = tally.closest
+        assert loads is None
+        assert (missed.requirement, missed.value, missed.bound) == exceeded
+        assert missed.distance == pytest.approx(1.0 - exceeded[2] / exceeded[1])
 
 
 def test_what_does_not_press_has_no_loads():
-    analysis = SimpleNamespace(
-        contact_forces={}, normal_forces=np.zeros(2), utilisation={'main/T-L': 0.0}
-    )
-    assert grasp_loads(analysis) == GraspLoads(0.0, 0.0, 0.0)
+    found = find_loads(GraspRequirements(), fast((), 0.0), [], [], SearchTally())
+    assert set(found.values()) == {0.0}

@@ -7,12 +7,20 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""What the search for grasps finds, in words."""
+"""A planned grasp as plain numbers, names and lists, as a path in time, and in words."""
 
 from __future__ import annotations
 
-from isotruss_ros.core.planning.grasp_plan import GraspPlan, PlannedGrasp, Violation
+from dataclasses import fields
+from typing import Any
 
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.planning.grasp_plan import GraspPlan, PlannedGrasp, Violation
+import numpy as np
+
+#: Of the largest speed, near the object: a member that touches first, since its rollers lag less
+#: than others, pushes the object along.
+NEAR_SHARE = 0.25
 #: By the name of a requirement: value of the closest candidate, and bound.
 SENTENCES = {
     'free': 'the robot touches the object already: the gap between them is {value:.4g} m',
@@ -38,6 +46,64 @@ SENTENCES = {
 }
 
 
+def export_figures(grasp: PlannedGrasp) -> dict[str, Any]:
+    """
+    Return what characterises a grasp, by name: module, members, roller positions and scores.
+
+    The module is empty where the members of the grip do not meet at one.
+
+    :param grasp: see `PlannedGrasp` for the figures and their units.
+    """
+    numbers = [field.name for field in fields(grasp) if field.type == 'float']
+    return {
+        'module': grasp.module or '',
+        'members': list(grasp.members),
+        'roller_positions': grasp.roller_positions.tolist(),
+    } | {name: getattr(grasp, name) for name in numbers}
+
+
+def export_path(grasp: PlannedGrasp) -> dict[str, Any]:
+    """
+    Return the path to a grasp: `path` (k, r) [m], `times` (k,) [s], and the row `touch`.
+
+    :param grasp: driven at the largest speed of the robot's rollers, and at `NEAR_SHARE` of it
+        from two waypoints before the touch on.
+    """
+    near = np.arange(len(grasp.path) - 1) >= grasp.touch - 2
+    times = path_times(grasp.path, grasp.config.robot.description.max_speed, near)
+    return {'path': grasp.path.tolist(), 'times': times.tolist(), 'touch': grasp.touch}
+
+
+def export_violation(violation: Violation | None) -> dict[str, Any]:
+    """
+    Return which requirement is violated, with value and bound; nothing where none is.
+
+    :param violation: the closest one of a search.
+    """
+    if violation is None:
+        return {}
+    return {
+        'violated_requirement': violation.requirement,
+        'violation_value': float(violation.value),
+        'violation_bound': float(violation.bound),
+    }
+
+
+def path_times(path: Array, max_speed: float, near: Array, min_duration: float = 0.01) -> Array:
+    """
+    Return when each waypoint is reached, straight between them.
+
+    :param path: (k, r) roller positions [m].
+    :param max_speed: of any roller [m/s].
+    :param near: (k - 1,) pieces that are driven at `NEAR_SHARE` of the speed.
+    :param min_duration: of each piece, so that times increase [s].
+    :return: (k,) times from the start, the first 0 [s].
+    """
+    speeds = np.where(near, NEAR_SHARE * max_speed, max_speed)
+    longest = np.abs(np.diff(path, axis=0)).max(axis=1, initial=0.0)
+    return np.append(0.0, np.cumsum(np.maximum(longest / speeds, min_duration)))
+
+
 def violation_in_words(violation: Violation | None) -> str:
     """
     Return a violation in words.
@@ -50,9 +116,7 @@ def violation_in_words(violation: Violation | None) -> str:
         return f'the closest grasp candidate cannot be computed: {violation.requirement}'
     if violation.requirement == 'force_closure' and violation.value == 0.0:
         return 'force_closure: the members do not press on the object'
-    sentence = SENTENCES[violation.requirement].format(
-        value=violation.value, bound=violation.bound
-    )
+    sentence = SENTENCES[violation.requirement].format(**vars(violation))
     return f'{violation.requirement}: {sentence}'
 
 
@@ -83,10 +147,9 @@ def plan_in_words(plan: GraspPlan) -> str:
     if not plan.grasps:
         violation = violation_in_words(plan.closest_violation)
         return f'no grasp found in {plan.evaluations} evaluations; {violation}'
-    count = len(plan.grasps)
-    found = 'one grasp' if count == 1 else f'{count} grasps, the best'
-    wrinkled = sum(grasp.outside_model for grasp in plan.grasps[1:])
+    found = 'one grasp' if len(plan) == 1 else f'{len(plan)} grasps, the best'
+    wrinkled = sum(grasp.outside_model for grasp in plan[1:])
     others = f'; so it is in {wrinkled} of the others'
-    if not plan.grasps[0].outside_model:
+    if not plan[0].outside_model:
         others = f'; in {wrinkled} of the others a tube wrinkles: outside of the model'
-    return f'{found} {grasp_in_words(plan.grasps[0])}{others if wrinkled else ""}'
+    return f'{found} {grasp_in_words(plan[0])}{others if wrinkled else ""}'
