@@ -15,6 +15,7 @@ from dataclasses import replace
 import math
 
 from isotruss_ros.core.control.belief import Expectation
+from isotruss_ros.core.control.first_contact import Depths
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.held_gradient import held_gradient
@@ -24,6 +25,7 @@ from isotruss_ros.core.holding.loaded_frame import held_joints
 from isotruss_ros.core.holding.roll_grip import roll_contacts, roll_grip
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import find_members, Grip
+from isotruss_ros.core.model.convex_object import segment_gaps
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
@@ -145,3 +147,28 @@ class EstimatedRobot:
         self.held = held
         self.expected = Expectation(np.concatenate([places, pose]), rates)
         self.readings, self.state = readings, state
+
+    def depths(self, grip: Grip) -> Depths:
+        """
+        Return how deep an object is in the members where the model was evaluated, holding nothing.
+
+        :param grip: with the object where it was measured.
+        :raises GraspError: the robot has no such members.
+        """
+        config, body = self._config, grip.body
+        members, topology = find_members(self.robot, grip.members).members, self.robot.topology
+        ends = [topology.b[members], topology.c[topology.following[members]]]
+        start, end = config.points[ends]
+        near = segment_gaps(body, start, end)
+        moved = np.ascontiguousarray(config.node_jacobian.T).view(np.complex128).T[ends]
+        shares = near.shares[:, None]
+        away = near.normals.conj()
+        rates = np.zeros((len(members), len(self.state)))
+        rates[:, self.rollers] = -(
+            away[:, None] * ((1.0 - shares) * moved[0] + shares * moved[1])
+        ).real
+        point = start + near.shares * (end - start) - near.gaps * near.normals
+        lever = (1j * (point - body.center) * away).real
+        by_pose = np.column_stack([near.normals.real, near.normals.imag, lever])
+        radius = 0.5 * self.robot.description.tube_diameter
+        return Depths(radius - near.gaps, rates, by_pose)
