@@ -32,6 +32,9 @@ import numpy as np
 #: Derivatives of a held object serve for this travel of any roller [m].
 KEPT = 3e-3
 
+#: A depth at which members surely press [m], and the least of them when they press alike [-].
+PRESSED, LEAST = 5e-3, 0.1
+
 
 class EstimatedRobot:
     """
@@ -172,3 +175,19 @@ class EstimatedRobot:
         by_pose = np.column_stack([near.normals.real, near.normals.imag, lever])
         radius = 0.5 * self.robot.description.tube_diameter
         return Depths(radius - near.gaps, rates, by_pose)
+
+    def pressed_depths(self, grip: Grip) -> Array:
+        """
+        Return how deep an object would be in the members (m,) where all press on it [m].
+
+        :param grip: with the object near there.
+        :raises GraspError: the robot has no such members.
+        """
+        near = self.depths(grip)
+        pose = np.array(grip.body.pose)
+        pose[:2] += np.linalg.lstsq(near.by_pose[:, :2], PRESSED - near.values, rcond=None)[0]
+        members = find_members(self.robot, grip.members).members
+        found = attach_grip(self._config, grip.body.moved_to(pose), members, quick=True)
+        if isinstance(found, HoldStatus):
+            return np.full(len(members), PRESSED)
+        return np.maximum(self.depths(grip.moved_to(found.pose)).values, LEAST * PRESSED)

@@ -18,6 +18,7 @@ about as deep.
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 import math
 from typing import NamedTuple
 
@@ -100,11 +101,10 @@ class FirstContact:
     Follows an object that lies, and is pushed, until both members press.
 
     :ivar lies: whether it was seen to lie while members came nearer.
-    :ivar pressed: whether both members press since.
     """
 
     def __init__(self) -> None:
-        self.lies = self.pressed = False
+        self.lies = False
         self._wait()
 
     def _wait(self) -> None:
@@ -113,27 +113,33 @@ class FirstContact:
         self._first: Seen | None = None
         self._rest, self._count = np.zeros(3), 0
         self._pusher: int | None = None
-        self._tangent = False
+        self._ratio, self._told = 1.0, 0
 
-    def take(self, seen: Seen, belief: Belief) -> Told | None:
+    def take(
+        self, seen: Seen, belief: Belief, press: Callable[[], Array]
+    ) -> Told | None:
         """
         Take a measurement in, and return what contacts tell; None where they tell nothing new.
 
         :param seen: later than the last.
         :param belief: of the state.
+        :param press: returns how deep the object is in each member (m,) where both press [m].
         """
-        if self.pressed or len(seen.depths.values) != 2:
+        if len(seen.depths.values) != 2:
             return None
         self._window.append(seen)
         if len(self._window) <= WINDOW:
             return None
         oldest = self._window.popleft()
         if self._pusher is None:
-            self._look_for_push(oldest, belief.mean)
+            self._look_for_push(oldest)
+            if self._pusher is not None:
+                depths = press()
+                self._ratio = float(depths[self._pusher] / depths[1 - self._pusher])
             return None
         return self._follow_push(oldest, belief)
 
-    def _look_for_push(self, oldest: Seen, mean: Array) -> None:
+    def _look_for_push(self, oldest: Seen) -> None:
         """Notice that the object moves, and which member pushes it."""
         first = self._first = self._first or oldest
         self._count += 1
@@ -153,27 +159,42 @@ class FirstContact:
             self._pusher = pusher
 
     def _follow_push(self, oldest: Seen, belief: Belief) -> Told | None:
-        """Return that the pushing member is tangent, or the other one as deep in the end."""
-        weights = np.eye(2)[self._pusher]
-        depth = self._mean_of(weights, belief.mean)
-        spread = float(belief.spread(depth.rates[None])[0, 0]) + depth.variance + TANGENT**2
-        if depth.value**2 <= spread * scipy.special.chdtri(1, LEAVES):
-            self._tangent = True
-            told = oldest.told(weights, belief.mean)
-            return told._replace(variance=told.variance + TANGENT**2)
-        if depth.value < 0.0 or not self._tangent:  # it is not pushed by this member any more
-            self._wait()
+        """Return that it is as deep in the member that pushes it as in the other, if in that."""
+        mine = np.eye(2)[self._pusher]
+        other = self._ratio * (1.0 - mine)
+        depth = _less(self._mean_of(mine, belief.mean), self._mean_of(other, belief.mean), belief)
+        spread = float(belief.spread(depth.rates[None])[0, 0]) + depth.variance
+        if depth.value**2 > spread * scipy.special.chdtri(1, LEAVES):
+            self._wait()  # it is not pushed by this member any more
             return None
-        self.pressed = True
-        told = self._mean_of(1.0 - 2.0 * weights, belief.mean)
-        uneven = TANGENT**2 + (UNEVEN * depth.value) ** 2
-        return told._replace(variance=told.variance + uneven)
+        self._told += 1
+        return _less(
+            oldest.told(mine, belief.mean), oldest.told(other, belief.mean), belief, self._told
+        )
 
     def _mean_of(self, weights: Array, mean: Array) -> Told:
         """Return the mean of the weighted depths (m,) over the window."""
         told = [each.told(weights, mean) for each in self._window]
         value = float(np.mean([each.value for each in told]))
         return Told(value, told[-1].rates, told[-1].variance / len(told))
+
+
+def _less(mine: Told, other: Told, belief: Belief, count: int = 1) -> Told:
+    """
+    Return a depth less another one, which counts where it is positive: by its moments.
+
+    Of a normal d with density p and distribution P at d / s: E max(d, 0) = d P + s p, and what
+    it has in common with d is P.
+    """
+    variance = float(belief.spread(other.rates[None])[0, 0]) + other.variance
+    deviation = math.sqrt(variance)
+    at = other.value / deviation
+    share = float(scipy.special.ndtr(at))
+    mean = other.value * share + deviation * math.exp(-0.5 * at**2) / math.sqrt(2.0 * math.pi)
+    square = (other.value**2 + variance) * share + other.value * (mean - other.value * share)
+    left = max(square - mean**2 - share**2 * variance, 0.0)
+    more = share**2 * other.variance + count * (left + TANGENT**2 + (UNEVEN * mean) ** 2)
+    return Told(mine.value - mean, mine.rates - share * other.rates, mine.variance + more)
 
 
 def _moved(seen: Seen, first: Seen) -> Array:

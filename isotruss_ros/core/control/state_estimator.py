@@ -284,8 +284,7 @@ class StateEstimator:
         own = model.rollers
         by_rollers = Belief(belief.mean[own], belief.covariance[own, own])
         unsure = math.sqrt(by_rollers.spread(model.squeeze_rates[None, own])[0, 0])
-        touch = self._contact
-        sure = 0.0 if touch.pressed else FREE if touch.lies else 1.0
+        sure = FREE if self._contact.lies else 1.0
         if model.held.squeeze < sure * unsure:  # it may not even touch
             model.release()
             model.evaluate(readings, belief.mean)
@@ -298,9 +297,10 @@ class StateEstimator:
         if time <= self._seen:
             return False
         self._seen = time
-        belief, depths = self._belief, self._model.depths(self._grip.moved_to(pose))
+        belief, placed = self._belief, self._grip.moved_to(pose)
+        depths = self._model.depths(placed)
         seen = Seen(np.array(pose), np.square(deviations), readings, belief.mean, depths)
-        told = self._contact.take(seen, belief)
+        told = self._contact.take(seen, belief, lambda: self._model.pressed_depths(placed))
         if told is None:
             return False
 
