@@ -19,12 +19,14 @@ import time
 from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.msg import StateEstimate as StateEstimateMessage
 from isotruss_ros.core import ConvexObject, Disc, load_robot
+from isotruss_ros.core.control.inputs import fresh_pressures, Input, InputError
 from isotruss_ros.core.control.state_estimate import EstimatorSettings, StateEstimate
 from isotruss_ros.core.control.state_estimator import StateEstimator
 from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.robot_frame import RobotFrame
+from isotruss_ros.nodes.components.sensors import forget_pressures, subscribe_tube_pressures
 from isotruss_ros.nodes.conversions.estimate_messages import to_estimate_message
 from isotruss_ros.nodes.conversions.marker_messages import read_joint_markers
 from isotruss_ros.nodes.conversions.messages import (
@@ -84,6 +86,7 @@ SPECS = (
     common.GRIP,
     RATE,
     common.COMMAND_TIMEOUT,
+    common.PRESSURE_TIMEOUT,
     POSE_DEVIATION,
     ANGLE_DEVIATION,
     MARKER_DEVIATION,
@@ -109,6 +112,7 @@ class StateEstimatorNode(ManagedNode):
         self._cycle_times = CycleTimes()
         self._estimator: StateEstimator | None = None
         self._last: StateEstimate | None = None
+        self.pressures: Input = None
         self.start()
 
     def configure(self) -> None:
@@ -127,6 +131,8 @@ class StateEstimatorNode(ManagedNode):
             (MultiDOFJointState, 'joint_markers', self._take_markers),
         ):
             subscribe_newest(self, kind, topic, partial(self._receive, topic, take))
+        self.timeout = self.values[common.COMMAND_TIMEOUT]
+        subscribe_tube_pressures(self, self._robot, self)
         self.diagnostics.hardware_id = self._robot.name
 
     def activate(self) -> None:
@@ -159,6 +165,7 @@ class StateEstimatorNode(ManagedNode):
     def _begin(self) -> None:
         """Begin with zeros that are not known: also after a jump of the clock."""
         values = self.values
+        forget_pressures(self)
         settings = EstimatorSettings(
             zeros=values[ZERO_DEVIATION],
             slip=values[SLIP],
@@ -170,6 +177,7 @@ class StateEstimatorNode(ManagedNode):
     def _apply(self) -> None:
         """Apply changed parameters from now on."""
         self._apply_grip()
+        self.timeout = self.values[common.COMMAND_TIMEOUT]
         if self.cycle is not None:
             self.cycle.change(self.values[RATE])
 
@@ -206,7 +214,17 @@ class StateEstimatorNode(ManagedNode):
         deviation = self.values[MARKER_DEVIATION]
         self._estimator.take_markers(read_stamp(message.header), joints, deviation)
 
+    def _take_pressures(self, now: float) -> str:
+        """Model the tubes with measured pressures, the last ones where none are fresh; tell why."""
+        try:
+            found = fresh_pressures(now, self.values[common.PRESSURE_TIMEOUT], self.pressures)
+        except InputError as error:
+            return str(error)
+        self._estimator.take_pressures(found)
+        return ''
+
     def _step(self, now: Time) -> None:
+        stale = self._take_pressures(1e-9 * now.nanoseconds)
         try:
             estimate = self._estimator.estimate()
         except IsotrussError as error:
@@ -223,7 +241,7 @@ class StateEstimatorNode(ManagedNode):
             return
         self._last = estimate
         self._estimates.publish(to_estimate_message(estimate, self._robot))
-        doubts = _describe_doubts(estimate)
+        doubts = '; '.join(filter(None, (stale, _describe_doubts(estimate))))
         if doubts:
             self._throttle.warn('doubts', doubts)
         self.diagnostics.set_status(Level.WARN if doubts else Level.OK, doubts or 'estimating')

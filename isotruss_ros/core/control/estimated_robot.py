@@ -18,6 +18,7 @@ from isotruss_ros.core.control.belief import Expectation
 from isotruss_ros.core.control.first_contact import Depths
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_gradient import held_gradient
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.hold_status import HoldStatus
@@ -54,6 +55,7 @@ class EstimatedRobot:
     :ivar expected: where the joints are then (x0, y0, x1, y1, ...), and behind them the pose of
         the held object [m, rad].
     :ivar squeeze_rates: (n,) derivatives of the squeeze.
+    :ivar tubes: with which an object is attached.
     :param robot: the robot.
     """
 
@@ -63,7 +65,7 @@ class EstimatedRobot:
         self.rollers, self.wrench = slice(0, count), slice(count, count + 3)
         self.stiffness, self.anchors = count + 3, slice(count + 4, None)
         self.state, self.readings = np.eye(1, count + 4, self.stiffness)[0], np.zeros(count)
-        self.squeeze_rates = np.zeros(count + 4)
+        self.squeeze_rates, self.tubes = np.zeros(count + 4), TubeModel()
         self._differentiated: HeldGrip | None = None  # whose derivatives are expected
         self._config, self._joints = robot.home, 2 * len(robot.topology.joint_names)
         self.evaluate(self.readings, self.state)
@@ -124,11 +126,23 @@ class EstimatedRobot:
         """
         members = find_members(self.robot, grip.members).members
         config = self._config.moved_to(readings + state[self.rollers])
-        found = attach_grip(config, grip.body, members, quick=True)
+        found = attach_grip(config, grip.body, members, tubes=self.tubes, quick=True)
         if isinstance(found, HoldStatus) or found.hold(math.inf) is not HoldStatus.HELD:
             return False
         self._take(found, readings, np.append(state, found.anchors))
         return True
+
+    def take_pressures(self, pressures: tuple[float, ...] | None) -> None:
+        """
+        Model the tubes with other pressures from the next evaluation on.
+
+        :param pressures: (t,) gauge, by tube [Pa]; None for those of the robot file.
+        """
+        if pressures == self.tubes.pressure:
+            return
+        self.tubes, self._differentiated = self.tubes._replace(pressure=pressures), None
+        if self.held is not None:
+            self.held = replace(self.held, tubes=self.tubes)
 
     def release(self) -> None:
         """Hold nothing."""
@@ -187,7 +201,8 @@ class EstimatedRobot:
         pose = np.array(grip.body.pose)
         pose[:2] += np.linalg.lstsq(near.by_pose[:, :2], PRESSED - near.values, rcond=None)[0]
         members = find_members(self.robot, grip.members).members
-        found = attach_grip(self._config, grip.body.moved_to(pose), members, quick=True)
+        body = grip.body.moved_to(pose)
+        found = attach_grip(self._config, body, members, tubes=self.tubes, quick=True)
         if isinstance(found, HoldStatus):
             return np.full(len(members), PRESSED)
         return np.maximum(self.depths(grip.moved_to(found.pose)).values, LEAST * PRESSED)

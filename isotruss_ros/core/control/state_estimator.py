@@ -28,6 +28,7 @@ import math
 from isotruss_ros.core.control.belief import Belief, Expectation, update_belief
 from isotruss_ros.core.control.estimated_robot import EstimatedRobot
 from isotruss_ros.core.control.first_contact import FirstContact, Seen
+from isotruss_ros.core.control.inputs import steady_pressures
 from isotruss_ros.core.control.marker_gate import fits, judge_markers
 from isotruss_ros.core.control.reading_history import ReadingHistory
 from isotruss_ros.core.control.slip_watch import SlipWatch
@@ -107,6 +108,16 @@ class StateEstimator:
                 return
             self._predict(time - last[0], np.abs(readings - last[1]))
         self._history.add(time, readings)
+
+    def take_pressures(self, pressures: tuple[float, ...] | None) -> None:
+        """
+        Model the tubes with measured pressures from now on, see `steady_pressures`.
+
+        :param pressures: (t,) gauge, by tube in the order of the robot file [Pa]; None for those
+            of the file.
+        """
+        model = self._model
+        model.take_pressures(steady_pressures(model.tubes.pressure, pressures))
 
     @single_threaded
     def take_pose(self, time: float, pose: Pose, deviations: Array) -> bool:
