@@ -115,9 +115,7 @@ class FirstContact:
         self._pusher: int | None = None
         self._ratio, self._told = 1.0, 0
 
-    def take(
-        self, seen: Seen, belief: Belief, press: Callable[[], Array]
-    ) -> Told | None:
+    def take(self, seen: Seen, belief: Belief, press: Callable[[], Array]) -> Told | None:
         """
         Take a measurement in, and return what contacts tell; None where they tell nothing new.
 

@@ -316,7 +316,9 @@ class StateEstimator:
             return False
 
         def expect(mean: Array) -> Expectation:
-            return Expectation(told.value + told.rates[None] @ (mean - belief.mean), told.rates[None])
+            return Expectation(
+                told.value + told.rates[None] @ (mean - belief.mean), told.rates[None]
+            )
 
         considered, noise = np.array([self._model.stiffness]), np.array([[told.variance]])
         first = expect(belief.mean)
