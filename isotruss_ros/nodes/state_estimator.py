@@ -215,7 +215,7 @@ class StateEstimatorNode(ManagedNode):
         self._estimator.take_markers(read_stamp(message.header), joints, deviation)
 
     def _take_pressures(self, now: float) -> str:
-        """Model the tubes with measured pressures, the last ones where none are fresh; tell why."""
+        """Model the tubes with measured pressures; tell why, where the last ones stay."""
         try:
             found = fresh_pressures(now, self.values[common.PRESSURE_TIMEOUT], self.pressures)
         except InputError as error:

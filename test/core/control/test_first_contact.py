@@ -36,7 +36,8 @@ SPEED, TARGET, BEFORE = 0.02, 15.0, 4
 def planned():
     """Return members and roller path of a grasp; it begins a while before the touch."""
     grasp = next(iter(plan_grasps(ROBOT.home, BODY)))
-    return Grip(grasp.members, BODY, 0.8), np.array(grasp.path)[grasp.touch - BEFORE :]
+    begin = grasp.touch - BEFORE
+    return Grip(grasp.members, BODY, 0.8), np.array(grasp.path)[begin:]
 
 
 class Closing:
