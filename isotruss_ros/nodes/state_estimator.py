@@ -18,12 +18,14 @@ import time
 from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.msg import StateEstimate as StateEstimateMessage
 from isotruss_ros.core import ConvexObject, Disc, load_robot
+from isotruss_ros.core.control.inputs import fresh_pressures, Input, InputError
 from isotruss_ros.core.control.state_estimate import EstimatorSettings, StateEstimate
 from isotruss_ros.core.control.state_estimator import StateEstimator
 from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.robot_frame import RobotFrame
+from isotruss_ros.nodes.components.sensors import Inputs
 from isotruss_ros.nodes.conversions.estimate_messages import to_estimate_message
 from isotruss_ros.nodes.conversions.joint_state_messages import RollerStateReader
 from isotruss_ros.nodes.conversions.marker_messages import read_joint_markers
@@ -80,6 +82,7 @@ SPECS = (
     common.GRIP,
     RATE,
     common.COMMAND_TIMEOUT,
+    common.PRESSURE_TIMEOUT,
     POSE_DEVIATION,
     ANGLE_DEVIATION,
     MARKER_DEVIATION,
@@ -97,14 +100,18 @@ class StateEstimatorNode(ManagedNode):
     awaited = ('joint_states',)
     _estimator: StateEstimator | None = None
     _last: StateEstimate | None = None
+    pressures: Input = None
 
     def configure(self) -> None:
         """Load the robot, create publisher and subscriptions."""
         self._robot = load_robot(self.values.robot)
-        self.values.on_change(self._apply_grip, partial(common.check_grip, self._robot))
+        self.values.on_change(self._apply, partial(common.check_grip, self._robot))
         self._cycle_times = CycleTimes()
         self._reader = RollerStateReader(self._robot.roller_names)
         self._frame = RobotFrame.heard_by(self, self._robot.frame)
+        self.timeout = self.values.command_timeout
+        self._inputs = Inputs(self, self._robot, self)
+        self._inputs.keep_tube_pressures()
         self._begin()
         self._estimates = self.create_lifecycle_publisher(
             StateEstimateMessage, 'state_estimate', RELIABLE
@@ -143,6 +150,7 @@ class StateEstimatorNode(ManagedNode):
     def _begin(self) -> None:
         """Begin with zeros that are not known: also after a jump of the clock."""
         values = self.values
+        self._inputs.clear()
         settings = EstimatorSettings(
             zeros=values.zero_deviation,
             slip=values.slip,
@@ -150,6 +158,11 @@ class StateEstimatorNode(ManagedNode):
         )
         self._estimator, self._last = StateEstimator(self._robot, settings), None
         self._apply_grip()
+
+    def _apply(self) -> None:
+        """Apply changed parameters from now on."""
+        self._apply_grip()
+        self.timeout = self.values.command_timeout
 
     def _apply_grip(self) -> None:
         """Expect the object between the members of the parameters."""
@@ -184,7 +197,17 @@ class StateEstimatorNode(ManagedNode):
         deviation = self.values.marker_deviation
         self._estimator.take_markers(read_stamp(message.header), joints, deviation)
 
+    def _take_pressures(self, now: float) -> str:
+        """Model the tubes with measured pressures; tell why, where the last ones stay."""
+        try:
+            found = fresh_pressures(now, self.values.pressure_timeout, self.pressures)
+        except InputError as error:
+            return str(error)
+        self._estimator.take_pressures(found)
+        return ''
+
     def _step(self, now: float) -> None:
+        stale = self._take_pressures(now)
         try:
             estimate = self._estimator.estimate()
         except IsotrussError as error:
@@ -201,7 +224,7 @@ class StateEstimatorNode(ManagedNode):
             return
         self._last = estimate
         self._estimates.publish(to_estimate_message(estimate, self._robot))
-        doubts = _describe_doubts(estimate)
+        doubts = '; '.join(filter(None, (stale, _describe_doubts(estimate))))
         if doubts:
             self.warn('doubts', doubts)
         self.diagnostics.set_status(Level.WARN if doubts else Level.OK, doubts or 'estimating')

@@ -195,7 +195,12 @@ class Picture:
         if not self.is_fresh('status', now):
             return 'no manipulation'
         code = str(Status(self.status.code)).replace('_', ' ')
-        return ': '.join(filter(None, ('manipulation', code, self.status.message)))
+        words = ': '.join(filter(None, ('manipulation', code, self.status.message)))
+        squeeze, deviation = self.status.squeeze, self.status.squeeze_deviation
+        if math.isnan(squeeze):
+            return words
+        sure = 'deviation not known' if math.isnan(deviation) else f'deviation {deviation:.1f} N'
+        return f'{words}  \nsqueeze {squeeze:.1f} N, {sure}'
 
     def sample(self, now: float) -> Sample:
         """

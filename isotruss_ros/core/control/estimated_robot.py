@@ -15,19 +15,25 @@ from dataclasses import replace
 import math
 
 from isotruss_ros.core.control.belief import Expectation
+from isotruss_ros.core.control.first_contact import Depths
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_gradient import held_gradient
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
 from isotruss_ros.core.holding.loaded_frame import held_joints
 from isotruss_ros.core.holding.roll_grip import roll_contacts, roll_grip
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import find_members, Grip
+from isotruss_ros.core.model.convex_object import segment_gaps
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
 #: Derivatives of a held object serve for this travel of any roller [m].
 KEPT = 3e-3
+
+#: A depth at which members surely press [m], and the least of them when they press alike [-].
+PRESSED, LEAST = 5e-3, 0.1
 
 
 class EstimatedRobot:
@@ -48,6 +54,7 @@ class EstimatedRobot:
     :ivar expected: where the joints are then (x0, y0, x1, y1, ...), and behind them the pose of
         the held object [m, rad].
     :ivar squeeze_rates: (n,) derivatives of the squeeze.
+    :ivar tubes: with which an object is attached.
     :param robot: the robot.
     """
 
@@ -57,7 +64,7 @@ class EstimatedRobot:
         self.rollers, self.wrench = slice(0, count), slice(count, count + 3)
         self.stiffness, self.anchors = count + 3, slice(count + 4, None)
         self.state, self.readings = np.eye(1, count + 4, self.stiffness)[0], np.zeros(count)
-        self.squeeze_rates = np.zeros(count + 4)
+        self.squeeze_rates, self.tubes = np.zeros(count + 4), TubeModel()
         self._differentiated: HeldGrip | None = None  # whose derivatives are expected
         self._config, self._joints = robot.home, 2 * len(robot.topology.joint_names)
         self.evaluate(self.readings, self.state)
@@ -118,11 +125,23 @@ class EstimatedRobot:
         """
         members = find_members(self.robot, grip.members).members
         config = self._config.moved_to(readings + state[self.rollers])
-        found = attach_grip(config, grip.body, members, quick=True)
+        found = attach_grip(config, grip.body, members, tubes=self.tubes, quick=True)
         if isinstance(found, HoldStatus) or found.hold(math.inf) is not HoldStatus.HELD:
             return False
         self._take(found, readings, np.append(state, found.anchors))
         return True
+
+    def take_pressures(self, pressures: tuple[float, ...] | None) -> None:
+        """
+        Model the tubes with other pressures from the next evaluation on.
+
+        :param pressures: (t,) gauge, by tube [Pa]; None for those of the robot file.
+        """
+        if pressures == self.tubes.pressure:
+            return
+        self.tubes, self._differentiated = self.tubes._replace(pressure=pressures), None
+        if self.held is not None:
+            self.held = replace(self.held, tubes=self.tubes)
 
     def release(self) -> None:
         """Hold nothing."""
@@ -144,3 +163,45 @@ class EstimatedRobot:
         self.held = held
         self.expected = Expectation(np.concatenate([places, pose]), rates)
         self.readings, self.state = readings, state
+
+    def depths(self, grip: Grip) -> Depths:
+        """
+        Return how deep an object is in the members where the model was evaluated, holding nothing.
+
+        :param grip: with the object where it was measured.
+        :raises GraspError: the robot has no such members.
+        """
+        config, body = self._config, grip.body
+        members, topology = find_members(self.robot, grip.members).members, self.robot.topology
+        ends = [topology.b[members], topology.c[topology.following[members]]]
+        start, end = config.points[ends]
+        near = segment_gaps(body, start, end)
+        moved = np.ascontiguousarray(config.node_jacobian.T).view(np.complex128).T[ends]
+        shares = near.shares[:, None]
+        away = near.normals.conj()
+        rates = np.zeros((len(members), len(self.state)))
+        rates[:, self.rollers] = -(
+            away[:, None] * ((1.0 - shares) * moved[0] + shares * moved[1])
+        ).real
+        point = start + near.shares * (end - start) - near.gaps * near.normals
+        lever = (1j * (point - body.center) * away).real
+        by_pose = np.column_stack([near.normals.real, near.normals.imag, lever])
+        radius = 0.5 * self.robot.description.tube_diameter
+        return Depths(radius - near.gaps, rates, by_pose)
+
+    def pressed_depths(self, grip: Grip) -> Array:
+        """
+        Return how deep an object would be in the members (m,) where all press on it [m].
+
+        :param grip: with the object near there.
+        :raises GraspError: the robot has no such members.
+        """
+        near = self.depths(grip)
+        pose = np.array(grip.body.pose)
+        pose[:2] += np.linalg.lstsq(near.by_pose[:, :2], PRESSED - near.values, rcond=None)[0]
+        members = find_members(self.robot, grip.members).members
+        body = grip.body.moved_to(pose)
+        found = attach_grip(self._config, body, members, tubes=self.tubes, quick=True)
+        if isinstance(found, HoldStatus):
+            return np.full(len(members), PRESSED)
+        return np.maximum(self.depths(grip.moved_to(found.pose)).values, LEAST * PRESSED)

@@ -27,6 +27,8 @@ import numpy as np
 CLOCK_SKEW = 0.01
 #: Pressures change slowly, and are measured now and then [s].
 PRESSURE_TIMEOUT = 2.0
+#: Share of a pressure that is taken for noise, and changes the squeeze by 0.1 %.
+PRESSURE_CHANGE = 0.02
 #: Old commands are dropped in lots of about this many.
 LOT = 64
 
@@ -156,6 +158,21 @@ def fresh_pressures(
         now, timeout, clock_skew, 'pressure_timeout', tube_pressures=pressures
     )
     return found.value
+
+
+def steady_pressures(
+    kept: tuple[float, ...] | None, pressures: tuple[float, ...] | None
+) -> tuple[float, ...] | None:
+    """
+    Return the pressures to model tubes with: changes of less than 2 % are none, but noise.
+
+    :param kept: (t,) modelled so far, gauge, by tube [Pa]; None for those of the robot file.
+    :param pressures: (t,) measured; None for those of the file.
+    """
+    if kept is None or pressures is None:
+        return pressures
+    near = np.allclose(pressures, kept, rtol=PRESSURE_CHANGE, atol=0.0)
+    return kept if near else pressures
 
 
 def limit_stamps(now: float, *inputs: Input, clock_skew: float = CLOCK_SKEW) -> tuple[Input, ...]:

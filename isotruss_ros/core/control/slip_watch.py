@@ -15,9 +15,13 @@ from collections import deque
 
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
+import scipy
 
+#: So seldom a zero that stays seems to have moved against its roller, in a comparison. There are
+#: some twenty in a second that do not depend on each other: one false alarm in an hour.
+RARE = 1.5e-5
 #: A roller slips where its zero has moved by more than so many standard deviations ...
-SURE = 3.0
+SURE = -float(scipy.special.ndtri(RARE))
 #: ... and by more than this share of its travel over one of these times [-], [s], ...
 SPANS = ((0.3, 0.25), (0.01, 4.0))
 #: ... and by more than this at all [m].

@@ -26,6 +26,7 @@ import math
 
 from isotruss_ros.core.control.grip_watch import GripFault, GripWatch, PoseComparison
 from isotruss_ros.core.control.held_model import attach_model, Sensitivity, sensitivity
+from isotruss_ros.core.control.inputs import steady_pressures
 from isotruss_ros.core.control.load_estimate import LoadEstimate, LoadSettings
 from isotruss_ros.core.control.loop_gains import choose_gain, gains_of, LoopGains, SLOW
 from isotruss_ros.core.control.state_estimate import EstimatedTravel
@@ -47,8 +48,6 @@ import numpy as np
 FOLDED = 2.0
 #: Share of the slip margin beyond that which a path uses in a second [1/s].
 MARGIN_RATE = 2.0
-#: Share of a pressure that is taken for noise, and changes the squeeze by 0.1 %.
-PRESSURE_CHANGE = 0.02
 #: After an oscillation the rollers stand still for as long as this [s], and the gain is halved.
 REST_TIME = 1.0
 #: The target moves by the difference to an estimated squeeze, behind this low-pass [s], ...
@@ -155,15 +154,9 @@ class SqueezeControl:
         Model the tubes with measured pressures, from the next cycle on.
 
         :param pressures: (t,) gauge, by tube in the order of the robot file [Pa]; None for those
-            of the file. Changes of less than 2 % are none: noise would move the rollers.
+            of the file. See `steady_pressures`: noise would move the rollers.
         """
-        before = self._pressures
-        if (
-            before is None
-            or pressures is None
-            or not np.allclose(pressures, before, rtol=PRESSURE_CHANGE, atol=0.0)
-        ):
-            self._pressures = pressures
+        self._pressures = steady_pressures(self._pressures, pressures)
 
     def take_estimate(self, estimate: EstimatedTravel | None, offsets: Array | float) -> None:
         """
@@ -197,7 +190,19 @@ class SqueezeControl:
             return f'the object oscillates: the gain is softened to {self.gains.pose:.3g} 1/s'
         if self.fault is not None:
             return f'{self.fault.value}: open the grip, or set squeeze_force again to go on'
+        if self._estimate is None and self._trim:
+            return f'no fresh state estimate: the squeeze keeps its correction {self._trim:+.1f} N'
         return ''
+
+    @property
+    def squeeze(self) -> tuple[float, float]:
+        """Return mean normal force and its standard deviation [N]; no numbers if not known."""
+        if self.grasp is None:
+            return math.nan, math.nan
+        estimate = self._estimate
+        if estimate is None or math.isnan(estimate.squeeze):
+            return self._squeeze - self._trim, math.nan
+        return estimate.squeeze, estimate.squeeze_deviation
 
     def follow(self, config: Configuration, grip: Grip, elapsed: float) -> HoldStatus:
         """

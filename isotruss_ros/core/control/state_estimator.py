@@ -27,6 +27,8 @@ import math
 
 from isotruss_ros.core.control.belief import Belief, Expectation, update_belief
 from isotruss_ros.core.control.estimated_robot import EstimatedRobot
+from isotruss_ros.core.control.first_contact import FirstContact, Seen
+from isotruss_ros.core.control.inputs import steady_pressures
 from isotruss_ros.core.control.marker_gate import fits, judge_markers
 from isotruss_ros.core.control.reading_history import ReadingHistory
 from isotruss_ros.core.control.slip_watch import SlipWatch
@@ -48,6 +50,8 @@ LOST = 5
 NEAR = 3e-3
 #: What says that a state is none in which the object is held.
 NOT_HELD = (ConfigurationError, GraspError, StructureError)
+#: An object that lay free is held when its squeeze is by so many deviations above zero.
+FREE = 2.0
 #: Slips are drawn anew over each such piece of travel [m].
 SLIP_LENGTH = 0.1
 
@@ -68,6 +72,7 @@ class StateEstimator:
         variances = [given.zeros**2] * count + [given.load**2] * 3 + [given.stiffness**2]
         self._belief = Belief(self._model.state, np.diag(variances))
         self._history, self._slips = ReadingHistory(), SlipWatch(count)
+        self._contact, self._seen = FirstContact(), -math.inf
         self._lost = self._strange = 0
         self._used: tuple[str, ...] = ()
         self._left_out: tuple[str, ...] = ()
@@ -104,6 +109,16 @@ class StateEstimator:
             self._predict(time - last[0], np.abs(readings - last[1]))
         self._history.add(time, readings)
 
+    def take_pressures(self, pressures: tuple[float, ...] | None) -> None:
+        """
+        Model the tubes with measured pressures from now on, see `steady_pressures`.
+
+        :param pressures: (t,) gauge, by tube in the order of the robot file [Pa]; None for those
+            of the file.
+        """
+        model = self._model
+        model.take_pressures(steady_pressures(model.tubes.pressure, pressures))
+
     @single_threaded
     def take_pose(self, time: float, pose: Pose, deviations: Array) -> bool:
         """
@@ -119,8 +134,10 @@ class StateEstimator:
         if readings is None or self._grip is None:
             return False
         self._go_to(readings)
-        if model.held is None and not self._attach(readings, pose):
-            return False
+        if model.held is None:
+            told = self._touch(time, readings, pose, deviations)
+            if not self._attach(readings, pose):
+                return told
         rows = np.arange(len(model.expected.values))[-3:]
         expected = self._expect(rows)
         errors = self.settings.pose_error / np.array([1.0, 1.0, model.held.arm])
@@ -278,10 +295,35 @@ class StateEstimator:
         own = model.rollers
         by_rollers = Belief(belief.mean[own], belief.covariance[own, own])
         unsure = math.sqrt(by_rollers.spread(model.squeeze_rates[None, own])[0, 0])
-        if model.held.squeeze < unsure:  # it may not even touch
-            self._release()
+        sure = FREE if self._contact.lies else 1.0
+        if model.held.squeeze < sure * unsure:  # it may not even touch
+            model.release()
+            model.evaluate(readings, belief.mean)
             return False
         self._begin()
+        return True
+
+    def _touch(self, time: float, readings: Array, pose: Pose, deviations: Array) -> bool:
+        """Take in what contacts with a free object tell; tell whether they tell something."""
+        if time <= self._seen:
+            return False
+        self._seen = time
+        belief, placed = self._belief, self._grip.moved_to(pose)
+        depths = self._model.depths(placed)
+        seen = Seen(np.array(pose), np.square(deviations), readings, belief.mean, depths)
+        told = self._contact.take(seen, belief, lambda: self._model.pressed_depths(placed))
+        if told is None:
+            return False
+
+        def expect(mean: Array) -> Expectation:
+            return Expectation(
+                told.value + told.rates[None] @ (mean - belief.mean), told.rates[None]
+            )
+
+        considered, noise = np.array([self._model.stiffness]), np.array([[told.variance]])
+        first = expect(belief.mean)
+        self._belief = update_belief(belief, np.zeros(1), noise, expect, first, considered)
+        self._model.evaluate(readings, self._belief.mean)
         return True
 
     def _begin(self) -> None:
@@ -296,6 +338,7 @@ class StateEstimator:
         size = self._model.stiffness + 1
         mean, covariance = self._belief.mean[:size], self._belief.covariance[:size, :size]
         self._belief, self._lost = Belief(mean, covariance), 0
+        self._contact = FirstContact()
         self._model.release()
         self._model.evaluate(self._model.readings, mean)
 

@@ -191,6 +191,8 @@ class StatusReport:
             cycle_time=0.0 if cycle is None else cycle.duration,
             frequency=decision.frequency,
             pose_gain=decision.pose_gain,
+            squeeze=decision.squeeze[0],
+            squeeze_deviation=decision.squeeze[1],
         )
         self._publisher.publish(message)
         self._log_gain(decision)

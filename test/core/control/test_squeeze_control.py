@@ -220,6 +220,30 @@ def test_an_estimate_that_is_not_sure_is_not_regulated(deviation):
     assert loop.squeeze == pytest.approx(loop.target, rel=0.01)
 
 
+def test_what_the_loop_tells_of_the_squeeze_is_the_estimate_and_how_sure_it_is():
+    loop = Loop(scale=0.8)
+    loop.run((0.0, 0.0, 0.0), 0.1)
+    found, deviation = loop.control.squeeze
+    assert found == pytest.approx(loop.target, rel=0.01)  # by its own model
+    assert math.isnan(deviation)
+    loop.control.take_estimate(EstimatedTravel(np.zeros(6), 12.0, 9.0), np.zeros(6))
+    assert loop.control.squeeze == (12.0, 9.0)
+    loop.control.lose()
+    assert np.isnan(loop.control.squeeze).all()
+
+
+def test_without_an_estimate_the_last_correction_stays_and_is_told():
+    loop = Loop(scale=0.8)
+    loop.told = lambda: EstimatedTravel(np.zeros(6), loop.squeeze, 0.05 * loop.target)
+    loop.run((0.0, 0.0, 0.0), 6.0)
+    assert not loop.control.note()
+    loop.told = lambda: None
+    loop.run((0.0, 0.0, 0.0), 2.0)
+    assert loop.squeeze == pytest.approx(loop.target, rel=0.01)
+    assert loop.control.squeeze[0] == pytest.approx(loop.squeeze, rel=0.01)
+    assert 'no fresh state estimate' in loop.control.note()
+
+
 def _corrected(moved):
     """Return a control whose zeros were corrected (r,) [m]."""
     loop = Loop()

@@ -13,8 +13,12 @@ from dataclasses import replace
 
 from drawn_robots import DrawnRobot, EXACT, MARKER, NAMES, PERIOD, POSE, ROBOT, THREE
 from isotruss_ros.core import Pose
+from isotruss_ros.core.control.slip_watch import RARE, SlipWatch
 from isotruss_ros.core.control.state_estimator import StateEstimator
 from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.contact_statics import TubeModel
+from isotruss_ros.core.statics.section import tube_pressures
 import numpy as np
 import pytest
 import scipy
@@ -148,6 +152,30 @@ def test_after_a_slip_the_zeros_are_found_again():
     _turn(drawn, 0.5, 1.0)
     found = drawn.run(2.0, ALL)
     assert found.offsets == pytest.approx(drawn.offsets, abs=2e-3)
+
+
+def test_noise_of_zeros_is_rarely_told_for_a_slip():
+    rng, rollers, times = np.random.default_rng(0), 600, 1000
+    watch, told = SlipWatch(rollers), 0
+    for number in range(times):
+        zeros, travel = 2e-3 * rng.normal(size=rollers), np.full(rollers, 1e-3 * number)
+        watch.add(0.05 * number, travel, zeros, np.full(rollers, 4e-6))
+        told += watch.slipping.sum()
+    # Over both spans of time.
+    assert told < 1.5 * 2.0 * RARE * rollers * times
+
+
+def test_the_stiffness_is_that_of_the_measured_pressures():
+    more = tuple(2.0 * pressure for pressure in tube_pressures(ROBOT.description, None))
+    found, expected = [], []
+    for pressures in (None, more):
+        drawn = DrawnRobot(3, held=True)
+        drawn.estimator.take_pressures(pressures)
+        config, body = drawn.grip.config, drawn.grip.body
+        expected.append(attach_grip(config, body, tubes=TubeModel(pressure=pressures)).squeeze)
+        found.append(drawn.run(1.0, ALL).squeeze)
+    assert expected[1] > 1.02 * expected[0]
+    assert found[1] / found[0] == pytest.approx(expected[1] / expected[0], rel=0.01)
 
 
 def _told_late(order):

@@ -1,0 +1,202 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""
+What the first contact of each member tells while two close on a free object.
+
+The object lies. From when the first member pushes it along, that member's line is tangent to it:
+its depth in the member is zero. From when that depth grows, the other member presses as well, and
+about as deep.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+import math
+from typing import NamedTuple
+
+from isotruss_ros.core.control.belief import Belief
+from isotruss_ros.core.numerics.arrays import Array
+import numpy as np
+import scipy
+
+#: The mean of so many of the last poses is compared with those before.
+WINDOW = 5
+#: An object that moves so seldom does not lie still, a depth does not stay zero: probabilities.
+MOVES, LEAVES = 1e-6, 1e-4
+#: It is pushed by a member against whose normal it goes, by this share of its way.
+AGAINST = 0.7
+#: An object that lies still while a member comes nearer by this is not held [m].
+NEARER = 5e-3
+#: Error of a tangent [m]; how far two depths in tubes differ, as a share of them.
+TANGENT, UNEVEN = 1e-3, 0.5
+
+
+class Depths(NamedTuple):
+    """
+    How deep an object, where it was measured, is in the undeformed members of a grip.
+
+    :ivar values: (m,) [m].
+    :ivar rates: (m, n) derivatives by the estimated state.
+    :ivar by_pose: (m, 3) derivatives by the pose.
+    """
+
+    values: Array
+    rates: Array
+    by_pose: Array
+
+
+class Told(NamedTuple):
+    """
+    What is zero.
+
+    :ivar value: what it is in a state (n,).
+    :ivar rates: (n,) its derivatives.
+    :ivar variance: of its error.
+    """
+
+    value: float
+    rates: Array
+    variance: float
+
+
+class Seen(NamedTuple):
+    """
+    An object that was measured.
+
+    :ivar pose: (x, y, angle) [m, rad].
+    :ivar variances: (3,) of that.
+    :ivar readings: (r,) of the encoders then [m].
+    :ivar mean: (n,) state in which the depths are.
+    :ivar depths: of the object.
+    """
+
+    pose: Array
+    variances: Array
+    readings: Array
+    mean: Array
+    depths: Depths
+
+    def told(self, weights: Array, mean: Array) -> Told:
+        """
+        Return the weighted sum of the depths.
+
+        :param weights: (m,).
+        :param mean: (n,) state in which that is wanted.
+        """
+        rates, by_pose = weights @ self.depths.rates, weights @ self.depths.by_pose
+        value = weights @ self.depths.values + rates @ (mean - self.mean)
+        return Told(float(value), rates, float(by_pose**2 @ self.variances))
+
+
+class FirstContact:
+    """
+    Follows an object that lies, and is pushed, until both members press.
+
+    :ivar lies: whether it was seen to lie while members came nearer.
+    """
+
+    def __init__(self) -> None:
+        self.lies = False
+        self._wait()
+
+    def _wait(self) -> None:
+        """Begin to look where it lies."""
+        self._window: deque[Seen] = deque()
+        self._first: Seen | None = None
+        self._rest, self._count = np.zeros(3), 0
+        self._pusher: int | None = None
+        self._ratio, self._told = 1.0, 0
+
+    def take(self, seen: Seen, belief: Belief, press: Callable[[], Array]) -> Told | None:
+        """
+        Take a measurement in, and return what contacts tell; None where they tell nothing new.
+
+        :param seen: later than the last.
+        :param belief: of the state.
+        :param press: returns how deep the object is in each member (m,) where both press [m].
+        """
+        if len(seen.depths.values) != 2:
+            return None
+        self._window.append(seen)
+        if len(self._window) <= WINDOW:
+            return None
+        oldest = self._window.popleft()
+        if self._pusher is None:
+            self._look_for_push(oldest)
+            if self._pusher is not None:
+                depths = press()
+                self._ratio = float(depths[self._pusher] / depths[1 - self._pusher])
+            return None
+        return self._follow_push(oldest, belief)
+
+    def _look_for_push(self, oldest: Seen) -> None:
+        """Notice that the object moves, and which member pushes it."""
+        first = self._first = self._first or oldest
+        self._count += 1
+        self._rest = self._rest + (_moved(oldest, first) - self._rest) / self._count
+        last = self._window[-1]
+        moved = np.mean([_moved(each, first) for each in self._window], axis=0) - self._rest
+        variances = last.variances * (1.0 / WINDOW + 1.0 / self._count)
+        nearer = last.depths.rates[:, : len(last.readings)] @ (last.readings - first.readings)
+        if (moved**2 / variances).sum() <= scipy.special.chdtri(3, MOVES):
+            self.lies = self.lies or bool(nearer.max() > NEARER)
+            return
+        along = last.depths.by_pose @ moved
+        pusher = int(along.argmin())
+        pushed = along[pusher] < -AGAINST * math.hypot(*moved[:2]) and nearer[pusher] > 0.0
+        self._wait()
+        if pushed:
+            self._pusher = pusher
+
+    def _follow_push(self, oldest: Seen, belief: Belief) -> Told | None:
+        """Return that it is as deep in the member that pushes it as in the other, if in that."""
+        mine = np.eye(2)[self._pusher]
+        other = self._ratio * (1.0 - mine)
+        depth = _less(self._mean_of(mine, belief.mean), self._mean_of(other, belief.mean), belief)
+        spread = float(belief.spread(depth.rates[None])[0, 0]) + depth.variance
+        if depth.value**2 > spread * scipy.special.chdtri(1, LEAVES):
+            self._wait()  # it is not pushed by this member any more
+            return None
+        self._told += 1
+        return _less(
+            oldest.told(mine, belief.mean), oldest.told(other, belief.mean), belief, self._told
+        )
+
+    def _mean_of(self, weights: Array, mean: Array) -> Told:
+        """Return the mean of the weighted depths (m,) over the window."""
+        told = [each.told(weights, mean) for each in self._window]
+        value = float(np.mean([each.value for each in told]))
+        return Told(value, told[-1].rates, told[-1].variance / len(told))
+
+
+def _less(mine: Told, other: Told, belief: Belief, count: int = 1) -> Told:
+    """
+    Return a depth less another one, which counts where it is positive: by its moments.
+
+    Of a normal d with density p and distribution P at d / s: E max(d, 0) = d P + s p, and what
+    it has in common with d is P.
+    """
+    variance = float(belief.spread(other.rates[None])[0, 0]) + other.variance
+    deviation = math.sqrt(variance)
+    at = other.value / deviation
+    share = float(scipy.special.ndtr(at))
+    mean = other.value * share + deviation * math.exp(-0.5 * at**2) / math.sqrt(2.0 * math.pi)
+    square = (other.value**2 + variance) * share + other.value * (mean - other.value * share)
+    left = max(square - mean**2 - share**2 * variance, 0.0)
+    more = share**2 * other.variance + count * (left + TANGENT**2 + (UNEVEN * mean) ** 2)
+    return Told(mine.value - mean, mine.rates - share * other.rates, mine.variance + more)
+
+
+def _moved(seen: Seen, first: Seen) -> Array:
+    """Return by how much an object is elsewhere than at first, (3,) [m, rad]."""
+    away = seen.pose - first.pose
+    away[2] = math.remainder(away[2], 2.0 * math.pi)
+    return away
