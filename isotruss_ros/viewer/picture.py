@@ -199,7 +199,7 @@ class Picture:
         squeeze, deviation = self.status.squeeze, self.status.squeeze_deviation
         if math.isnan(squeeze):
             return words
-        sure = 'deviation not known' if math.isnan(deviation) else f'deviation {deviation:.1f} N'
+        sure = 'deviation not known' if math.isinf(deviation) else f'deviation {deviation:.1f} N'
         return f'{words}  \nsqueeze {squeeze:.1f} N, {sure}'
 
     def sample(self, now: float) -> Sample:

@@ -195,13 +195,13 @@ class SqueezeControl:
         return ''
 
     @property
-    def squeeze(self) -> tuple[float, float]:
-        """Return mean normal force and its standard deviation [N]; no numbers if not known."""
+    def squeeze(self) -> tuple[float, float] | None:
+        """Return mean normal force and its standard deviation, inf if not known [N]; or None."""
         if self.grasp is None:
-            return math.nan, math.nan
+            return None
         estimate = self._estimate
         if estimate is None or math.isnan(estimate.squeeze):
-            return self._squeeze - self._trim, math.nan
+            return self._squeeze - self._trim, math.inf
         return estimate.squeeze, estimate.squeeze_deviation
 
     def follow(self, config: Configuration, grip: Grip, elapsed: float) -> HoldStatus:

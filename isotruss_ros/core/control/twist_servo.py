@@ -23,7 +23,6 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 import functools
 import importlib
-import math
 
 from isotruss_ros.core.control.inputs import (
     CLOCK_SKEW,
@@ -75,8 +74,8 @@ class Decision:
     :ivar failed: names of the rollers that are held at zero because they have failed.
     :ivar frequency: lowest natural frequency of the held object; 0 if not known [rad/s].
     :ivar pose_gain: with which its pose is regulated; 0 if it is not [1/s].
-    :ivar squeeze: mean normal force of the members, and its standard deviation [N]; no numbers
-        where they are not known.
+    :ivar squeeze: mean normal force of the members, and its standard deviation, infinite if not
+        known [N]; None where nothing is held.
     """
 
     command: RollerCommand
@@ -85,7 +84,7 @@ class Decision:
     failed: tuple[str, ...] = ()
     frequency: float = 0.0
     pose_gain: float = 0.0
-    squeeze: tuple[float, float] = (math.nan, math.nan)
+    squeeze: tuple[float, float] | None = None
 
 
 class HaltError(IsotrussError):
@@ -288,7 +287,7 @@ class TwistServo:
         regulated = self.squeeze if self.squeeze and self.squeeze.grasp else None
         frequency = (regulated.frequency or 0.0) if regulated else 0.0
         gain = regulated.gains.pose if regulated else 0.0
-        pressed = regulated.squeeze if regulated else (math.nan, math.nan)
+        pressed = regulated.squeeze if regulated else None
         return Decision(command, twist, message, names, frequency, gain, pressed)
 
     def note_command(self, velocities: Array, now: float) -> None:

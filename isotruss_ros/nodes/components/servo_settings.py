@@ -179,6 +179,7 @@ class StatusReport:
         """
         command, cycle = decision.command, self._node.cycle
         status = self.status = command.status
+        squeeze, deviation = decision.squeeze or (math.nan, math.nan)
         message = ManipulationStatus(
             header=make_header(now, self._frame),
             code=int(status),
@@ -191,8 +192,8 @@ class StatusReport:
             cycle_time=0.0 if cycle is None else cycle.duration,
             frequency=decision.frequency,
             pose_gain=decision.pose_gain,
-            squeeze=decision.squeeze[0],
-            squeeze_deviation=decision.squeeze[1],
+            squeeze=squeeze,
+            squeeze_deviation=deviation,
         )
         self._publisher.publish(message)
         self._log_gain(decision)

@@ -60,7 +60,8 @@ def test_stiffness_is_symmetric_and_lets_exactly_three_motions_be(shear, rng):
     values = np.linalg.eigvalsh(
         in_own_units(matrices, length, axial, np.minimum(flexural, stiffness * length**2))
     )
-    assert np.abs(values[:, :3]).max() < 1e-10
+    # Rounding counts by how much softer shear is than bending, up to 1e7 times.
+    assert np.abs(values[:, :3]).max() < 1e-8
     assert values[:, 3].min() > 1e-3
 
 
