@@ -103,7 +103,9 @@ class RollerTrackingSettings:
 
     :ivar gain: rate at which errors of the roller positions decay [1/s].
     :ivar start_tolerance: largest distance of the rollers from the first waypoint [m].
-    :ivar tolerance: of the last waypoint [m].
+    :ivar tolerance: of the last waypoint, within which the rollers rest [m].
+    :ivar near_tolerance: of the last waypoint, where they come no nearer; what encoders resolve or
+        drives reach is less fine [m].
     :ivar settling_time: for which the rollers must stay within that tolerance [s].
     :ivar max_lag: trajectory time waits while a roller lags by more than this [m].
     :ivar progress_timeout: after which a trajectory without progress is aborted [s].
@@ -114,6 +116,7 @@ class RollerTrackingSettings:
     gain: float = 5.0
     start_tolerance: float = 0.01
     tolerance: float = 2e-5
+    near_tolerance: float = 5e-4
     settling_time: float = 0.1
     max_lag: float = 5e-3
     progress_timeout: float = 3.0
@@ -238,6 +241,8 @@ class RollerTrajectoryServo:
             self._waited += elapsed
         if self._waited > self.settings.progress_timeout:
             self._trajectory = None
+            if at_end and lag <= self.settings.near_tolerance:
+                return RollerStep(still, True, '')
             worst = self._robot.roller_names[int(np.abs(error).argmax())]
             return RollerStep(
                 still, True, f'roller {worst} stays {lag:.4g} m behind the trajectory'

@@ -255,6 +255,24 @@ def test_rollers_that_pass_by_the_end_have_not_arrived():
             assert run.away(quick) <= TOLERANCE
 
 
+@pytest.mark.parametrize(('off', 'arrives'), [(4e-4, True), (6e-4, False)])
+def test_rollers_that_come_no_nearer_have_arrived_where_they_are_near(off, arrives):
+    """As encoders of half a millimetre have it."""
+    path = RollerTrajectory(ROBOT, [[0.0] * N, [0.02] * N], [0.0, 1.0])
+    servo = RollerTrajectoryServo(ROBOT, 0.2)
+    servo.rollers = StampedInput(RollerState(np.zeros(N), np.zeros(N)), 0.0)
+    servo.begin(path, 0.0)
+    for k in range(1, 1000):
+        now = k * PERIOD
+        positions = path.at(min(now, 1.0)).positions - off
+        servo.rollers = StampedInput(RollerState(positions, np.zeros(N)), now)
+        step = servo.decide(now)
+        if step.ended:
+            break
+    assert (step.failure == '') == arrives
+    assert now > 1.0 + PATIENCE
+
+
 @pytest.mark.parametrize('stuck', ROBOT.roller_names)
 @pytest.mark.parametrize('size', [1.0, 0.02])
 def test_gives_up_on_a_stuck_roller_and_names_it(stuck, size):
