@@ -50,6 +50,22 @@ class LoadEstimate:
     def __init__(self, settings: LoadSettings) -> None:
         self.settings = settings
         self.offset, self.wrench, self.bias = np.zeros(3), np.zeros(3), np.zeros(3)
+        self._count = math.inf
+
+    def begin(self, offset: Array, compliance: Array, radius: float) -> Array:
+        """
+        Begin without a load where the object was measured.
+
+        Until there are more measurements than the filter remembers their mean counts, and the load
+        comes with their number: one pose is not enough to tell a load from noise.
+
+        :param offset: (3,) measured minus modelled pose [m, rad].
+        :param compliance: as for `update`.
+        :param radius: of the object [m].
+        :return: (3,) what the most probable load leaves of the offset [m, rad].
+        """
+        self.offset, self.wrench, self.bias, self._count = offset, np.zeros(3), offset, 1
+        return offset - compliance @ self._most_probable(compliance, radius)
 
     def update(
         self, offset: Array, compliance: Array, radius: float, period: float, gains: LoopGains
@@ -60,18 +76,29 @@ class LoadEstimate:
         :param offset: (3,) measured minus modelled pose, the wrench so far included [m, rad].
         :param compliance: (3, 3) pose by wrench, see `WrenchResponse` [m/N, rad/N].
         :param radius: of the object [m].
-        :param period: since the last measurement; infinite to take all of it over at once [s].
+        :param period: since the last measurement [s].
         :param gains: how quickly.
         :return: (3,) by which the wrench changed [N].
         """
-        settings, even = self.settings, np.array([1.0, 1.0, radius])
         passed = -math.expm1(-period / gains.filter_time)
-        self.offset = self.offset + passed * (offset + compliance @ self.wrench - self.offset)
-        give = even[:, None] * compliance
-        variance = settings.size**2 * give @ give.T + settings.pose_error**2 * np.eye(3)
-        probable = settings.size**2 * give.T @ np.linalg.solve(variance, even * self.offset)
-        change = passed * (probable - self.wrench)
+        self._count += 1
+        begun, followed = self._count * passed, -math.expm1(-period * gains.bias)
+        share = max(passed, 1.0 / self._count)
+        self.offset = self.offset + share * (offset + compliance @ self.wrench - self.offset)
+        probable = self._most_probable(compliance, radius)
+        if begun < 1.0:
+            # The object is wanted where it is meanwhile.
+            change, followed = begun * probable - self.wrench, 1.0
+        else:
+            change = passed * (probable - self.wrench)
         self.wrench = self.wrench + change
         left = self.offset - compliance @ self.wrench
-        self.bias = self.bias - math.expm1(-period * gains.bias) * (left - self.bias)
+        self.bias = self.bias + followed * (left - self.bias)
         return change
+
+    def _most_probable(self, compliance: Array, radius: float) -> Array:
+        """Return the most probable wrench (3,) for the offset [N]."""
+        settings, even = self.settings, np.array([1.0, 1.0, radius])
+        give = even[:, None] * compliance
+        variance = settings.size**2 * give @ give.T + settings.pose_error**2 * np.eye(3)
+        return settings.size**2 * give.T @ np.linalg.solve(variance, even * self.offset)

@@ -356,17 +356,19 @@ class SqueezeControl:
             self.grasp = None
             return found
         self._choose_gains(found)
-        grasp = self._explain(found, grip.body.pose)
-        given = sensitivity(grasp, self.settings.friction)
+        given = sensitivity(found, self.settings.friction)
         if given is None:
             self.grasp = None
             return HoldStatus.UNSTABLE
-        self._take(grasp, given, np.zeros(3))
-        even, still = np.array([1.0, 1.0, grasp.arm]), np.zeros(3)
-        first = PoseComparison(even * self.load.offset, even * self.load.bias, still, still, still)
+        self._take(found, given, np.zeros(3))
+        # What a load explains is no slip.
+        offset = _difference(np.array(grip.body.pose), np.array(found.pose))
+        left = self.load.begin(offset, given.pose, found.arm)
+        even, still = np.array([1.0, 1.0, found.arm]), np.zeros(3)
+        first = PoseComparison(even * offset, even * left, still, still, still)
         self._measured = np.array(grip.body.pose)
         self._watch = GripWatch(self.frequency, first)
-        self._take_utilisation(grasp)
+        self._take_utilisation(found)
         rollers = len(config.roller_positions)
         self._used_ahead, self._margin_ahead = TravelTrend(rollers), TravelTrend(rollers)
         self._rows, self._drift = grip_jacobian(config, grip), np.zeros(4)
@@ -380,22 +382,6 @@ class SqueezeControl:
             self.frequency, description.damping_ratio, settings.pose_gain, settings.force_gain
         )
         self.gains = gains_of(self._softening * gain)
-
-    def _explain(self, found: HeldGrip, measured: Pose) -> HeldGrip:
-        """Return the equilibrium under the load that explains where the object was measured."""
-        given = sensitivity(found, self.settings.friction)
-        if given is None:
-            return found
-        offset = _difference(np.array(measured), np.array(found.pose))
-        # At once: so that the object is wanted where it is, and not where the model has it.
-        self.load.update(offset, given.pose, found.arm, math.inf, self.gains)
-        # At the same contacts: the next cycle finds which of them change.
-        contacts, wrench = found.contacts, self.load.wrench
-        loaded = roll_contacts(found, found.config, contacts, found.anchors, found.angles, wrench)
-        if loaded is None or loaded.hold(self.settings.friction) is not HoldStatus.HELD:
-            self.load.wrench, self.load.bias = np.zeros(3), offset
-            return found
-        return loaded
 
     def _observe(
         self, grasp: HeldGrip, given: Sensitivity, measured: Pose, elapsed: float
