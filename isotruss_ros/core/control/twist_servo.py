@@ -44,7 +44,7 @@ from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import Grip, members_at
 from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 from isotruss_ros.core.manipulation.limits import default_limits, Limit
-from isotruss_ros.core.manipulation.rolling_grip import predict_grip
+from isotruss_ros.core.manipulation.rolling_grip import roll_object
 from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint, solve_joint_velocity
 from isotruss_ros.core.manipulation.solve_twist import RollerCommand, solve_twist
 from isotruss_ros.core.manipulation.status import Status
@@ -332,12 +332,12 @@ class TwistServo:
         pose_time = rollers.time if pose is None else pose.time
         before, travel, last = self._expected_travel(rollers, pose_time, now, failed)
         try:
-            config, grip = self._tracker.configuration(rollers.value.positions), None
-            if pose is not None:
-                config, grip = predict_grip(config, self.grip_at(pose.value), before, travel)
-            elif travel.any():
-                config = config.predict(travel)
-            self._tracker.ahead = config
+            measured, config = self._tracker.predict(rollers.value.positions, travel)
+            grip = None if pose is None else self.grip_at(pose.value)
+            if grip is not None:
+                # From where it was measured on, the object rolls in its contacts.
+                start = measured.predict(before) if before.any() else measured
+                grip = roll_object(grip, start, config)
             watch = None if self.guard is None else self.guard.watch(config, grip)
             limits = self.limits if watch is None else (*self.limits, *watch.limits)
             handling = LimitHandling(self.slide_along_limits, self.period)

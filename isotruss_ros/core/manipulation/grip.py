@@ -17,7 +17,7 @@ so it can neither lift nor turn. Points of the plane are complex numbers, as in 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 import functools
 import math
 from typing import NamedTuple
@@ -83,7 +83,10 @@ class Grip:
         :param pose: of the object's frame in the robot frame (x, y, angle) [m, rad].
         :raises GraspError: the pose is not three finite numbers within range.
         """
-        return replace(self, body=self.body.moved_to(pose))
+        moved = object.__new__(Grip)
+        # What has been checked need not be checked again.
+        moved.__dict__.update(self.__dict__, body=self.body.moved_to(pose))
+        return moved
 
     @classmethod
     def at_module(

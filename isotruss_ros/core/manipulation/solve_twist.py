@@ -28,7 +28,7 @@ from isotruss_ros.core.manipulation.limits import (
     name_binding_rows,
     stack_rows,
 )
-from isotruss_ros.core.manipulation.rolling_grip import RollingGrip
+from isotruss_ros.core.manipulation.rolling_grip import roll_object
 from isotruss_ros.core.manipulation.rolling_off import roll_off_faces
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.manipulation.task import (
@@ -220,8 +220,7 @@ def solve_twist_ahead(
     if lead == 0.0 or not command.roller_velocities.any():
         return command
     ahead = config.moved_to(config.roller_positions + lead * command.roller_velocities)
-    rolled = RollingGrip.attach(config, grip).moved_to(ahead)
-    return solve_twist(ahead, rolled.grip, twist, failed, limits, handling)
+    return solve_twist(ahead, roll_object(grip, config, ahead), twist, failed, limits, handling)
 
 
 @single_threaded

@@ -25,7 +25,7 @@ from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import Grip
-from isotruss_ros.core.manipulation.rolling_grip import RollingGrip
+from isotruss_ros.core.manipulation.rolling_grip import roll_object
 from isotruss_ros.core.manipulation.solve_twist import RollerCommand
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.numerics.arrays import Array
@@ -200,7 +200,7 @@ class Watch:
         long = bool(np.abs(travel).max() > BAND_STEP)
         if grip is not None and (long or any(limit.barrier.needs_object for limit in limits)):
             try:
-                grip = RollingGrip.attach(start, grip).moved_to(end).grip
+                grip = roll_object(grip, start, end)
             except GraspError:  # a contact is lost on the way there
                 return BarrierViolation(0.5, Status.SLOWED_OBJECT, ('the contacts of the grip',))
         found = [limit.violation(end, grip, travel, velocities, duration) for limit in limits]
