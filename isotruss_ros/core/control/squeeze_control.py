@@ -37,9 +37,8 @@ from isotruss_ros.core.holding.roll_grip import roll_contacts, roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
-from isotruss_ros.core.manipulation.solve_twist import RollerCommand
-from isotruss_ros.core.manipulation.status import Status
-from isotruss_ros.core.model.pose import Pose
+from isotruss_ros.core.manipulation.status import RollerCommand, Status
+from isotruss_ros.core.model.pose import Pose, pose_difference
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
@@ -290,7 +289,7 @@ class SqueezeControl:
             self.reference = self._pose + self.load.bias
         # A command that holds for longer than the period must not correct too much.
         gain = min(self.gains.pose, 0.5 / max(period, self._elapsed))
-        error = _difference(self.reference, self._pose + self.load.bias)
+        error = pose_difference(self.reference, self._pose + self.load.bias)
         return gain * error - self._drift[:3]
 
     def _learn(
@@ -300,7 +299,7 @@ class SqueezeControl:
         travel = grasp.config.roller_positions - before.config.roller_positions
         moved, opened = self._rows[:3] @ travel, self._rows[3] @ travel
         loaded = grasp.wrench - before.wrench
-        change = _difference(np.array(grasp.pose), np.array(before.pose))
+        change = pose_difference(grasp.pose, before.pose)
         pressed = grasp.squeeze - before.squeeze - self._slope * opened - given.squeeze @ loaded
         beyond = np.append(change - moved - given.pose @ loaded, pressed)
         self._drift = beyond / elapsed if elapsed > 0.0 else np.zeros(4)
@@ -334,14 +333,7 @@ class SqueezeControl:
             return command
         share = left / more
         name = f'member {self.grasp.config.robot.member_names[self._member]}'
-        return replace(
-            command,
-            roller_velocities=share * command.roller_velocities,
-            achieved_twist=share * command.achieved_twist,
-            scale=share * command.scale,
-            status=Status.SLOWED_UTILISATION,
-            limiting=tuple(dict.fromkeys((*command.limiting, name))),
-        )
+        return command.slowed(share, Status.SLOWED_UTILISATION, (name,))
 
     def _start(self, config: Configuration, grip: Grip) -> HoldStatus:
         """Begin with the equilibrium near the measured pose."""
@@ -381,7 +373,7 @@ class SqueezeControl:
         given = sensitivity(found, self.settings.friction)
         if given is None:
             return found
-        offset = _difference(np.array(measured), np.array(found.pose))
+        offset = pose_difference(measured, found.pose)
         # At once: so that the object is wanted where it is, and not where the model has it.
         self.load.update(offset, given.pose, found.arm, math.inf, self.gains)
         # At the same contacts: the next cycle finds which of them change.
@@ -397,15 +389,15 @@ class SqueezeControl:
     ) -> None:
         """Take in where the object was measured and where the model has it."""
         self._choose_gains(grasp)
-        offset = _difference(np.array(measured), np.array(grasp.pose))
+        offset = pose_difference(measured, grasp.pose)
         moved = given.pose @ self.load.wrench
         loaded = self.load.update(offset, given.pose, grasp.arm, elapsed, self.gains)
         self._take(grasp, given, loaded)
         self._follow_estimate(elapsed)
         even, error = np.array([1.0, 1.0, grasp.arm]), np.zeros(3)
         if self.reference is not None:
-            error = _difference(self.reference, np.array(measured))
-        asked, went = elapsed * self._asked, _difference(np.array(measured), self._measured)
+            error = pose_difference(self.reference, measured)
+        asked, went = elapsed * self._asked, pose_difference(measured, self._measured)
         self._measured = np.array(measured)
         lengths = (offset + moved, offset, error, asked, went)
         poses = PoseComparison(*(even * each for each in lengths))
@@ -452,10 +444,3 @@ def _solve_within_limits(wanted: Array, opening: float, solve: Solve) -> RollerC
         if found.scale >= 1.0:
             break
     return replace(found, scale=scale, status=command.status, limiting=command.limiting)
-
-
-def _difference(pose: Array, other: Array) -> Array:
-    """Return pose minus other, the angle in (-pi, pi] (3,) [m, rad]."""
-    away = pose - other
-    away[2] = math.remainder(away[2], 2.0 * math.pi)
-    return away

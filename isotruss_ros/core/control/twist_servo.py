@@ -46,8 +46,8 @@ from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 from isotruss_ros.core.manipulation.limits import default_limits, Limit
 from isotruss_ros.core.manipulation.rolling_grip import roll_object
 from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint, solve_joint_velocity
-from isotruss_ros.core.manipulation.solve_twist import RollerCommand, solve_twist
-from isotruss_ros.core.manipulation.status import Status
+from isotruss_ros.core.manipulation.solve_twist import solve_twist
+from isotruss_ros.core.manipulation.status import RollerCommand, Status
 from isotruss_ros.core.manipulation.task import working_rollers
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose

@@ -29,6 +29,7 @@ from isotruss_ros.core.holding.loaded_frame import held_utilisation
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.pose import pose_difference
 from isotruss_ros.core.planning.closed_grip import ClosedGrip, exceeded_bound, grasp_loads
 from isotruss_ros.core.planning.closing import Closing, outward_normals
 from isotruss_ros.core.planning.closing_step import press
@@ -170,8 +171,7 @@ def _require(
 
 def _placed(grasp: HeldGrip, lay: ConvexObject) -> ConvexObject:
     """Return the object where it is: where it lay, if it stayed there."""
-    moved = np.subtract(grasp.pose, lay.pose)
-    moved[2] = lay.arm * math.remainder(moved[2], 2.0 * math.pi)
+    moved = pose_difference(grasp.pose, lay.pose) * (1.0, 1.0, lay.arm)
     return lay if np.abs(moved).max() < SAME_PLACE else lay.moved_to(grasp.pose)
 
 

@@ -24,6 +24,7 @@ from isotruss_ros.core.holding.grasp_gradient import grasp_gradient
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.holding.settle_grasp import assess_equilibrium
+from isotruss_ros.core.model.pose import pose_difference
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
 from isotruss_ros.core.planning.closing import Closing, evaluate_state
@@ -119,8 +120,7 @@ class _Bounds:
 
     def missing(self, grasp: HeldGrip) -> Array:
         """Return what is missing where a grip is."""
-        away = np.subtract(self._closing.body.pose, grasp.pose)
-        away[2] = math.remainder(away[2], 2.0 * math.pi)
+        away = pose_difference(self._closing.body.pose, grasp.pose)
         missing = np.append(self._force - grasp.squeeze, away)
         if self._even:
             wanted = len(self._closing.members) * self._force * _shares(grasp)

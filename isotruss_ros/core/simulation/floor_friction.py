@@ -11,9 +11,8 @@
 
 from __future__ import annotations
 
-import math
-
 from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.model.pose import pose_difference
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 import scipy
@@ -53,8 +52,7 @@ class FloorFriction:
         even, pose = np.array([1.0, 1.0, grasp.arm]), np.array(grasp.pose)
         if self._place is None:
             self._place = pose
-        away = pose - self._place
-        away[2] = math.remainder(away[2], 2.0 * math.pi)
+        away = pose_difference(pose, self._place)
         compliance = even[:, None] * grasp.response.pose
         wanted = self.wrench - np.linalg.solve(compliance, even * away)
         before, self.wrench = self.wrench, limit_wrench(wanted, compliance, self._limit)
