@@ -50,7 +50,7 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
 from isotruss_ros.core.holding.attach_grip import attach_grip, rest
-from isotruss_ros.core.manipulation.solve_twist import RollerCommand
+from isotruss_ros.core.manipulation.status import RollerCommand
 from measuring import print_machine, print_table, timed
 import numpy as np
 from scipy.optimize import root

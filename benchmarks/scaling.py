@@ -29,7 +29,7 @@ os.environ.update(OPENBLAS_NUM_THREADS='1', OMP_NUM_THREADS='1')  # before NumPy
 from isotruss_ros import core
 from isotruss_ros.core.kinematics import constraints
 from isotruss_ros.core.manipulation.limit_handling import LimitHandling
-from isotruss_ros.core.manipulation.solve_twist import RollerCommand
+from isotruss_ros.core.manipulation.status import RollerCommand
 from isotruss_ros.core.model.description import RobotDescription
 from isotruss_ros.core.numerics.factorization import factorize
 from kinematics import PaperProgram, State

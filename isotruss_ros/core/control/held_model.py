@@ -11,12 +11,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_forces import slip_margin
 from isotruss_ros.core.holding.contact_statics import TubeModel
+from isotruss_ros.core.holding.held_gradient import travel_rates
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
+from isotruss_ros.core.holding.roll_grip import roll_contacts
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import find_members, Grip
 from isotruss_ros.core.numerics.arrays import Array
@@ -68,3 +70,18 @@ def sensitivity(grasp: HeldGrip, friction: float) -> Sensitivity | None:
         return None
     margin = slip_margin(grasp.state, response, friction)
     return Sensitivity(response.pose, response.squeeze, grasp.squeeze_stiffness(), margin)
+
+
+def move_zeros(grasp: HeldGrip, moved: Array) -> HeldGrip | None:
+    """
+    Return the equilibrium where zeros of the rollers are corrected; None where there is none.
+
+    What is corrected did not roll: the anchors move along, so that the contacts stay.
+
+    :param grasp: how the object is held before that.
+    :param moved: (r,) by which the positions of the rollers change [m].
+    """
+    config = grasp.config.moved_to(grasp.config.roller_positions + moved)
+    anchors = grasp.anchors + grasp.statics.sides * (travel_rates(grasp) @ moved)
+    found = roll_contacts(grasp, config, grasp.contacts, anchors, grasp.angles, grasp.wrench)
+    return None if found is None else replace(found, motion=grasp.motion)

@@ -26,13 +26,12 @@ from isotruss_ros.core.control.path_tracking import (
     FINISHED,
     PathPhase,
     PathTracker,
-    pose_error,
     Tracking,
     TrackingSettings,
 )
 from isotruss_ros.core.errors import PathError
 from isotruss_ros.core.manipulation.status import Status
-from isotruss_ros.core.model.pose import Pose
+from isotruss_ros.core.model.pose import Pose, pose_difference
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
@@ -144,7 +143,7 @@ class PathServo:
         """
         self.tracker = None
         measured = self.measured(now)
-        error = pose_error(path.poses[0], measured)
+        error = pose_difference(path.poses[0], measured)
         away, turned = math.hypot(error[0], error[1]), abs(float(error[2]))
         if away > settings.position_tolerance or turned > settings.angle_tolerance:
             raise PathError(

@@ -28,7 +28,7 @@ from typing import NamedTuple
 from isotruss_ros.core.control.object_path import ObjectPath
 from isotruss_ros.core.control.path_timing import PathClock
 from isotruss_ros.core.errors import PathError
-from isotruss_ros.core.model.pose import Pose
+from isotruss_ros.core.model.pose import Pose, pose_difference
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
@@ -131,18 +131,6 @@ class Tracking(NamedTuple):
     message: str
 
 
-def pose_error(wanted: Array, measured: Pose) -> Array:
-    """
-    Return what is missing to the pose wanted (3,), in the shorter direction [m, rad].
-
-    :param wanted: (3,) pose x, y [m], angle [rad] in the robot frame.
-    :param measured: pose of the object in the robot frame.
-    """
-    error = wanted - np.asarray(measured)
-    error[2] = math.remainder(error[2], 2.0 * math.pi)
-    return error
-
-
 class PathTracker:
     """
     State of following one path.
@@ -211,7 +199,7 @@ class PathTracker:
         :param held: whether the robot is stopped.
         """
         age, elapsed = max(age, 0.0), max(elapsed, 0.0)
-        error = pose_error(self.path.pose(self.clock.time_then(elapsed, age)), measured)
+        error = pose_difference(self.path.pose(self.clock.time_then(elapsed, age)), measured)
         position_error, angle_error = math.hypot(error[0], error[1]), abs(float(error[2]))
         step = self.clock.step(elapsed)
         self._note(position_error, angle_error, step)

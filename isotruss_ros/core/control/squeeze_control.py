@@ -25,29 +25,23 @@ from dataclasses import dataclass, field, replace
 import math
 
 from isotruss_ros.core.control.grip_watch import GripFault, GripWatch, PoseComparison
-from isotruss_ros.core.control.held_model import attach_model, Sensitivity, sensitivity
+from isotruss_ros.core.control.held_model import attach_model, move_zeros, Sensitivity, sensitivity
 from isotruss_ros.core.control.inputs import steady_pressures
 from isotruss_ros.core.control.load_estimate import LoadEstimate, LoadSettings
 from isotruss_ros.core.control.loop_gains import choose_gain, gains_of, LoopGains, SLOW
 from isotruss_ros.core.control.state_estimate import EstimatedTravel
-from isotruss_ros.core.control.travel_trend import TravelTrend
-from isotruss_ros.core.holding.held_gradient import travel_rates
+from isotruss_ros.core.control.usage_limits import UsageLimits
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, LEFT_MARGIN
-from isotruss_ros.core.holding.loaded_frame import held_utilisation, lowest_frequency
-from isotruss_ros.core.holding.roll_grip import roll_contacts, roll_grip
+from isotruss_ros.core.holding.loaded_frame import lowest_frequency
+from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
-from isotruss_ros.core.manipulation.solve_twist import RollerCommand
-from isotruss_ros.core.manipulation.status import Status
-from isotruss_ros.core.model.pose import Pose
+from isotruss_ros.core.manipulation.status import RollerCommand, Status
+from isotruss_ros.core.model.pose import Pose, pose_difference
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
-#: At this utilisation a tube has folded: more is not told apart.
-FOLDED = 2.0
-#: Share of the slip margin beyond that which a path uses in a second [1/s].
-MARGIN_RATE = 2.0
 #: After an oscillation the rollers stand still for as long as this [s], and the gain is halved.
 REST_TIME = 1.0
 #: The target moves by the difference to an estimated squeeze, behind this low-pass [s], ...
@@ -162,8 +156,6 @@ class SqueezeControl:
         """
         Regulate an estimated squeeze, and take corrected zeros of the rollers over.
 
-        What is corrected did not roll: the anchors move along, so that the contacts stay.
-
         :param estimate: fresh; None without one.
         :param offsets: (r,) in the positions of the rollers from now on [m].
         """
@@ -172,17 +164,9 @@ class SqueezeControl:
         if grasp is None or before is None or np.array_equal(offsets, before):
             return
         moved = np.broadcast_to(offsets - before, grasp.config.roller_positions.shape)
-        corrected = None
-        if np.abs(moved).max() <= RESTART:
-            config = grasp.config.moved_to(grasp.config.roller_positions + moved)
-            anchors = grasp.anchors + grasp.statics.sides * (travel_rates(grasp) @ moved)
-            corrected = roll_contacts(
-                grasp, config, grasp.contacts, anchors, grasp.angles, grasp.wrench
-            )
-        if corrected is None:
+        self.grasp = move_zeros(grasp, moved) if np.abs(moved).max() <= RESTART else None
+        if self.grasp is None:
             self.reset()
-        else:
-            self.grasp = replace(corrected, motion=grasp.motion)
 
     def note(self) -> str:
         """Return what is wrong with how the object is held; empty where nothing is."""
@@ -265,7 +249,8 @@ class SqueezeControl:
             return replace(held, scale=0.0, status=HALTS[self.fault])
         twist, correction = np.asarray(twist), self._correction(period)
         command = _solve_within_limits(twist + correction, opening, solve)
-        share = self._margin_share(command, period) if twist.any() else 1.0
+        free = self.slip_margin - LEFT_MARGIN * self._squeeze
+        share = self._usage.margin_share(command, period, free) if twist.any() else 1.0
         if share < 1.0:
             slowed = _solve_within_limits(share * twist + correction, opening, solve)
             command = replace(
@@ -274,7 +259,8 @@ class SqueezeControl:
                 status=Status.SLOWED_SLIP_MARGIN,
                 limiting=(*slowed.limiting, 'the slip margin'),
             )
-        return self._limit_utilisation(command, period)
+        most, rate = self.settings.max_utilisation, self.settings.utilisation_rate
+        return self._usage.limit_utilisation(command, period, most, rate)
 
     def advance(self, twist: Array, command: RollerCommand) -> None:
         """
@@ -295,7 +281,7 @@ class SqueezeControl:
             self.reference = self._pose + self.load.bias
         # A command that holds for longer than the period must not correct too much.
         gain = min(self.gains.pose, 0.5 / max(period, self._elapsed))
-        error = _difference(self.reference, self._pose + self.load.bias)
+        error = pose_difference(self.reference, self._pose + self.load.bias)
         return gain * error - self._drift[:3]
 
     def _learn(
@@ -305,48 +291,13 @@ class SqueezeControl:
         travel = grasp.config.roller_positions - before.config.roller_positions
         moved, opened = self._rows[:3] @ travel, self._rows[3] @ travel
         loaded = grasp.wrench - before.wrench
-        change = _difference(np.array(grasp.pose), np.array(before.pose))
+        change = pose_difference(grasp.pose, before.pose)
         pressed = grasp.squeeze - before.squeeze - self._slope * opened - given.squeeze @ loaded
         beyond = np.append(change - moved - given.pose @ loaded, pressed)
         self._drift = beyond / elapsed if elapsed > 0.0 else np.zeros(4)
-        used = self._used
-        self._take_utilisation(grasp)
-        self._used_ahead.learn(self._used - used, travel)
         # A load that changed the margin is not to be taken for what the travel did.
         margin = given.slip_margin - before.slip_margin(self.settings.friction, loaded)
-        self._margin_ahead.learn(margin, travel)
-
-    def _take_utilisation(self, grasp: HeldGrip) -> None:
-        """Take in which member is nearest to its wrinkling moment, and how near."""
-        used = held_utilisation(grasp)
-        self._member = int(used.argmax())
-        self._used = min(float(used.max()), FOLDED)
-
-    def _margin_share(self, command: RollerCommand, period: float) -> float:
-        """Return the part of a command's twist that leaves enough of the slip margin, 0 to 1."""
-        fall = -self._margin_ahead.ahead(period * command.roller_velocities)
-        free = self.slip_margin - LEFT_MARGIN * self._squeeze
-        left = max(period * MARGIN_RATE * free, 0.0)
-        return 1.0 if fall <= left else left / fall
-
-    def _limit_utilisation(self, command: RollerCommand, period: float) -> RollerCommand:
-        """Return a command, slowed where it would use too much of what is left of the tubes."""
-        settings = self.settings
-        more = self._used_ahead.ahead(period * command.roller_velocities)
-        free = settings.max_utilisation - self._used
-        left = max(period * settings.utilisation_rate * free, 0.0)
-        if more <= left:
-            return command
-        share = left / more
-        name = f'member {self.grasp.config.robot.member_names[self._member]}'
-        return replace(
-            command,
-            roller_velocities=share * command.roller_velocities,
-            achieved_twist=share * command.achieved_twist,
-            scale=share * command.scale,
-            status=Status.SLOWED_UTILISATION,
-            limiting=tuple(dict.fromkeys((*command.limiting, name))),
-        )
+        self._usage.learn(grasp, margin, travel)
 
     def _start(self, config: Configuration, grip: Grip) -> HoldStatus:
         """Begin with the equilibrium near the measured pose."""
@@ -362,15 +313,13 @@ class SqueezeControl:
             return HoldStatus.UNSTABLE
         self._take(found, given, np.zeros(3))
         # What a load explains is no slip.
-        offset = _difference(np.array(grip.body.pose), np.array(found.pose))
+        offset = pose_difference(grip.body.pose, found.pose)
         left = self.load.begin(offset, given.pose, found.arm)
         even, still = np.array([1.0, 1.0, found.arm]), np.zeros(3)
         first = PoseComparison(even * offset, even * left, still, still, still)
         self._measured = np.array(grip.body.pose)
         self._watch = GripWatch(self.frequency, first)
-        self._take_utilisation(found)
-        rollers = len(config.roller_positions)
-        self._used_ahead, self._margin_ahead = TravelTrend(rollers), TravelTrend(rollers)
+        self._usage = UsageLimits(found)
         self._rows, self._drift = grip_jacobian(config, grip), np.zeros(4)
         return found.hold(self.settings.friction)
 
@@ -388,15 +337,15 @@ class SqueezeControl:
     ) -> None:
         """Take in where the object was measured and where the model has it."""
         self._choose_gains(grasp)
-        offset = _difference(np.array(measured), np.array(grasp.pose))
+        offset = pose_difference(measured, grasp.pose)
         moved = given.pose @ self.load.wrench
         loaded = self.load.update(offset, given.pose, grasp.arm, elapsed, self.gains)
         self._take(grasp, given, loaded)
         self._follow_estimate(elapsed)
         even, error = np.array([1.0, 1.0, grasp.arm]), np.zeros(3)
         if self.reference is not None:
-            error = _difference(self.reference, np.array(measured))
-        asked, went = elapsed * self._asked, _difference(np.array(measured), self._measured)
+            error = pose_difference(self.reference, measured)
+        asked, went = elapsed * self._asked, pose_difference(measured, self._measured)
         self._measured = np.array(measured)
         lengths = (offset + moved, offset, error, asked, went)
         poses = PoseComparison(*(even * each for each in lengths))
@@ -443,10 +392,3 @@ def _solve_within_limits(wanted: Array, opening: float, solve: Solve) -> RollerC
         if found.scale >= 1.0:
             break
     return replace(found, scale=scale, status=command.status, limiting=command.limiting)
-
-
-def _difference(pose: Array, other: Array) -> Array:
-    """Return pose minus other, the angle in (-pi, pi] (3,) [m, rad]."""
-    away = pose - other
-    away[2] = math.remainder(away[2], 2.0 * math.pi)
-    return away

@@ -20,17 +20,17 @@ before the measurement do not count, so motion resumes from any state of robot a
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 import functools
 import importlib
 
+from isotruss_ros.core.control.decision import Decision, HaltError, HALTS
 from isotruss_ros.core.control.inputs import (
     CLOCK_SKEW,
     CommandHistory,
     fresh_pressures,
     Input,
     InputError,
-    InputFault,
     limit_stamps,
     PRESSURE_TIMEOUT,
     require_fresh,
@@ -44,10 +44,10 @@ from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import Grip, members_at
 from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 from isotruss_ros.core.manipulation.limits import default_limits, Limit
-from isotruss_ros.core.manipulation.rolling_grip import predict_grip
+from isotruss_ros.core.manipulation.rolling_grip import roll_object
 from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint, solve_joint_velocity
-from isotruss_ros.core.manipulation.solve_twist import RollerCommand, solve_twist
-from isotruss_ros.core.manipulation.status import Status
+from isotruss_ros.core.manipulation.solve_twist import solve_twist
+from isotruss_ros.core.manipulation.status import RollerCommand, Status
 from isotruss_ros.core.manipulation.task import working_rollers
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
@@ -60,61 +60,6 @@ import numpy as np
 
 #: The travel of the rollers is compared with what was commanded this often [s].
 DETECTION_PERIOD = 0.02
-
-
-@dataclass(frozen=True)
-class Decision:
-    """
-    What the rollers do in one cycle.
-
-    :ivar command: velocities (zero when halted), achieved twist, scale and status.
-    :ivar twist: (3,) the commanded twist vx, vy [m/s], omega [rad/s] of object or joint; zero if
-        there is none.
-    :ivar message: what is wrong and what would be right; empty when nothing is wrong.
-    :ivar failed: names of the rollers that are held at zero because they have failed.
-    :ivar frequency: lowest natural frequency of the held object; 0 if not known [rad/s].
-    :ivar pose_gain: with which its pose is regulated; 0 if it is not [1/s].
-    :ivar squeeze: mean normal force of the members, and its standard deviation, infinite if not
-        known [N]; None where nothing is held.
-    """
-
-    command: RollerCommand
-    twist: Array
-    message: str
-    failed: tuple[str, ...] = ()
-    frequency: float = 0.0
-    pose_gain: float = 0.0
-    squeeze: tuple[float, float] | None = None
-
-
-class HaltError(IsotrussError):
-    """
-    The rollers must stop.
-
-    :ivar status: why.
-    :param status: why the rollers must stop.
-    :param message: the reason in words.
-    """
-
-    def __init__(self, status: Status, message: str) -> None:
-        super().__init__(message)
-        self.status = status
-
-
-#: The status for each fault of an input.
-HALTS = {
-    ('twist', InputFault.MISSING): Status.HALT_NO_TWIST,
-    ('twist', InputFault.STALE): Status.HALT_NO_TWIST,
-    ('twist', InputFault.INVALID): Status.HALT_INVALID_TWIST,
-    ('joint_states', InputFault.MISSING): Status.HALT_NO_JOINT_STATES,
-    ('joint_states', InputFault.STALE): Status.HALT_STALE_JOINT_STATES,
-    ('joint_states', InputFault.INVALID): Status.HALT_INVALID_JOINT_STATES,
-    ('object_pose', InputFault.MISSING): Status.HALT_NO_OBJECT_POSE,
-    ('object_pose', InputFault.STALE): Status.HALT_STALE_OBJECT_POSE,
-    ('object_pose', InputFault.INVALID): Status.HALT_INVALID_OBJECT_POSE,
-    ('tube_pressures', InputFault.STALE): Status.HALT_STALE_TUBE_PRESSURES,
-    ('tube_pressures', InputFault.INVALID): Status.HALT_INVALID_TUBE_PRESSURES,
-}
 
 
 class TwistServo:
@@ -336,12 +281,12 @@ class TwistServo:
         pose_time = rollers.time if pose is None else pose.time
         before, travel, last = self._expected_travel(rollers, pose_time, now, failed)
         try:
-            config, grip = self._tracker.configuration(rollers.value.positions), None
-            if pose is not None:
-                config, grip = predict_grip(config, self.grip_at(pose.value), before, travel)
-            elif travel.any():
-                config = config.predict(travel)
-            self._tracker.ahead = config
+            measured, config = self._tracker.predict(rollers.value.positions, travel)
+            grip = None if pose is None else self.grip_at(pose.value)
+            if grip is not None:
+                # From where it was measured on, the object rolls in its contacts.
+                start = measured.predict(before) if before.any() else measured
+                grip = roll_object(grip, start, config)
             watch = None if self.guard is None else self.guard.watch(config, grip)
             limits = self.limits if watch is None else (*self.limits, *watch.limits)
             handling = LimitHandling(self.slide_along_limits, self.period)

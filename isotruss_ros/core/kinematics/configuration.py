@@ -240,14 +240,12 @@ class ConfigurationTracker:
     """
     Computes configurations from measured roller travel; the last ones shorten the search.
 
-    :ivar ahead: the shape in which the matrix of (12) was factored last, as the loop expected the
-        robot to be; it serves for the next one, so that a cycle factors once. None without one.
     :param home: the configuration to begin with, at zero roller travel.
     """
 
     def __init__(self, home: Configuration) -> None:
         self._home = self._last = home
-        self.ahead: Configuration | None = None
+        self._ahead: Configuration | None = None
 
     def configuration(self, roller_positions: Array) -> Configuration:
         """
@@ -257,7 +255,7 @@ class ConfigurationTracker:
         :raises ConfigurationError: there is no such configuration.
         """
         if not np.array_equal(roller_positions, self._last.roller_positions):
-            start, nearby, ahead = self._last, None, self.ahead
+            start, nearby, ahead = self._last, None, self._ahead
             if ahead is not None and ahead.has_factor_for(roller_positions):
                 start, nearby = ahead, ahead.factor
             try:
@@ -265,3 +263,20 @@ class ConfigurationTracker:
             except ConfigurationError:
                 self._last = self._home.moved_to(roller_positions)
         return self._last
+
+    def predict(
+        self, roller_positions: Array, travel: Array
+    ) -> tuple[Configuration, Configuration]:
+        """
+        Return the measured configuration, and the one after some roller travel.
+
+        Where the matrix of (12) is factored in the latter, it serves for the next measured one
+        too, so that a cycle of a loop factors once.
+
+        :param roller_positions: (r,) travel since home [m].
+        :param travel: (r,) from there on [m].
+        :raises ConfigurationError: there is no such configuration.
+        """
+        measured = self.configuration(roller_positions)
+        self._ahead = measured.predict(travel)
+        return measured, self._ahead

@@ -26,7 +26,6 @@ modules and the supports out: for comparison.
 from __future__ import annotations
 
 import functools
-import math
 from typing import NamedTuple
 
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -55,6 +54,9 @@ class RigidityIndex:
     """
     Measures the rigidity of a robot's shapes.
 
+    :ivar weights: (13m,) of the entries of the matrix, as `Constraints.gradients` lists them: what
+        is added to them changes no index by more than its norm in these weights (Weyl; the
+        Frobenius norm is no smaller than the spectral one).
     :param robot: the robot; its shape at home has the index 1.
     """
 
@@ -63,13 +65,13 @@ class RigidityIndex:
         self._scale = np.ones((robot.constraints.n_rows, 1))
         bisection = slice(4 * m, 5 * m)
         self._scale[bisection] = robot.description.module.rod_length
-        # Of the entries of the matrix, as `Constraints.gradients` lists them.
-        self._weights = np.repeat([1.0, robot.description.module.rod_length], [8 * m, 5 * m])
         size = robot.constraints.n_columns
         noise = np.random.default_rng(0).standard_normal((size, min(BLOCK, size)))
         self._at_home = 1.0
         home = self._modes(robot.home, noise, ITERATIONS_AT_HOME)
         self._at_home = float(home.values[0])
+        rod = robot.description.module.rod_length
+        self.weights = np.repeat([1.0, rod], [8 * m, 5 * m]) / self._at_home
         # Noise: a weakest motion that has nothing in common with those at home is found too.
         self._start = home.nodes + 0.3 * noise / np.sqrt(size)
 
@@ -81,19 +83,6 @@ class RigidityIndex:
         :raises ConfigurationError: the matrix is exactly singular.
         """
         return self._modes(config, self._start, ITERATIONS)
-
-    def change(self, config: Configuration, other: Configuration) -> float:
-        """
-        Return by how much the rigidity of two shapes can differ at most.
-
-        No singular value changes by more than the norm of what is added to the matrix (Weyl), and
-        the Frobenius norm is no smaller than the spectral one.
-
-        :param config: one shape.
-        :param other: the other shape.
-        """
-        change = np.abs(config.gradients - other.gradients) * self._weights
-        return math.sqrt(change @ change) / self._at_home
 
     def gradients(self, config: Configuration, modes: Modes) -> Array:
         """

@@ -8,98 +8,25 @@
 # language governing permissions and limitations under the License.
 
 """
-The one constraint of a grip: J_h(q) qdot = G^T nu (Murray, Li and Sastry).
+The rows of a grip on the roller speeds: the constraint of its contacts, solved for the twist.
 
-At every contact the tube's material moves as the object's surface does: contacts roll. For a
-cylinder between the two members of one module the rows are those of (14) to (18).
-
-The tube does not stretch, so that the material of a straight member moves as a rigid body: with
-the member's ends, and along it with the roller at which the member starts. The roller at its end
-moves it just as much, (12): past the passive module of the tube it is the one that turns.
+Contacts roll, see `grip_contacts`. For a cylinder between the two members of one module the rows
+are those of (14) to (18).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 import functools
-from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.robot import Robot
-from isotruss_ros.core.manipulation.grip import find_members, Grip
-from isotruss_ros.core.manipulation.grip_contacts import (
-    find_contacts,
-    GripContacts,
-    Touch,
-    touch_members,
-)
+from isotruss_ros.core.manipulation.grip import find_members, Grip, Touch, touch_members
+from isotruss_ros.core.manipulation.grip_contacts import ONE_POINT, rows_of_three
 from isotruss_ros.core.model.pose import MIN_DIAMETER
-from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
-from scipy.linalg import lapack
-
-ONE_POINT = 'the members touch the object in one point: it cannot be held there'
-
-
-def hand_jacobian(config: Configuration, contacts: GripContacts) -> Array:
-    """
-    Return J_h: the velocity of the tubes' material at the contacts.
-
-    :param config: configuration of the robot.
-    :param contacts: of the grip.
-    :return: (2 k, r) vx, vy of contact after contact in the robot frame, for 1 m/s at each
-        roller [-].
-    :raises ConfigurationError: the configuration is singular.
-    """
-    nodes, owners = contacts.nodes, contacts.owners
-    # Turning rate of a member: Re(conj(turn) (velocity of its end - velocity of its start)). It
-    # moves a point as i times its arm does, from the start on.
-    arms, turns = contacts.points - contacts.starts, 1j / contacts.spans.conj()
-    starts, ends, x = nodes.starts[owners], nodes.ends[owners], 2 * np.arange(len(owners))
-    rows = np.zeros((2 * len(owners), len(config.points)), dtype=np.complex128)
-    rows[x, starts], rows[x, ends] = 1.0 + arms.imag * turns, -arms.imag * turns
-    rows[x + 1, starts], rows[x + 1, ends] = 1j - arms.real * turns, arms.real * turns
-    velocities = config.roller_rows(rows.view(np.float64))
-    for member, roller in zip(nodes.driven, nodes.rollers, strict=True):
-        own = np.flatnonzero(owners == member)
-        velocities[2 * own, roller] += contacts.axes[own].real
-        velocities[2 * own + 1, roller] += contacts.axes[own].imag
-    return velocities
-
-
-def grasp_map(center: complex, contacts: GripContacts) -> Array:
-    """
-    Return G^T: the velocity of the object's surface at the contacts.
-
-    :param center: of the object, to which the twist belongs, x + iy [m].
-    :param contacts: of the grip.
-    :return: (2 k, 3) vx, vy of contact after contact in the robot frame, for a twist vx, vy
-        [m/s], omega [rad/s].
-    """
-    arms = (contacts.points - center).tolist()
-    return np.array([row for arm in arms for row in ((1.0, 0.0, -arm.imag), (0.0, 1.0, arm.real))])
-
-
-class ContactRows(NamedTuple):
-    """Both sides of the constraint of a grip."""
-
-    contacts: GripContacts  #: the k contacts
-    hand: Array  #: (2 k, r) J_h, see `hand_jacobian`
-    rigid: Array  #: (2 k, 3) G^T, see `grasp_map`
-
-
-def contact_rows(config: Configuration, grip: Grip) -> ContactRows:
-    """
-    Return both sides of the constraint.
-
-    :param config: configuration of the robot.
-    :param grip: the grip.
-    :raises GraspError: see `find_contacts`.
-    :raises ConfigurationError: the configuration is singular.
-    """
-    contacts = find_contacts(config, grip)
-    return ContactRows(contacts, hand_jacobian(config, contacts), grasp_map(grip.center, contacts))
 
 
 @functools.lru_cache(maxsize=8)
@@ -123,7 +50,7 @@ def grip_jacobian(config: Configuration, grip: Grip) -> Array:
     if len(grip.members) == 2:
         jacobian = rows_of_two(config, grip, touch_members(config, grip))
     else:
-        jacobian = _rows_of_three(config, grip, find_contacts(config, grip))
+        jacobian = rows_of_three(config, grip)
     jacobian.flags.writeable = False
     return jacobian
 
@@ -213,34 +140,3 @@ def _rates_of_two(
         (-around, around, one, other),
         *kept,
     ]
-
-
-def _rows_of_three(config: Configuration, grip: Grip, contacts: GripContacts) -> Array:
-    """
-    Return `grip_jacobian` of three members: the least squares of what is left of the constraint.
-
-    :raises GraspError: the contacts are all in one point.
-    """
-    hand, rigid = hand_jacobian(config, contacts), grasp_map(grip.center, contacts)
-    if np.abs(contacts.points - contacts.points[0]).max() < MIN_DIAMETER:
-        raise GraspError(ONE_POINT)
-    square = np.concatenate([rigid, _misfits(rigid, contacts.normals)], axis=1)
-    return np.asarray(lapack.dgesv(square, hand)[2])
-
-
-def _misfits(rigid: Array, normals: Points) -> Array:
-    """
-    Return what no twist does to the contacts: (2 k, 2 k - 3), at right angles to G^T.
-
-    The first is that each member moves away from the object by 0.5 m/s, without the part of it
-    that would carry the object along.
-    """
-    # QR factorization, all columns of the first factor.
-    tall = np.zeros((len(rigid), len(rigid)), order='F')
-    tall[:, :3], tall[:, 3] = rigid, 0.5 * normals.view(float)
-    factored, scales, _, _ = lapack.dgeqrf(tall[:, :4])
-    size = factored[3, 3]
-    tall[:, :4] = factored
-    basis = lapack.dorgqr(tall, scales)[0]
-    basis[:, 3] *= size
-    return basis[:, 3:]

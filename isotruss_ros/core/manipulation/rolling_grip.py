@@ -30,8 +30,7 @@ from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.manipulation.grip import find_members, Grip
-from isotruss_ros.core.manipulation.grip_contacts import touch_members
+from isotruss_ros.core.manipulation.grip import find_members, Grip, touch_members
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
@@ -238,24 +237,13 @@ def _lines(config: Configuration, grip: Grip, sides: Array) -> _Lines:
     return _Lines(starts, axes, axes * (-1j * sides), travel)
 
 
-def predict_grip(
-    config: Configuration, grip: Grip, before: Array, travel: Array
-) -> tuple[Configuration, Grip]:
+def roll_object(grip: Grip, start: Configuration, end: Configuration) -> Grip:
     """
-    Predict configuration and grip after some roller travel; the object rolls in its contacts.
+    Return a grip in another configuration, the object rolled there; see `RollingGrip`.
 
-    :param config: configuration when the rollers were measured.
-    :param grip: the grip when the object was measured.
-    :param before: (r,) roller travel from the measurement of the rollers to that of the object
-        [m].
-    :param travel: (r,) roller travel from the measurement of the rollers on [m].
-    :return: configuration and grip after `travel`.
+    :param grip: the grip in the first one.
+    :param start: the first configuration.
+    :param end: the other one, near to it.
     :raises GraspError: a member does not touch the object, before or after.
-    :raises ConfigurationError: there is no such configuration.
     """
-    if not (before.any() or travel.any()):
-        touch_members(config, grip)
-        return config, grip
-    measured = config.predict(before) if before.any() else config
-    predicted = config.predict(travel)
-    return predicted, RollingGrip.attach(measured, grip).moved_to(predicted).grip
+    return RollingGrip.attach(start, grip).moved_to(end).grip

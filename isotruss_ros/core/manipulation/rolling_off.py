@@ -23,9 +23,9 @@ import itertools
 import math
 
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.manipulation.grip import Grip
-from isotruss_ros.core.manipulation.grip_contacts import GripContacts, touch_members
-from isotruss_ros.core.manipulation.grip_rows import contact_rows, rows_of_two
+from isotruss_ros.core.manipulation.grip import Grip, touch_members
+from isotruss_ros.core.manipulation.grip_contacts import contact_rows, GripContacts
+from isotruss_ros.core.manipulation.grip_rows import rows_of_two
 from isotruss_ros.core.manipulation.task import (
     Motion,
     Reach,

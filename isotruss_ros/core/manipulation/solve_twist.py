@@ -12,7 +12,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 import math
 
 from isotruss_ros.core.errors import GraspError
@@ -28,9 +27,9 @@ from isotruss_ros.core.manipulation.limits import (
     name_binding_rows,
     stack_rows,
 )
-from isotruss_ros.core.manipulation.rolling_grip import RollingGrip
+from isotruss_ros.core.manipulation.rolling_grip import roll_object
 from isotruss_ros.core.manipulation.rolling_off import roll_off_faces
-from isotruss_ros.core.manipulation.status import Status
+from isotruss_ros.core.manipulation.status import RollerCommand, Status
 from isotruss_ros.core.manipulation.task import (
     EVERYWHERE,
     Motion,
@@ -46,30 +45,6 @@ from numpy.typing import ArrayLike
 
 #: By default commands are scaled, as far as limits allow.
 SCALE = LimitHandling()
-
-
-@dataclass(frozen=True, eq=False)
-class RollerCommand:
-    """
-    Roller velocities, and the motion of the object that follows from them.
-
-    :ivar roller_velocities: (r,) speed of the tube through each roller [m/s].
-    :ivar achieved_twist: (3,) vx, vy [m/s], omega [rad/s] of the object in the robot frame,
-        computed from `roller_velocities`.
-    :ivar scale: 0 to 1, by which the limits shrank the (closest reachable) twist; when sliding,
-        the component along it.
-    :ivar status: how the twist was carried out.
-    :ivar limiting: names of the rollers, members and so on whose limits bind, empty at scale 1.
-    :ivar reachable_dof: number of independent motions of the object that the working rollers can
-        produce, 0 to 3; 0 too where the rollers are stopped for want of inputs.
-    """
-
-    roller_velocities: Array
-    achieved_twist: Array
-    scale: float
-    status: Status
-    limiting: tuple[str, ...] = ()
-    reachable_dof: int = 0
 
 
 @single_threaded
@@ -109,7 +84,8 @@ def solve_twist(
     """
     robot = config.robot
     desired = np.asarray(twist)
-    if desired.dtype != float or desired.shape != (3,) or not _finite(*desired.tolist()):
+    usable = desired.dtype == float and desired.shape == (3,)
+    if not (usable and all(map(math.isfinite, desired.tolist()))):
         desired = finite_array(twist, 3, 'the twist (vx, vy [m/s], omega [rad/s])', GraspError)
     working = working_rollers(robot, frozenset([failed] if isinstance(failed, str) else failed))
     motion = _find_motion(config, grip, working, desired)
@@ -128,10 +104,6 @@ def _find_motion(
     if not faces or found.reach.directions is EVERYWHERE or not twist.any():
         return found
     return roll_off_faces(config, grip, working, twist, found)
-
-
-def _finite(x: float, y: float, angle: float) -> bool:
-    return math.isfinite(x) and math.isfinite(y) and math.isfinite(angle)
 
 
 def carry_out(
@@ -220,8 +192,7 @@ def solve_twist_ahead(
     if lead == 0.0 or not command.roller_velocities.any():
         return command
     ahead = config.moved_to(config.roller_positions + lead * command.roller_velocities)
-    rolled = RollingGrip.attach(config, grip).moved_to(ahead)
-    return solve_twist(ahead, rolled.grip, twist, failed, limits, handling)
+    return solve_twist(ahead, roll_object(grip, config, ahead), twist, failed, limits, handling)
 
 
 @single_threaded

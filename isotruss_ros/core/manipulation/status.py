@@ -7,11 +7,14 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Status of a command: carried out, slowed, deflected or stopped, and by what."""
+"""A roller command and its status: carried out, slowed, deflected or stopped, and by what."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 import enum
+
+from isotruss_ros.core.numerics.arrays import Array
 
 
 class Status(enum.IntEnum):
@@ -62,3 +65,44 @@ class Status(enum.IntEnum):
     def __str__(self) -> str:
         """Return the name in words."""
         return self.name.lower().replace('_', ' ')
+
+
+@dataclass(frozen=True, eq=False)
+class RollerCommand:
+    """
+    Roller velocities, and the motion of the object that follows from them.
+
+    :ivar roller_velocities: (r,) speed of the tube through each roller [m/s].
+    :ivar achieved_twist: (3,) vx, vy [m/s], omega [rad/s] of the object in the robot frame,
+        computed from `roller_velocities`.
+    :ivar scale: 0 to 1, by which the limits shrank the (closest reachable) twist; when sliding,
+        the component along it.
+    :ivar status: how the twist was carried out.
+    :ivar limiting: names of the rollers, members and so on whose limits bind, empty at scale 1.
+    :ivar reachable_dof: number of independent motions of the object that the working rollers can
+        produce, 0 to 3; 0 too where the rollers are stopped for want of inputs.
+    """
+
+    roller_velocities: Array
+    achieved_twist: Array
+    scale: float
+    status: Status
+    limiting: tuple[str, ...] = ()
+    reachable_dof: int = 0
+
+    def slowed(self, share: float, status: Status, names: tuple[str, ...]) -> RollerCommand:
+        """
+        Return a part of this command.
+
+        :param share: of its velocities, 0 to 1.
+        :param status: how it is carried out now.
+        :param names: of what slows it, after what did before.
+        """
+        return replace(
+            self,
+            roller_velocities=share * self.roller_velocities,
+            achieved_twist=share * self.achieved_twist,
+            scale=share * self.scale,
+            status=status,
+            limiting=tuple(dict.fromkeys(self.limiting + names)),
+        )

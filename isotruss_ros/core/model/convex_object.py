@@ -110,9 +110,13 @@ class ConvexObject:
 
     def _put(self, pose: ArrayLike) -> None:
         """Set the pose and what follows from it."""
-        place = finite_array(pose, 3, "the object's pose (x, y, angle) [m, rad]", GraspError)
-        x, y, angle = place.tolist()
-        if max(abs(x), abs(y), abs(angle)) > MAX_DISTANCE:
+        try:
+            x, y, angle = map(float, pose)
+            fits = all(-MAX_DISTANCE <= number <= MAX_DISTANCE for number in pose)
+        except (TypeError, ValueError):
+            fits = False
+        if not fits:
+            finite_array(pose, 3, "the object's pose (x, y, angle) [m, rad]", GraspError)
             raise GraspError(f"the object's pose {pose!r}: must be within {MAX_DISTANCE:g} m")
         center, turn = complex(x, y), cmath.rect(1.0, angle)
         middle = center + turn * self.shape.centroid

@@ -11,7 +11,12 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
+
+from isotruss_ros.core.numerics.arrays import Array
+import numpy as np
+from numpy.typing import ArrayLike
 
 #: No object is smaller or farther away [m]; products of such numbers neither vanish nor overflow.
 MIN_DIAMETER, MAX_DISTANCE = 1e-9, 1e9
@@ -23,3 +28,15 @@ class Pose(NamedTuple):
     x: float  #: in the robot frame [m]
     y: float  #: in the robot frame [m]
     angle: float  #: counter-clockwise from the x axis [rad]
+
+
+def pose_difference(pose: ArrayLike, other: ArrayLike) -> Array:
+    """
+    Return a pose minus another one (3,) [m, rad]: the turn in (-pi, pi], the shorter way.
+
+    :param pose: x, y [m], angle [rad] in the robot frame.
+    :param other: the other one.
+    """
+    away = np.subtract(pose, other)
+    away[2] = math.remainder(away[2], 2.0 * math.pi)
+    return away

@@ -211,7 +211,7 @@ class RigidityBarrier:
 
     def active(self, config: Configuration, grip: Grip | None) -> ActiveValues:
         """Return the least rigid modes; see `Barrier.active`."""
-        if self._far is not None and self._index.change(config, self._far[0]) < self._far[1]:
+        if self._far is not None and self.change(config, self._far[0]) < self._far[1]:
             return NOTHING
         modes = self._index.modes(config)
         spare = float(modes.values[0]) - self.law.active_below
@@ -221,6 +221,16 @@ class RigidityBarrier:
         count = int((modes.values < self.law.active_below).sum())
         few = Modes(modes.values[:count], modes.rows[:, :count], modes.nodes[:, :count])
         return ActiveValues(np.arange(count), few.values, self._index.gradients(config, few))
+
+    def change(self, config: Configuration, other: Configuration) -> float:
+        """
+        Return by how much the rigidity indices of two shapes can differ at most.
+
+        :param config: one shape.
+        :param other: the other shape.
+        """
+        change = np.abs(config.gradients - other.gradients) * self._index.weights
+        return math.sqrt(change @ change)
 
     def values(self, config: Configuration, grip: Grip | None, indices: Selection) -> Array:
         """Return the rigidity index of modes, least first; see `Barrier.values`."""

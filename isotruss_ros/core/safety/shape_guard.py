@@ -19,15 +19,14 @@ until it is.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import Grip
-from isotruss_ros.core.manipulation.rolling_grip import RollingGrip
-from isotruss_ros.core.manipulation.solve_twist import RollerCommand
-from isotruss_ros.core.manipulation.status import Status
+from isotruss_ros.core.manipulation.rolling_grip import roll_object
+from isotruss_ros.core.manipulation.status import RollerCommand, Status
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.safety.barrier_law import (
     Barrier,
@@ -200,7 +199,7 @@ class Watch:
         long = bool(np.abs(travel).max() > BAND_STEP)
         if grip is not None and (long or any(limit.barrier.needs_object for limit in limits)):
             try:
-                grip = RollingGrip.attach(start, grip).moved_to(end).grip
+                grip = roll_object(grip, start, end)
             except GraspError:  # a contact is lost on the way there
                 return BarrierViolation(0.5, Status.SLOWED_OBJECT, ('the contacts of the grip',))
         found = [limit.violation(end, grip, travel, velocities, duration) for limit in limits]
@@ -224,11 +223,4 @@ class Watch:
 
 def _scaled(command: RollerCommand, share: float, violation: BarrierViolation) -> RollerCommand:
     bent = command.status in (Status.UNREACHABLE, Status.SLIDING) and share > 0.0
-    return replace(
-        command,
-        roller_velocities=share * command.roller_velocities,
-        achieved_twist=share * command.achieved_twist,
-        scale=share * command.scale,
-        status=command.status if bent else violation.status,
-        limiting=tuple(dict.fromkeys(command.limiting + violation.names)),
-    )
+    return command.slowed(share, command.status if bent else violation.status, violation.names)

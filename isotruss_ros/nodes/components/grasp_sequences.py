@@ -31,12 +31,12 @@ from isotruss_msgs.msg import GraspState
 from isotruss_ros.core import IsotrussError, Pose, Robot
 from isotruss_ros.core.control.inputs import Input, InputError, require_fresh, StampedInput
 from isotruss_ros.core.control.path_tracking import (
-    pose_error,
     RETURN,
     RETURN_SPEED,
     RETURN_TURN_RATE,
 )
 from isotruss_ros.core.manipulation.grip import FEWEST, MOST
+from isotruss_ros.core.model.pose import pose_difference
 from isotruss_ros.core.planning.describe_plan import (
     export_violation,
     path_times,
@@ -129,7 +129,7 @@ class GraspSequences(TrackedShape):
     def _measure_error(self, end: PoseStamped) -> tuple[float, float]:
         """Return how far the object is from a pose [m], and how far turned [rad]."""
         (here,) = require_fresh(self._node.now(), self.timeout, object_pose=self.pose)
-        x, y, turned = pose_error(np.array(read_pose('pose', end.pose)), here.value)
+        x, y, turned = pose_difference(read_pose('pose', end.pose), here.value)
         return math.hypot(x, y), abs(turned)
 
     def pick(self, goal: PickObject.Goal) -> Steps:

@@ -16,9 +16,9 @@ import math
 
 from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.core import ShapeGuard, Status, TwistServo
+from isotruss_ros.core.control.decision import Decision
 from isotruss_ros.core.control.load_estimate import LoadSettings
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
-from isotruss_ros.core.control.twist_servo import Decision
 from isotruss_ros.core.safety.roller_failure import FailureCriterion, FailureDetector
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 from isotruss_ros.nodes.components import common_parameters as common

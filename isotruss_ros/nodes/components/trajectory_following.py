@@ -23,10 +23,10 @@ import importlib.util
 
 from isotruss_msgs.action import FollowRollerTrajectory
 from isotruss_ros.core import IsotrussError, Status, TwistServo
+from isotruss_ros.core.control.decision import Decision
 from isotruss_ros.core.control.inputs import require_fresh, StampedInput
 from isotruss_ros.core.control.roller_trajectory import RollerTrajectoryServo
-from isotruss_ros.core.control.twist_servo import Decision
-from isotruss_ros.core.manipulation.solve_twist import RollerCommand
+from isotruss_ros.core.manipulation.status import RollerCommand
 from isotruss_ros.nodes.components.single_goal import Ending, SingleGoal
 from isotruss_ros.nodes.components.sparse_messages import NewestMessage
 from isotruss_ros.nodes.conversions.messages import MessageError, read_stamp

@@ -29,7 +29,7 @@ from isotruss_ros.core.control.grasp_report import GraspCode
 from isotruss_ros.core.control.held_model import sensitivity
 from isotruss_ros.core.control.inputs import RejectedInput, RollerState, StampedInput
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
-from isotruss_ros.core.manipulation.solve_twist import RollerCommand
+from isotruss_ros.core.manipulation.status import RollerCommand
 import numpy as np
 import pytest
 

@@ -20,7 +20,7 @@ from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSet
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
-from isotruss_ros.core.manipulation.solve_twist import RollerCommand
+from isotruss_ros.core.manipulation.status import RollerCommand
 import numpy as np
 import pytest
 

@@ -338,8 +338,10 @@ def test_tracker_starts_again_at_home_where_the_last_configuration_leads_nowhere
 def test_tracker_follows_by_the_factor_of_the_shape_that_was_expected(robot, rng):
     config = robots.random_state(robot, rng)
     tracker = ConfigurationTracker(config)
-    tracker.ahead = config.predict(1e-3 * rng.uniform(-1.0, 1.0, len(robot.roller_names)))
-    tracker.ahead.factor  # noqa: B018 - as a cycle that has solved for it
+    travel = 1e-3 * rng.uniform(-1.0, 1.0, len(robot.roller_names))
+    measured, ahead = tracker.predict(config.roller_positions, travel)
+    assert measured is config
+    ahead.factor  # noqa: B018 - as a cycle that has solved for it
     step = 1e-3 * rng.uniform(-1.0, 1.0, len(robot.roller_names))
     found = tracker.configuration(config.roller_positions + step)
     exact = config.moved_to(config.roller_positions + step)

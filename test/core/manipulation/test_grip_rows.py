@@ -15,12 +15,13 @@ from grips import disc_grip
 from hypothesis import assume, given, strategies
 from isotruss_ros.core import load_robot
 from isotruss_ros.core.manipulation.grip import find_members
-from isotruss_ros.core.manipulation.grip_contacts import find_contacts, GripContacts
-from isotruss_ros.core.manipulation.grip_rows import (
+from isotruss_ros.core.manipulation.grip_contacts import (
+    find_contacts,
     grasp_map,
-    grip_jacobian,
+    GripContacts,
     hand_jacobian,
 )
+from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.numerics.arrays import as_xy
 import numpy as np
 from paper_rows import contact_depth, paper_rows

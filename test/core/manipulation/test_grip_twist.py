@@ -25,8 +25,8 @@ from isotruss_ros.core import (
     Status,
 )
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.manipulation.grip_contacts import find_contacts
-from isotruss_ros.core.manipulation.grip_rows import grasp_map, grip_jacobian, hand_jacobian
+from isotruss_ros.core.manipulation.grip_contacts import find_contacts, grasp_map, hand_jacobian
+from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 import numpy as np
 import pytest
 import random_grips

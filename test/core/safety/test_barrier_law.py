@@ -13,7 +13,7 @@ from types import SimpleNamespace
 
 from hypothesis import assume, given, strategies
 from isotruss_ros.core import load_robot, Status
-from isotruss_ros.core.manipulation.solve_twist import RollerCommand
+from isotruss_ros.core.manipulation.status import RollerCommand
 from isotruss_ros.core.safety.barrier_law import (
     _admissible_share,
     ActiveValues,

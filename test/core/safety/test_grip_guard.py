@@ -17,7 +17,7 @@ from isotruss_ros.core import (
     ShapeGuard,
     Status,
 )
-from isotruss_ros.core.manipulation.solve_twist import RollerCommand
+from isotruss_ros.core.manipulation.status import RollerCommand
 from isotruss_ros.core.safety.barriers import ObjectBarrier
 from isotruss_ros.core.safety.margins import object_distances, shape_margins
 from isotruss_ros.core.safety.shape_guard import ShapeBounds

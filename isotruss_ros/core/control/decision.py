@@ -1,0 +1,74 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""What the rollers do in one cycle of the twist servo, and why they halt."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from isotruss_ros.core.control.inputs import InputFault
+from isotruss_ros.core.errors import IsotrussError
+from isotruss_ros.core.manipulation.status import RollerCommand, Status
+from isotruss_ros.core.numerics.arrays import Array
+
+
+@dataclass(frozen=True)
+class Decision:
+    """
+    What the rollers do in one cycle.
+
+    :ivar command: velocities (zero when halted), achieved twist, scale and status.
+    :ivar twist: (3,) the commanded twist vx, vy [m/s], omega [rad/s] of object or joint; zero if
+        there is none.
+    :ivar message: what is wrong and what would be right; empty when nothing is wrong.
+    :ivar failed: names of the rollers that are held at zero because they have failed.
+    :ivar frequency: lowest natural frequency of the held object; 0 if not known [rad/s].
+    :ivar pose_gain: with which its pose is regulated; 0 if it is not [1/s].
+    :ivar squeeze: mean normal force of the members, and its standard deviation, infinite if not
+        known [N]; None where nothing is held.
+    """
+
+    command: RollerCommand
+    twist: Array
+    message: str
+    failed: tuple[str, ...] = ()
+    frequency: float = 0.0
+    pose_gain: float = 0.0
+    squeeze: tuple[float, float] | None = None
+
+
+class HaltError(IsotrussError):
+    """
+    The rollers must stop.
+
+    :ivar status: why.
+    :param status: why the rollers must stop.
+    :param message: the reason in words.
+    """
+
+    def __init__(self, status: Status, message: str) -> None:
+        super().__init__(message)
+        self.status = status
+
+
+#: The status for each fault of an input.
+HALTS = {
+    ('twist', InputFault.MISSING): Status.HALT_NO_TWIST,
+    ('twist', InputFault.STALE): Status.HALT_NO_TWIST,
+    ('twist', InputFault.INVALID): Status.HALT_INVALID_TWIST,
+    ('joint_states', InputFault.MISSING): Status.HALT_NO_JOINT_STATES,
+    ('joint_states', InputFault.STALE): Status.HALT_STALE_JOINT_STATES,
+    ('joint_states', InputFault.INVALID): Status.HALT_INVALID_JOINT_STATES,
+    ('object_pose', InputFault.MISSING): Status.HALT_NO_OBJECT_POSE,
+    ('object_pose', InputFault.STALE): Status.HALT_STALE_OBJECT_POSE,
+    ('object_pose', InputFault.INVALID): Status.HALT_INVALID_OBJECT_POSE,
+    ('tube_pressures', InputFault.STALE): Status.HALT_STALE_TUBE_PRESSURES,
+    ('tube_pressures', InputFault.INVALID): Status.HALT_INVALID_TUBE_PRESSURES,
+}
