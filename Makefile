@@ -65,11 +65,11 @@ test: venv
 	+$(MAKE) --no-print-directory system-tests
 
 unit-tests: venv
-	$(PYTEST) -m 'not system and not linter and not nightly'
+	$(PYTEST) -m 'not linter and not nightly' --ignore test/system
 
 # After the others: they go by the clock of the machine.
 system-tests: venv
-	$(PYTEST) --dist loadgroup -m 'system and not nightly'
+	$(PYTEST) --dist loadgroup -m 'not nightly' test/system
 
 noble:
 	+$(MAKE) noble-some $(NOBLE)

@@ -11,18 +11,12 @@
 
 from pathlib import Path
 import runpy
-import subprocess
-import sys
 
-from isotruss_msgs.msg import GraspState
 import pytest
-from robot_processes import robot
 
 EXAMPLES = Path(__file__).parents[2] / 'examples'
-#: Needs more nodes than the others: test_pick_and_place.
-PICKING = 'ros_pick_and_place'
-ROS_EXAMPLES = sorted({path.stem for path in EXAMPLES.glob('ros_*.py')} - {PICKING})
-CORE_EXAMPLES = sorted({p.stem for p in EXAMPLES.glob('*.py')} - {*ROS_EXAMPLES, PICKING})
+#: The others run beside nodes: test/system/test_ros_examples.py.
+CORE_EXAMPLES = sorted(p.stem for p in EXAMPLES.glob('*.py') if not p.stem.startswith('ros_'))
 #: What each prints, beside whatever else.
 PRINTED = {
     'analyze_box': 'push and turn the box',
@@ -40,16 +34,13 @@ PRINTED = {
     'pick_box': 'turned     ',
     'plan_grasp': 'margin',
     'roll_in_grip': 'back within 1 um',
-    'ros_analyze_box': 'held: True',
-    'ros_grasp_state': 'held: ',
-    'ros_twist': 'the object moved up by',
     'settle_grasp': 'friction 0.8: held',
     'tube_calibration': 'model: inflatable_beam',
 }
 
 
 def test_there_are_enough_and_each_is_short():
-    assert len(CORE_EXAMPLES) + len(ROS_EXAMPLES) >= 8
+    assert len(CORE_EXAMPLES) >= 8
     for path in EXAMPLES.glob('*.py'):
         _, code = path.read_text(encoding='utf-8').split('\n\n', 1)  # below the notice
         limit = 60 if path.stem == 'learning_loop' else 40
@@ -61,22 +52,3 @@ def test_example_runs(name, capsys, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)  # where some write a picture
     runpy.run_path(str(EXAMPLES / f'{name}.py'), run_name='__main__')
     assert PRINTED[name] in capsys.readouterr().out
-
-
-@pytest.mark.system
-def test_ros_examples_run_beside_the_nodes(tmp_path):
-    with robot(tmp_path) as r:
-        r.start('simulator', indentation=0.01)
-        r.start('manipulation')
-        r.start('grasp_analysis')
-        states = r.w.probe.seen['state']
-        r.w.until(lambda: states and states[-1][1].code == GraspState.OK)
-        for name in ROS_EXAMPLES:
-            done = subprocess.run(
-                [sys.executable, EXAMPLES / f'{name}.py'],
-                capture_output=True,
-                text=True,
-                timeout=300,
-                check=True,
-            )
-            assert PRINTED[name] in done.stdout

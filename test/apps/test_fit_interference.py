@@ -32,8 +32,7 @@ CASES = [
     (pressure, length, cylinder, depth)
     for pressure in (2e4, 5e4)
     for length in (0.5, 0.8)
-    for cylinder in (0.0254, 0.2)
-    for depth in (0.004, 0.01)
+    for cylinder, depth in ((0.0254, 0.01), (0.2, 0.004))
 ]
 
 
@@ -68,10 +67,10 @@ def test_loads_without_noise_give_the_factor_back(factor):
 
 def test_noisy_loads_have_the_factor_in_their_interval():
     rng = np.random.default_rng(4)
-    exact, inside = loads(1.7)[::3], 0
+    exact, inside = loads(1.7), 0
     for _ in range(3):
         noisy = exact * np.exp(0.02 * rng.standard_normal(len(exact)))
-        found = fit_local_stiffness(presses(noisy, CASES[::3]), TUBE, confidence=0.8)
+        found = fit_local_stiffness(presses(noisy), TUBE, confidence=0.8)
         inside += found.low < 1.7 < found.high
         # The curvature of the squares gives the same interval, where they are a parabola.
         assert np.sqrt(found.low * found.high) == pytest.approx(found.value, rel=1e-3)
@@ -93,7 +92,7 @@ def test_loads_beyond_wrinkling_are_refused():
         values = loads(1.0).copy()
         values[0] = share * 8.0 * (2e4 * np.pi * RADIUS**3 / 2.0) / 0.5
         if beyond:
-            with pytest.raises(MeasurementError, match=r'wrinkled at 1 of 16 .* bears 66\.7 N'):
+            with pytest.raises(MeasurementError, match=r'wrinkled at 1 of 8 .* bears 66\.7 N'):
                 fit_local_stiffness(presses(values), TUBE)
         else:
             assert fit_local_stiffness(presses(values), TUBE).count == len(CASES)

@@ -23,7 +23,6 @@ from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.core import Pose
 from isotruss_ros.demo.processes import running_nodes
 from isotruss_ros.nodes.conversions.messages import to_pose_message
-from nightly import some_now
 import numpy as np
 from PIL import Image
 from probe import begin_context
@@ -143,7 +142,7 @@ def count_green(colors):
 def polite_browser(folder):
     """Return a browser that leaves the processors to the nodes: it draws in software."""
     script = folder / 'chromium'
-    script.write_text(f'#!/bin/sh\nexec nice -n 19 {CHROMIUM} "$@"\n')
+    script.write_text(f'#!/bin/sh\nexec nice -n 10 {CHROMIUM} "$@"\n')
     script.chmod(0o755)
     return script
 
@@ -270,9 +269,9 @@ def test_the_object_follows_its_handle_and_a_stop_ends_it(tmp_path):
         page.on('pageerror', lambda error: errors.append(str(error)))
         page.on('console', lambda m: errors.append(m.text) if m.type == 'error' else None)
         page.goto(address)
-        page.get_by_text('slip margin').wait_for()
         # The browser's warning of slow drawing has the colour of a handle.
-        page.locator('.mantine-Notification-closeButton').click()
+        page.add_style_tag(content='.mantine-Notification-root { display: none }')
+        page.get_by_text('slip margin').wait_for()
         observer.until(lambda: count_green(pixels(page)) > SOME)
 
         # Nothing moves while the control is off: no twist was published.
@@ -285,7 +284,7 @@ def test_the_object_follows_its_handle_and_a_stop_ends_it(tmp_path):
         page.mouse.move(x, y)
         page.mouse.down()
         for step in range(10):
-            page.mouse.move(x + 3 * step, y + 2 * step)
+            page.mouse.move(x + 2 * step, y + step)
         page.mouse.up()
         observer.until(
             lambda: (
@@ -307,17 +306,18 @@ def test_the_object_follows_its_handle_and_a_stop_ends_it(tmp_path):
             lambda: observer.code() == ManipulationStatus.IDLE and observer.angle() > 0.1
         )
 
-        # The object is let go, and picked up again.
-        for name, words in (('place', 'free, '), ('pick', 'held at ')):
-            page.get_by_role('button', name=name, exact=True).click()
-            page.get_by_text(f'{name}: {words}').wait_for()
-            held = name == 'pick'
-            observer.until(lambda held=held: (count_green(pixels(page)) > SOME) == held)
+        # A held object cannot be picked up, and is let go.
+        page.get_by_role('button', name='pick', exact=True).click()
+        page.get_by_text('place it first').wait_for()
+        page.get_by_role('button', name='place', exact=True).click()
+        page.get_by_text('place: free, ').wait_for()
+        observer.until(lambda: count_green(pixels(page)) <= SOME)
 
         page.get_by_role('button', name='reset', exact=True).click()
         observer.until(
             lambda: math.dist(observer.center(), before) < 2e-3 and abs(observer.angle()) < 1e-2
         )
+        observer.until(lambda: count_green(pixels(page)) > SOME)
         page.get_by_role('button', name='stop', exact=True).click()
         observer.until(lambda: observer.code() == ManipulationStatus.HALT_EMERGENCY_STOP)
         page.get_by_text('emergency stop').first.wait_for()
@@ -339,12 +339,10 @@ class View:
 
     def open_pages(self, count):
         """Return pages with their numbers; none of them has control."""
-        pages = []
-        for _ in range(count):
-            page = open_page(self._browser, 0.3)
-            page.goto(self._address)
-            pages.append((page, number_of(page)))
-        return pages
+        pages = [open_page(self._browser, 0.3) for _ in range(count)]
+        for page in pages:
+            page.goto(self._address, wait_until='commit')
+        return [(page, number_of(page)) for page in pages]
 
     def close_pages(self):
         """Close all pages."""
@@ -381,24 +379,31 @@ def view(opened):
     opened.close_pages()
 
 
-@pytest.mark.parametrize('leave', some_now(['reload', 'close']))
-def test_a_browser_that_leaves_in_mid_drag_commands_nothing_more(view, leave):
-    (page, number), (other, other_number) = view.open_pages(2)
-    follower = view.follower
-    switch_control(page)
-    other.get_by_text(f'browser {other_number}: browser {number} has control').wait_for()
-    grab(page, follower.until)
-    follower.until(follower.is_commanded)
-    getattr(page, leave)()
-    follower.until(lambda: not follower.is_commanded())
+def test_a_browser_that_reloads_in_mid_drag_commands_nothing_more(view):
+    ((page, number),) = view.open_pages(1)
+    drag_and_leave(view, page, page.reload)
+    assert number_of(page) > number
+    assert not page.locator('input[type=checkbox]').last.is_checked()
+
+
+@pytest.mark.nightly
+def test_a_browser_that_closes_in_mid_drag_leaves_control_to_nobody(view):
+    (page, _), (other, other_number) = view.open_pages(2)
+    drag_and_leave(view, page, page.close)
     other.get_by_text(f'browser {other_number}: nobody has control').wait_for()
     assert not other.locator('input[type=checkbox]').last.is_checked()
-    # The target was neither reached nor given up.
+
+
+def drag_and_leave(view, page, leave):
+    """Drag in a page and leave it; check that the drag was neither at its end nor given up."""
+    follower = view.follower
+    switch_control(page)
+    grab(page, follower.until)
+    follower.until(follower.is_commanded)
+    leave()
+    follower.until(lambda: not follower.is_commanded())
     assert follower.speeds()[-1] == pytest.approx(SPEED)
     assert 'given up' not in view.log.read_text()
-    if leave == 'reload':
-        assert number_of(page) > other_number
-        assert not page.locator('input[type=checkbox]').last.is_checked()
 
 
 @pytest.mark.nightly

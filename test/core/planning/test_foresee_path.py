@@ -71,7 +71,7 @@ def test_what_is_foreseen_is_what_mujoco_carries(turn):
     grip, start = carry.control.grasp, np.array(carry.plant.object_pose())
     found = foresee(grip, (0.0, 0.0, turn), least=0.04 * grip.squeeze)
     assert found.share < 1.0
-    carry.run(8.0, (0.0, 0.0, turn / 8.0))
+    carry.run(4.0, (0.0, 0.0, turn / 4.0))
     turned = (carry.plant.object_pose()[2] - start[2]) / turn
     assert Status.SLOWED_SLIP_MARGIN in carry.statuses
     assert turned == pytest.approx(found.share, abs=0.12)

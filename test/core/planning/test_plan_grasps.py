@@ -177,6 +177,7 @@ def test_best_comes_first_by_every_measure(measure):
         )
 
 
+@pytest.mark.nightly
 def test_same_seed_same_answer_on_one_core_and_on_two():
     needs = GraspRequirements(min_margin=0.01, count=2, module='north/Z')
     alone = plan_grasps(ROBOT.home, OBJECTS['north'], needs, seed=3)

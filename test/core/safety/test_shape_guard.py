@@ -102,16 +102,18 @@ def test_comes_to_a_bound_slower_and_slower_along_the_twist(seed):
 
 
 def test_statuses_and_names_say_what_is_in_the_way():
-    seen = {}
-    for seed in (0, 9):
+    for seed, status, words in (
+        (0, Status.SLOWED_SELF_COLLISION, 'module east/R and member east/Y-Q'),
+        (9, Status.SLOWED_OBJECT, 'module east/Q and the object'),
+    ):
         robot, twist = pushed(seed)
         for _ in range(600):
             command = robot.step(twist)
             if command.status in BARRIERS:
-                assert command.scale < 1.0
-                seen.setdefault(command.status, set()).update(command.limiting)
-    assert any('module' in name and ' and ' in name for name in seen[Status.SLOWED_SELF_COLLISION])
-    assert any('and the object' in name for name in seen[Status.SLOWED_OBJECT])
+                break
+        assert command.status is status
+        assert command.limiting == (words,)
+        assert command.scale < 1.0
 
 
 def test_weak_shapes_are_named_and_not_entered():
@@ -197,7 +199,7 @@ def test_rollers_do_not_swing_at_a_bound(seed, slide):
     """A twist that stays the same does not make rollers turn round from cycle to cycle."""
     robot, twist = pushed(seed, slide)
     turns, before = 0, robot.velocities
-    for _ in range(700):
+    for _ in range(450):
         robot.step(twist)
         turns += (robot.velocities * before < -(0.01**2)).any()
         before = robot.velocities

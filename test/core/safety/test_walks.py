@@ -16,9 +16,9 @@ import walks
 
 #: Seeds of walks that come to the bounds, with their steps, and what each of them must show.
 WALKS = {
-    0: (600, Status.SLOWED_SELF_COLLISION),
+    0: (450, Status.SLOWED_SELF_COLLISION),
     12: (1000, Status.SLOWED_RIGIDITY),
-    15: (600, Status.SLOWED_OBJECT),
+    15: (300, Status.SLOWED_OBJECT),
     2: (600, Status.SLIDING),
     17: (600, Status.SLIDING),
 }
