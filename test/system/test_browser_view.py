@@ -306,12 +306,15 @@ def test_the_object_follows_its_handle_and_a_stop_ends_it(tmp_path):
             lambda: observer.code() == ManipulationStatus.IDLE and observer.angle() > 0.1
         )
 
-        # A held object cannot be picked up, and is let go.
+        # A held object cannot be picked up; it is let go, and picked up again.
         page.get_by_role('button', name='pick', exact=True).click()
         page.get_by_text('place it first').wait_for()
         page.get_by_role('button', name='place', exact=True).click()
         page.get_by_text('place: free, ').wait_for()
         observer.until(lambda: count_green(pixels(page)) <= SOME)
+        page.get_by_role('button', name='pick', exact=True).click()
+        page.get_by_text('pick: held at ').wait_for()
+        observer.until(lambda: count_green(pixels(page)) > SOME)
 
         page.get_by_role('button', name='reset', exact=True).click()
         observer.until(
