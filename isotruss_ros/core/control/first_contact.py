@@ -23,6 +23,7 @@ import math
 from typing import NamedTuple
 
 from isotruss_ros.core.control.belief import Belief
+from isotruss_ros.core.model.pose import pose_difference
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 import scipy
@@ -141,9 +142,14 @@ class FirstContact:
         """Notice that the object moves, and which member pushes it."""
         first = self._first = self._first or oldest
         self._count += 1
-        self._rest = self._rest + (_moved(oldest, first) - self._rest) / self._count
+        self._rest = (
+            self._rest + (pose_difference(oldest.pose, first.pose) - self._rest) / self._count
+        )
         last = self._window[-1]
-        moved = np.mean([_moved(each, first) for each in self._window], axis=0) - self._rest
+        moved = (
+            np.mean([pose_difference(each.pose, first.pose) for each in self._window], axis=0)
+            - self._rest
+        )
         variances = last.variances * (1.0 / WINDOW + 1.0 / self._count)
         nearer = last.depths.rates[:, : len(last.readings)] @ (last.readings - first.readings)
         if (moved**2 / variances).sum() <= scipy.special.chdtri(3, MOVES):
@@ -193,10 +199,3 @@ def _less(mine: Told, other: Told, belief: Belief, count: int = 1) -> Told:
     left = max(square - mean**2 - share**2 * variance, 0.0)
     more = share**2 * other.variance + count * (left + TANGENT**2 + (UNEVEN * mean) ** 2)
     return Told(mine.value - mean, mine.rates - share * other.rates, mine.variance + more)
-
-
-def _moved(seen: Seen, first: Seen) -> Array:
-    """Return by how much an object is elsewhere than at first, (3,) [m, rad]."""
-    away = seen.pose - first.pose
-    away[2] = math.remainder(away[2], 2.0 * math.pi)
-    return away

@@ -28,6 +28,7 @@ from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
 from isotruss_ros.core.holding.loaded_frame import held_utilisation
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.model.pose import pose_difference
 from isotruss_ros.core.planning.closed_grip import (
     ClosedGrip,
     CLOSING_STEP,
@@ -39,11 +40,7 @@ from isotruss_ros.core.planning.closing import Closing
 from isotruss_ros.core.planning.closing_step import press
 from isotruss_ros.core.planning.facing import contact_ends
 from isotruss_ros.core.planning.grasp_plan import SearchTally
-from isotruss_ros.core.planning.motion_in_place import (
-    displacement,
-    squeeze_in_place,
-    SQUEEZE_TOLERANCE,
-)
+from isotruss_ros.core.planning.motion_in_place import squeeze_in_place, SQUEEZE_TOLERANCE
 from isotruss_ros.core.planning.requirements import GraspRequirements
 import numpy as np
 
@@ -124,7 +121,7 @@ def _judge(
     if not _sticks(grasp, needs.friction, tally):
         return None
     tally.analyses += 1
-    moved = displacement(grasp, closing.body) * (1.0, 1.0, grasp.arm)
+    moved = pose_difference(grasp.pose, closing.body.pose) * (1.0, 1.0, grasp.arm)
     body = closing.body if np.abs(moved).max() < SAME_PLACE else grasp.body
     analysis = analyze_grasp(grasp.config, body, needs.friction, needs.external_wrench)
     loads = find_loads(needs, analysis, grasp.normal_forces, held_utilisation(grasp), tally)

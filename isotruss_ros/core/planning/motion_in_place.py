@@ -26,6 +26,7 @@ from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.holding.settle_grasp import assess_equilibrium, MAX_DISPLACEMENT
 from isotruss_ros.core.manipulation.limits import stack_rows
 from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.pose import pose_difference
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
 from isotruss_ros.core.planning.closing import Closing, evaluate_state
@@ -117,18 +118,6 @@ def squeeze_in_place(
     return None
 
 
-def displacement(grasp: HeldGrip, body: ConvexObject) -> Array:
-    """
-    Return by how much an object has moved, (3,) [m, rad].
-
-    :param grasp: how it is held.
-    :param body: the object where it lay.
-    """
-    moved = np.subtract(grasp.pose, body.pose)
-    moved[2] = math.remainder(moved[2], 2.0 * math.pi)
-    return moved
-
-
 def rolling_rates(grasp: HeldGrip) -> tuple[Array, Array]:
     """
     Return the rates of pose (3, r) and normal forces (m, r) of a grip as its contacts roll.
@@ -154,7 +143,7 @@ def rolling_rates(grasp: HeldGrip) -> tuple[Array, Array]:
 
 def _missing(grasp: HeldGrip, force: float, body: ConvexObject) -> Array:
     """Return what a grip lacks of a squeeze [N], a pose [m, rad] and, of three members, forces."""
-    missing = np.append(force - grasp.squeeze, -displacement(grasp, body))
+    missing = np.append(force - grasp.squeeze, pose_difference(body.pose, grasp.pose))
     owners = grasp.contacts.owners
     if owners[-1] < 2:
         return missing
@@ -175,7 +164,7 @@ def _stays(grasp: HeldGrip, closing: Closing, tally: SearchTally) -> bool:
         return False
     # A robot of few rollers cannot close and keep the object in place: it goes along a little.
     bound = MAX_DISPLACEMENT * grasp.config.robot.description.tube_diameter
-    distance = math.hypot(*displacement(grasp, closing.body)[:2])
+    distance = math.hypot(*pose_difference(grasp.pose, closing.body.pose)[:2])
     if distance > bound:
         tally.record('in_place', distance, bound, 20.0)
     return distance <= bound
