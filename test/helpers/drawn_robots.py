@@ -17,6 +17,7 @@ from isotruss_ros.core.control.state_estimate import EstimatorSettings
 from isotruss_ros.core.control.state_estimator import StateEstimator
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.loaded_frame import held_joints
+from isotruss_ros.core.holding.member_bow import member_bow
 from isotruss_ros.core.holding.roll_grip import roll_contacts
 from isotruss_ros.core.manipulation.grip import Grip
 import numpy as np
@@ -65,9 +66,8 @@ class DrawnRobot:
         self.estimator.take_encoders(0.0, self.readings)
 
     def _roll(self, grip):
-        return roll_contacts(
-            grip, self.config, grip.contacts, grip.anchors, grip.angles, self.wrench
-        )
+        bent = self.config.shorten(member_bow(grip))
+        return roll_contacts(grip, bent, grip.contacts, grip.anchors, grip.angles, self.wrench)
 
     def move(self, step=None):
         """Turn the rollers (r,) [m]; as drawn, to and fro, if None."""

@@ -25,7 +25,7 @@ import numpy as np
 import probe
 from probe import N, overrides, ROBOT
 import pytest
-from sensor_msgs.msg import MultiDOFJointState
+from sensor_msgs.msg import JointState, MultiDOFJointState
 
 NAMES = ROBOT.topology.joint_names
 #: Its encoders read zero where the tubes have run by this deviation, without an object nearby.
@@ -196,6 +196,26 @@ def test_over_dds_the_estimate_comes():
         found = w.probe.last('estimate')
     assert found.header.frame_id == 'truss'
     assert len(found.offset_covariance) == N * N
+
+
+def test_over_dds_measured_pressures_stiffen_the_tubes_of_the_estimate():
+    plant = {'plant': 'elastic', 'friction': 0.9, 'indentation': 0.02, 'object_is_free': False}
+    with probe.world(lambda: Simulator(overrides(marker_rate=20.0, **plant)), estimator()) as w:
+        w.probe.listen(StateEstimate, 'estimate', 'state_estimate')
+        gauge = w.probe.create_publisher(JointState, 'tube_pressures', 1)
+
+        def send():
+            pressures = {tube: 3.0 * value for tube, value in ROBOT.description.pressures.items()}
+            message = JointState(name=list(pressures), effort=list(pressures.values()))
+            message.header = make_header(w.probe.past(0.0))
+            gauge.publish(message)
+
+        def last():
+            return w.probe.last('estimate')
+
+        w.until(lambda: last() and last().held and last().squeeze_deviation < 0.1 * last().squeeze)
+        before = last().squeeze
+        w.until(lambda: last().squeeze > 1.04 * before, send)
 
 
 @pytest.mark.parametrize('estimated', [True, False])

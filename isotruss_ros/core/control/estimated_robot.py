@@ -22,7 +22,9 @@ from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_gradient import held_gradient
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
 from isotruss_ros.core.holding.loaded_frame import held_joints
+from isotruss_ros.core.holding.member_bow import member_bow
 from isotruss_ros.core.holding.roll_grip import roll_contacts, roll_grip
+from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import find_members, Grip
 from isotruss_ros.core.model.convex_object import segment_gaps
@@ -86,7 +88,7 @@ class EstimatedRobot:
             self.expected = Expectation(config.nodes.ravel()[: self._joints], rates)
             self.readings, self.state = readings, state
             return
-        held, config = self.held, self.held.config.moved_to(travel)
+        held, config = self.held, self._bent(travel)
         anchors, wrench = state[self.anchors], state[self.wrench]
         rolled = roll_contacts(held, config, held.contacts, anchors, held.angles, wrench)
         if rolled is None:
@@ -103,8 +105,7 @@ class EstimatedRobot:
         :raises ConfigurationError: there is no such configuration.
         :raises GraspError: the object is not held there.
         """
-        held = self.held
-        config = held.config.moved_to(readings + state[self.rollers])
+        held, config = self.held, self._bent(readings + state[self.rollers])
         wrench = state[self.wrench] * (1.0, 1.0, held.arm)
         rolled = roll_grip(replace(held, anchors=state[self.anchors]), config, wrench)
         if rolled is None or rolled.hold(math.inf) is not HoldStatus.HELD:
@@ -142,6 +143,10 @@ class EstimatedRobot:
         self.tubes, self._differentiated = self.tubes._replace(pressure=pressures), None
         if self.held is not None:
             self.held = replace(self.held, tubes=self.tubes)
+
+    def _bent(self, travel: Array) -> Configuration:
+        """Return the shape at a travel (r,), members as bent as they were last."""
+        return self.held.config.moved_to(travel).shorten(member_bow(self.held))
 
     def release(self) -> None:
         """Hold nothing."""

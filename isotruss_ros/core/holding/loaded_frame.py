@@ -44,7 +44,7 @@ def held_joints(grip: HeldGrip) -> Array:
     :param grip: how the object is held.
     """
     state = grip.state
-    moved = _displace_nodes(grip, state.normal_forces[:, None], state.friction_forces[:, None])
+    moved = displace_nodes(grip, state.normal_forces[:, None], state.friction_forces[:, None])
     count = len(grip.config.robot.topology.joint_names)
     return grip.config.nodes[:count] + moved[:count, :2, 0]
 
@@ -58,8 +58,14 @@ def held_utilisation(grip: HeldGrip) -> Array:
     return grip.sections.utilisation
 
 
-def _displace_nodes(grip: HeldGrip, normal: Array, friction: Array) -> Array:
-    """Return displacements (n, 3, c) of the frame's nodes under c cases (k, c) of forces [m]."""
+def displace_nodes(grip: HeldGrip, normal: Array, friction: Array) -> Array:
+    """
+    Return displacements (n, 3, c) of the frame's nodes under c cases of contact forces [m].
+
+    :param grip: how the object is held.
+    :param normal: (k, c) [N].
+    :param friction: (k, c) counter-clockwise [N].
+    """
     compliance, feet, state = grip.statics.compliance, grip.state.feet, grip.state
     local = (compliance.axis.conj() * state.normals)[:, None]
     forces = (normal + 1j * friction) * local
@@ -131,7 +137,7 @@ def _inertia_of_robot(grip: HeldGrip) -> Array:
     """Return what the masses of modules and tubes are under each pair of unit wrenches (3, 3)."""
     description, topology = grip.config.robot.description, grip.config.robot.topology
     response = grip.response
-    moved = _displace_nodes(grip, response.normal, response.friction)
+    moved = displace_nodes(grip, response.normal, response.friction)
     nodes, first = moved[:, 0] + 1j * moved[:, 1], frame_layout(grip.config.robot).b
     b, c = nodes[first], nodes[first + 1]
     middle = 0.5 * (b + c)

@@ -208,11 +208,24 @@ class Configuration:
             return self
         if np.abs(travel).max() > first_order:
             return self.moved_to(self.roller_positions + travel)
-        # (12): xdot = R^-1 (Ldot, 0), with Ldot = C phidot.
-        right = np.zeros(self.robot.constraints.n_rows)
-        right[: self.robot.topology.n_modules] = self.robot.topology.incidence @ travel
-        points = self.points + (self._nearby or self.factor).solve(right).view(np.complex128)
+        # With Ldot = C phidot.
+        points = self._lengthened(self.robot.topology.incidence @ travel)
         return Configuration(self.robot, self.roller_positions + travel, points)
+
+    def shorten(self, lengths: Array) -> Configuration:
+        """
+        Return the shape at the same roller travel whose members are shorter, to first order.
+
+        :param lengths: (m,) by which they are, small [m].
+        """
+        points = self._lengthened(-lengths)
+        return Configuration(self.robot, self.roller_positions, points, self._nearby)
+
+    def _lengthened(self, lengths: Array) -> Points:
+        """Return the nodes (n,) where members (m,) are longer [m]: (12), xdot = R^-1 (Ldot, 0)."""
+        right = np.zeros(self.robot.constraints.n_rows)
+        right[: self.robot.topology.n_modules] = lengths
+        return self.points + (self._nearby or self.factor).solve(right).view(np.complex128)
 
     def roller_rows(self, node_rows: Array) -> Array:
         """

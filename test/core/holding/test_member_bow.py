@@ -1,0 +1,108 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+from dataclasses import replace
+import itertools
+
+from carries import BRICK, FRICTION, GRASPS, make_robot, MODULE, place
+from comparison.grips import STILL
+from hypothesis import given
+from hypothesis import strategies as st
+from isotruss_ros.core import Disc, place_between
+from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.loaded_frame import held_joints
+from isotruss_ros.core.holding.member_bow import beam_bow, member_bow
+from isotruss_ros.core.manipulation.grip import members_at
+from isotruss_ros.core.statics.member_compliance import MemberCompliance
+from isotruss_ros.mujoco_plant.plant import MujocoPlant
+from mujoco_worlds import needs_mujoco
+import numpy as np
+import pytest
+import scipy
+
+ROBOT = make_robot()
+TWO = members_at(ROBOT, MODULE)
+SHARE = st.floats(0.05, 0.95)
+
+
+def held(name):
+    """Return how an object is held at home."""
+    body, members = place(ROBOT, name, 0.5)
+    numbers = np.array([ROBOT.member_names.index(each) for each in members])
+    return attach_grip(ROBOT.home, body, numbers)
+
+
+def bend(x, place, length):
+    """Return deflection and slope of a beam on two supports under a unit load, EI = 1."""
+    left = length - place
+    if x > place:
+        deflection, slope = bend(length - x, left, length)
+        return deflection, -slope
+    deflection = left * x * (length**2 - left**2 - x**2) / (6.0 * length)
+    return deflection, left * (length**2 - left**2 - 3.0 * x**2) / (6.0 * length)
+
+
+@given(first=SHARE, second=SHARE, ratio=st.floats(-1.0, 1.0))
+def test_a_beam_between_supports_is_shorter_by_the_quadrature_of_its_slope(first, second, ratio):
+    length = 1.7
+    places = length * np.unique([first, second + 1e-3])
+    loads = np.array([1.0, ratio])[: len(places)]
+
+    def line(x):
+        bends = [bend(x, place, length) for place in places]
+        return loads @ np.array(bends)
+
+    deflections, slopes = np.transpose([line(place) for place in places])
+    ends = [0.0, *places, length]
+    expected = sum(
+        scipy.integrate.quad(lambda x: 0.5 * line(x)[1] ** 2, a, b)[0]
+        for a, b in itertools.pairwise(ends)
+    )
+    assert beam_bow(length, places, deflections, slopes) == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize('name', ['disc 0.2 m', 'box', 'three members'])
+def test_members_are_shorter_by_what_the_frame_bends_them(name):
+    grip = held(name)
+    state, count = grip.state, len(grip.anchors)
+    loads = np.zeros((count + 1, 3))
+    loads[:count] = grip.statics.loads(state.unknowns)
+    bow = member_bow(grip)
+    for member in grip.members:
+        structure = grip.statics.compliance.structure
+        line = MemberCompliance(structure, [*grip.contacts.members, member])
+        places = np.linspace(0.0, line.length[-1], 401)
+        across = [line.at(np.append(state.feet, x)).respond(loads)[-1, 1] for x in places]
+        slopes = np.diff(across) / np.diff(places) - (across[-1] - across[0]) / places[-1]
+        expected = 0.5 * slopes**2 @ np.diff(places)
+        assert bow[member] == pytest.approx(expected, rel=0.05)
+    assert np.count_nonzero(bow) == len(grip.members)
+
+
+@needs_mujoco
+@pytest.mark.parametrize(('shape', 'members'), [(Disc(0.25), TWO), (BRICK, GRASPS['brick'][1])])
+def test_joints_are_where_mujoco_has_them_with_members_as_short_as_they_bend(shape, members):
+    body = place_between(ROBOT.home, members, shape, indentation=0.01).body
+    numbers = np.array([ROBOT.member_names.index(each) for each in members])
+    fine = np.full(len(ROBOT.member_names), 4)
+    fine[numbers] = 32
+    plant = MujocoPlant(ROBOT, [body], replace(STILL, friction=FRICTION), fine)
+    plant.hold_object(body.pose)
+    plant.settle(1.0)
+    plant.release_object()
+    plant.settle(2.0)
+    body = body.moved_to(plant.object_pose())
+    joints = plant.nodes[: len(ROBOT.topology.joint_names)]
+    straight = attach_grip(ROBOT.home, body, numbers)
+    bent = attach_grip(ROBOT.home.shorten(member_bow(straight)), body, numbers)
+    assert held_joints(bent) == pytest.approx(joints, abs=1.5e-4)
+    # Of linear statics, which has only half of what joints move by, and presses less.
+    assert np.abs(held_joints(straight) - joints).max() > 3e-4
+    measured = np.mean([force.normal for force in plant.contact_forces().values()])
+    assert straight.squeeze < bent.squeeze < measured
