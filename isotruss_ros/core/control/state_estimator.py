@@ -25,35 +25,28 @@ from collections.abc import Mapping
 from dataclasses import replace
 import math
 
-from isotruss_ros.core.control.belief import Belief, Expectation, update_belief
-from isotruss_ros.core.control.estimated_robot import EstimatedRobot
 from isotruss_ros.core.control.first_contact import FirstContact, Seen
 from isotruss_ros.core.control.inputs import steady_pressures
 from isotruss_ros.core.control.marker_gate import fits, judge_markers
 from isotruss_ros.core.control.reading_history import ReadingHistory
 from isotruss_ros.core.control.slip_watch import SlipWatch
 from isotruss_ros.core.control.state_estimate import EstimatorSettings, StateEstimate
-from isotruss_ros.core.errors import ConfigurationError, GraspError, StructureError
+from isotruss_ros.core.control.state_filter import StateFilter
+from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import find_members, Grip
-from isotruss_ros.core.model.pose import Pose
-from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.model.pose import Pose, pose_difference
+from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 import numpy as np
 
-#: Deviation of the anchors of contacts before the object's pose tells them [m].
-UNKNOWN = 0.05
 #: After so many poses in a row that do not fit, the object is held elsewhere; after so many
 #: messages of markers of which none fits, the zeros are elsewhere.
 LOST = 5
 #: The model serves to first order for this travel of any roller [m].
 NEAR = 3e-3
-#: What says that a state is none in which the object is held.
-NOT_HELD = (ConfigurationError, GraspError, StructureError)
 #: An object that lay free is held when its squeeze is by so many deviations above zero.
 FREE = 2.0
-#: Slips are drawn anew over each such piece of travel [m].
-SLIP_LENGTH = 0.1
 
 
 class StateEstimator:
@@ -67,11 +60,8 @@ class StateEstimator:
 
     def __init__(self, robot: Robot, settings: EstimatorSettings | None = None) -> None:
         self.settings = given = settings or EstimatorSettings()
-        self._robot, self._model, self._grip = robot, EstimatedRobot(robot), None
-        count = len(robot.roller_names)
-        variances = [given.zeros**2] * count + [given.load**2] * 3 + [given.stiffness**2]
-        self._belief = Belief(self._model.state, np.diag(variances))
-        self._history, self._slips = ReadingHistory(), SlipWatch(count)
+        self._robot, self._filter, self._grip = robot, StateFilter(robot, given), None
+        self._history, self._slips = ReadingHistory(), SlipWatch(len(robot.roller_names))
         self._contact, self._seen = FirstContact(), -math.inf
         self._lost = self._strange = 0
         self._used: tuple[str, ...] = ()
@@ -92,8 +82,8 @@ class StateEstimator:
         """
         if grip is not None:
             find_members(self._robot, grip.members)
-        self._grip = grip
-        self._release()
+        self._grip, self._contact = grip, FirstContact()
+        self._filter.release()
 
     def take_encoders(self, time: float, readings: Array) -> None:
         """
@@ -106,7 +96,7 @@ class StateEstimator:
         if last is not None:
             if time <= last[0]:
                 return
-            self._predict(time - last[0], np.abs(readings - last[1]))
+            self._filter.predict(time - last[0], np.abs(readings - last[1]))
         self._history.add(time, readings)
 
     def take_pressures(self, pressures: tuple[float, ...] | None) -> None:
@@ -116,7 +106,7 @@ class StateEstimator:
         :param pressures: (t,) gauge, by tube in the order of the robot file [Pa]; None for those
             of the file.
         """
-        model = self._model
+        model = self._filter.model
         model.take_pressures(steady_pressures(model.tubes.pressure, pressures))
 
     @single_threaded
@@ -130,30 +120,29 @@ class StateEstimator:
         :return: whether it counts: in time, of an object that the robot holds, and it fits.
         :raises ConfigurationError: no configuration of the robot fits the encoders.
         """
-        readings, model = self._history.at(time), self._model
+        readings, believed = self._history.at(time), self._filter
         if readings is None or self._grip is None:
             return False
-        self._go_to(readings)
-        if model.held is None:
+        believed.go_to(readings)
+        if believed.model.held is None:
             told = self._touch(time, readings, pose, deviations)
-            if not self._attach(readings, pose):
+            sure = FREE if self._contact.lies else 1.0
+            if not believed.attach(self._grip.moved_to(pose), readings, sure):
                 return told
-        rows = np.arange(len(model.expected.values))[-3:]
-        expected = self._expect(rows)
-        errors = self.settings.pose_error / np.array([1.0, 1.0, model.held.arm])
+            self._contact, self._lost = FirstContact(), 0
+        rows = np.arange(len(believed.model.expected.values))[-3:]
+        expected = believed.expect(rows)
+        errors = self.settings.pose_error / np.array([1.0, 1.0, believed.model.held.arm])
         noise = np.diag(np.asarray(deviations) ** 2 + errors**2)
-        noise += self._encoder_noise(expected.rates)
-        measured = np.array(pose)
-        turned = measured[2] - expected.values[2]
-        measured[2] = expected.values[2] + math.remainder(turned, 2.0 * math.pi)
-        spread = self._belief.spread(expected.rates)
-        if not fits(measured - expected.values, spread + noise):
+        noise += believed.encoder_noise(expected.rates)
+        off = pose_difference(pose, expected.values)
+        if not fits(off, believed.belief.spread(expected.rates) + noise):
             self._lost += 1
             if self._lost >= LOST:
-                self._release()
+                believed.release()
             return False
         self._lost = 0
-        return self._update(measured, noise, rows)
+        return believed.update(expected.values + off, noise, rows)
 
     @single_threaded
     def take_markers(
@@ -176,35 +165,36 @@ class StateEstimator:
         readings = self._history.at(time)
         if readings is None or not joints:
             return False
-        self._go_to(readings)
+        believed, model = self._filter, self._filter.model
+        believed.go_to(readings)
         rows = np.array([2 * names.index(name) + i for name in joints for i in (0, 1)])
-        expected = self._expect(rows)
+        expected = believed.expect(rows)
         measured = np.array(list(joints.values()), dtype=float).ravel()
         noise = (deviation**2 + self.settings.joint_error**2) * np.eye(len(rows))
-        noise += self._encoder_noise(expected.rates)
+        noise += believed.encoder_noise(expected.rates)
         verdict = judge_markers(
             (measured - expected.values).reshape(-1, 2),
-            self._belief.spread(expected.rates) + noise,
-            expected.rates[:, self._model.rollers],
+            believed.belief.spread(expected.rates) + noise,
+            expected.rates[:, model.rollers],
             self._history.spread,
         )
         if verdict.slips is not None:
-            self._doubt(verdict.slipped * np.eye(len(readings))[verdict.slips])
+            believed.doubt(verdict.slipped * np.eye(len(readings))[verdict.slips])
         told = np.array(list(joints))
         self._used = tuple(sorted(told[verdict.fits].tolist()))
         self._left_out = tuple(sorted(told[~verdict.fits].tolist()))
         self._strange = 0 if self._used else self._strange + 1
         if self._strange >= LOST:  # such as after the encoders began anew
-            self._doubt(np.full(len(readings), self.settings.zeros))
+            believed.doubt(np.full(len(readings), self.settings.zeros))
             self._strange = 0
         chosen = np.flatnonzero(np.repeat(verdict.fits, 2))
-        if not self._used or not self._update(
+        if not self._used or not believed.update(
             measured[chosen], noise[np.ix_(chosen, chosen)], rows[chosen]
         ):
             return False
-        own = self._model.rollers
-        variances = np.diag(self._belief.covariance)[own] + self.settings.joint_error**2
-        self._slips.add(time, readings, self._belief.mean[own], variances)
+        belief, own = believed.belief, model.rollers
+        variances = np.diag(belief.covariance)[own] + self.settings.joint_error**2
+        self._slips.add(time, readings, belief.mean[own], variances)
         return True
 
     @single_threaded
@@ -217,9 +207,10 @@ class StateEstimator:
         if self._history.last is None:
             return None
         time, readings = self._history.last
-        if np.abs(readings - self._model.readings).max() > NEAR:
-            self._go_to(readings)
-        belief, given, model = self._belief, self.settings, self._model
+        given, model = self.settings, self._filter.model
+        if np.abs(readings - model.readings).max() > NEAR:
+            self._filter.go_to(readings)
+        belief = self._filter.belief
         # To first order from where the model was last.
         beyond = belief.mean - model.state
         beyond[model.rollers] += readings - model.readings
@@ -251,120 +242,16 @@ class StateEstimator:
             squeeze_deviation=math.sqrt(variance + (given.squeeze_error * squeeze) ** 2),
         )
 
-    def _predict(self, elapsed: float, way: Array) -> None:
-        """Be less sure after a while, and after some travel (r,) of the rollers."""
-        given, wrench = self.settings, self._model.wrench
-        mean, covariance = self._belief.mean.copy(), self._belief.covariance.copy()
-        left = math.exp(-elapsed / given.load_time)
-        mean[wrench] *= left
-        covariance[wrench] *= left
-        covariance[:, wrench] *= left
-        more = np.zeros(len(mean))
-        more[self._model.rollers] = given.slip**2 * SLIP_LENGTH * way + given.drift**2 * elapsed
-        more[wrench] = given.load**2 * (1.0 - left**2)
-        self._belief = Belief(mean, covariance + np.diag(more))
-
-    def _doubt(self, deviations: Array) -> None:
-        """Be less sure of the zeros by standard deviations (r,) [m]."""
-        more = np.zeros(len(self._belief.mean))
-        more[self._model.rollers] = deviations**2
-        covariance = self._belief.covariance + np.diag(more)
-        self._belief = replace(self._belief, covariance=covariance)
-
-    def _go_to(self, readings: Array) -> None:
-        """Evaluate the model at a reading of the encoders; release what it cannot hold there."""
-        model = self._model
-        if model.held is not None:
-            try:
-                if not model.follow(readings, self._belief.mean):
-                    self._begin()
-                return
-            except NOT_HELD:
-                self._release()
-        model.evaluate(readings, self._belief.mean)
-
-    def _attach(self, readings: Array, pose: Pose) -> bool:
-        """Begin to hold the object where it was measured; tell whether the model can for sure."""
-        model, belief = self._model, self._belief
-        try:
-            held = model.attach(self._grip.moved_to(pose), readings, belief.mean)
-        except NOT_HELD:
-            return False
-        if not held:
-            return False
-        own = model.rollers
-        by_rollers = Belief(belief.mean[own], belief.covariance[own, own])
-        unsure = math.sqrt(by_rollers.spread(model.squeeze_rates[None, own])[0, 0])
-        sure = FREE if self._contact.lies else 1.0
-        if model.held.squeeze < sure * unsure:  # it may not even touch
-            model.release()
-            model.evaluate(readings, belief.mean)
-            return False
-        self._begin()
-        return True
-
     def _touch(self, time: float, readings: Array, pose: Pose, deviations: Array) -> bool:
         """Take in what contacts with a free object tell; tell whether they tell something."""
         if time <= self._seen:
             return False
         self._seen = time
-        belief, placed = self._belief, self._grip.moved_to(pose)
-        depths = self._model.depths(placed)
+        belief, model, placed = self._filter.belief, self._filter.model, self._grip.moved_to(pose)
+        depths = model.depths(placed)
         seen = Seen(np.array(pose), np.square(deviations), readings, belief.mean, depths)
-        told = self._contact.take(seen, belief, lambda: self._model.pressed_depths(placed))
+        told = self._contact.take(seen, belief, lambda: model.pressed_depths(placed))
         if told is None:
             return False
-
-        def expect(mean: Array) -> Expectation:
-            return Expectation(
-                told.value + told.rates[None] @ (mean - belief.mean), told.rates[None]
-            )
-
-        considered, noise = np.array([self._model.stiffness]), np.array([[told.variance]])
-        first = expect(belief.mean)
-        self._belief = update_belief(belief, np.zeros(1), noise, expect, first, considered)
-        self._model.evaluate(readings, self._belief.mean)
+        self._filter.learn_zero(told, readings)
         return True
-
-    def _begin(self) -> None:
-        """Begin with unknown anchors of contacts that are new to the model."""
-        state, size = self._model.state, self._model.stiffness + 1
-        covariance = UNKNOWN**2 * np.eye(len(state))
-        covariance[:size, :size] = self._belief.covariance[:size, :size]
-        self._belief, self._lost = Belief(state, covariance), 0
-
-    def _release(self) -> None:
-        """Hold no object in the model; what is known of the rollers is kept."""
-        size = self._model.stiffness + 1
-        mean, covariance = self._belief.mean[:size], self._belief.covariance[:size, :size]
-        self._belief, self._lost = Belief(mean, covariance), 0
-        self._contact = FirstContact()
-        self._model.release()
-        self._model.evaluate(self._model.readings, mean)
-
-    def _expect(self, rows: Indices) -> Expectation:
-        """Return these rows of what the model expects."""
-        values, rates = self._model.expected
-        return Expectation(values[rows], rates[rows])
-
-    def _update(self, measured: Array, noise: Array, rows: Indices) -> bool:
-        """Take in measurements (m,), these rows of what is expected; tell whether that worked."""
-        model = self._model
-
-        def expect(mean: Array) -> Expectation:
-            model.evaluate(model.readings, mean)
-            return self._expect(rows)
-
-        considered = np.array([model.stiffness])
-        first = self._expect(rows)
-        try:
-            self._belief = update_belief(self._belief, measured, noise, expect, first, considered)
-        except NOT_HELD:
-            self._release()
-            return False
-        return True
-
-    def _encoder_noise(self, rates: Array) -> Array:
-        """Return what noise of the encoders does to measurements of some rates (m, n), (m, m)."""
-        by_rollers = rates[:, self._model.rollers]
-        return self.settings.encoders**2 * by_rollers @ by_rollers.T
