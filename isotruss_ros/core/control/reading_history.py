@@ -11,7 +11,7 @@
 
 from __future__ import annotations
 
-from bisect import bisect_right
+from collections import deque
 
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
@@ -26,13 +26,12 @@ class ReadingHistory:
     """The readings of the last while, at least one after the first."""
 
     def __init__(self) -> None:
-        self._times: list[float] = []
-        self._readings: list[Array] = []
+        self._kept: deque[tuple[float, Array]] = deque()
 
     @property
     def last(self) -> tuple[float, Array] | None:
         """Return time [s] and reading (r,) [m] of the last; None before the first."""
-        return (self._times[-1], self._readings[-1]) if self._times else None
+        return self._kept[-1] if self._kept else None
 
     def add(self, time: float, readings: Array) -> None:
         """
@@ -41,11 +40,9 @@ class ReadingHistory:
         :param time: later than that of the last [s].
         :param readings: (r,) roller travel since home [m].
         """
-        self._times.append(time)
-        self._readings.append(np.array(readings, dtype=float))
-        old = bisect_right(self._times, time - SPAN)
-        if 2 * old > len(self._times):
-            del self._times[:old], self._readings[:old]
+        self._kept.append((time, np.array(readings, dtype=float)))
+        while len(self._kept) > 1 and self._kept[1][0] <= time - SPAN:
+            self._kept.popleft()
 
     def at(self, time: float) -> Array | None:
         """
@@ -54,17 +51,14 @@ class ReadingHistory:
         :param time: [s].
         :return: None where that is too long ago, or in the future.
         """
-        times = self._times
-        if not times or not times[0] <= time <= times[-1] + AHEAD:
+        if not self._kept:
             return None
-        after = bisect_right(times, time)
-        if after == len(times):
-            return self._readings[-1]
-        start, end = times[after - 1], times[after]
-        first, second = self._readings[after - 1], self._readings[after]
-        return first + (time - start) / (end - start) * (second - first)
+        times, readings = zip(*self._kept, strict=True)
+        if not times[0] <= time <= times[-1] + AHEAD:
+            return None
+        return np.array([np.interp(time, times, each) for each in np.transpose(readings)])
 
     @property
     def spread(self) -> Array:
         """Return by how much the readings differ (r,) [m]."""
-        return np.ptp(np.array(self._readings), axis=0)
+        return np.ptp([reading for _, reading in self._kept], axis=0)

@@ -183,25 +183,6 @@ def test_a_wedge_that_keeps_its_angle_carries_it_along_and_does_not_squeeze(step
     assert 0.0 < simulated.grasp.squeeze < 1.0
 
 
-def test_a_member_pushes_it_along_its_normal():
-    home = ROBOT.home
-    i = ROBOT.member_names.index('north/P-Z')
-    points, topology = home.points, ROBOT.topology
-    begin, end = points[topology.b[i]], points[topology.c[topology.following[i]]]
-    normal = -1j * (end - begin) / abs(end - begin)
-    reach = 0.15 + 0.5 * ROBOT.description.tube_diameter
-    # Pressed into the middle of one member from the inside of the triangle.
-    center = 0.5 * (begin + end) + (reach - 0.02) * normal
-    simulated = ElasticObject(ConvexObject.disc((center.real, center.imag), 0.3), FRICTION)
-    assert member_depths(home, ConvexObject.disc((center.real, center.imag), 0.3))[
-        i
-    ] == pytest.approx(0.02)
-    simulated.follow(home)
-    pushed = complex(*simulated.pose(home)[:2]) - center
-    assert pushed == pytest.approx(0.02 * normal, abs=1e-9)
-    assert simulated.grasp is None
-
-
 def test_a_wedge_too_wide_for_the_friction_pushes_it_out():
     config, cylinder = gripped(70.0, squeeze=0.02)
     simulated = ElasticObject(cylinder, FRICTION)
@@ -212,19 +193,6 @@ def test_a_wedge_too_wide_for_the_friction_pushes_it_out():
     # Along the bisector, by 20 mm.
     out = abs(lies.center - cylinder.center)
     assert out == pytest.approx(0.02, rel=1e-3)
-
-
-def test_it_is_carried_by_a_simulated_robot():
-    simulated = ElasticObject(CYLINDER, FRICTION)
-    robot = SimulatedRobot(CONFIG, simulated, RollerFaults())
-    robot.advance(0.0)
-    start = robot.object_pose
-    robot.command(np.full(N, 0.01))
-    robot.advance(0.5)
-    assert robot.object_pose != pytest.approx(start, abs=1e-4)
-    robot.command(np.full(N, -0.01))
-    robot.advance(0.5)
-    assert robot.object_pose == pytest.approx(start, abs=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -267,17 +235,6 @@ def test_a_box_between_two_sides_is_held_rolls_and_is_pulled_out():
     # It lies where no member enters it.
     lies = box_between().body.moved_to(robot.object_pose)
     assert member_depths(robot.config, lies).max() < 1e-6
-
-
-def test_a_lying_box_is_pushed_without_being_turned():
-    x, y, angle = box_between(depth=0.0).body.pose
-    lying = box_between().body.moved_to((x, y - 0.01, angle))
-    box = ElasticObject(lying, 0.05)
-    robot = SimulatedRobot(ROBOT.home, box, RollerFaults())
-    robot.advance(0.0)
-    assert box.grasp is None
-    assert member_depths(ROBOT.home, lying.moved_to(robot.object_pose)).max() < 1e-6
-    assert robot.object_pose.angle == pytest.approx(angle)
 
 
 def test_in_one_long_step_an_object_slips_where_it_does_in_many():

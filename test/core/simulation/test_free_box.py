@@ -19,7 +19,6 @@ from isotruss_ros.core import (
     RollerFaults,
     RollingGrip,
     SimulatedRobot,
-    solve_twist,
     solve_twist_ahead,
 )
 from isotruss_ros.core.errors import ConfigurationError
@@ -56,19 +55,18 @@ def test_names_the_members_that_press_deepest_first():
     assert pressing_members(ROBOT.home, deeper) == SIDES
 
 
-def test_is_held_by_sides_that_press_and_moves_with_them():
+@pytest.mark.parametrize(
+    ('center', 'diameter'), [((0.99, -0.1), 2.0), ((-0.4, -0.49), 1.0), ((-0.48, 0.52), 10.0)]
+)
+def test_no_two_members_press_on_an_object_that_tubes_lie_on(center, diameter):
+    """The contact of such an object would take minutes to compute."""
+    assert len(pressing_members(ROBOT.home, ConvexObject.disc(center, diameter))) < 2
+
+
+def test_is_held_by_sides_that_press_and_moves_to_its_equilibrium():
     robot, free = lying(gripped().body)
     assert set(free.members) == set(SIDES)
-    rolling = RollingGrip.attach(ROBOT.home, gripped())
-    start = np.array(robot.object_pose)
-    # It moved to its equilibrium.
-    assert 0.0 < np.hypot(*(start - gripped().body.pose)[:2]) < 0.01
-    for _ in range(20):
-        command = solve_twist_ahead(robot.config, rolling.grip, [0.02, 0.0, 0.0], 0.01)
-        robot.command(command.roller_velocities)
-        robot.advance(0.02)
-        rolling = rolling.moved_to(robot.config)
-    assert np.array(robot.object_pose) - start == pytest.approx([0.008, 0.0, 0.0], abs=2e-5)
+    assert 0.0 < np.hypot(*np.subtract(robot.object_pose, gripped().body.pose)[:2]) < 0.01
 
 
 def test_lies_where_nothing_presses_and_where_friction_is_too_little():
@@ -85,27 +83,6 @@ def test_its_own_friction_counts():
     slippery = ConvexObject(body.shape, body.pose, friction=0.05)
     assert lying(slippery)[1].members == ()
     assert lying(ConvexObject(body.shape, body.pose, friction=1.0), 0.05)[1].members
-
-
-def test_is_let_go_when_a_side_has_moved_off():
-    robot, free = lying(gripped(0.004).body)
-    assert free.members
-    rolling = RollingGrip.attach(ROBOT.home, gripped(0.004))
-    opening = solve_twist(ROBOT.home, rolling.grip, np.zeros(3), opening_rate=0.01)
-    robot.command(opening.roller_velocities)
-    robot.advance(0.5)
-    robot.stop()
-    robot.advance(0.1)
-    assert set(free.members) == set(SIDES)
-    robot.command(opening.roller_velocities)
-    robot.advance(0.5)
-    robot.stop()
-    robot.advance(0.1)
-    assert free.members == ()
-    there = robot.object_pose
-    robot.command(opening.roller_velocities)
-    robot.advance(0.1)
-    assert robot.object_pose == there
 
 
 def test_three_members_hold_as_well():

@@ -14,20 +14,17 @@ from types import SimpleNamespace
 from grips import backed_off, closed_to, gripped
 from isotruss_ros.core import (
     ConvexObject,
-    Grip,
     Pose,
     RigidObject,
     RollerFaults,
     settle_grasp,
     SimulatedRobot,
-    solve_twist_ahead,
 )
 from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.simulation import rigid_object as loose_object
 import numpy as np
 import pytest
-from robots import side_ends
 
 CLOSED, CYLINDER = gripped(35.0, squeeze=0.06)
 ROBOT = CLOSED.robot
@@ -84,21 +81,6 @@ class Scene:
         assert set(self.object.members) == GRASPING
 
 
-def in_grip(config, module, pose, diameter):
-    """
-    Return the object's place in the frame of the grip, and its angle there less what it rolled.
-
-    :return: (x, y, angle): x along the side B -> B'.
-    """
-    b, b_end, c, c_end = side_ends(config, module)
-    ahead, back = b_end - b, c_end - c
-    local = (complex(pose.x, pose.y) - b) * abs(ahead) / ahead
-    left = np.sign((ahead.conjugate() * back).imag)
-    travel = dict(zip(ROBOT.roller_names, config.roller_positions, strict=True)).get(module, 0.0)
-    angle = pose.angle - np.angle(ahead) - left * 2.0 * travel / diameter
-    return np.array([local.real, local.imag, np.angle(np.exp(1j * angle))])
-
-
 def test_lies_still_whatever_the_robot_does_elsewhere():
     rng = np.random.default_rng(0)
     scene = Scene()
@@ -139,40 +121,6 @@ def test_nobody_grips_while_the_rollers_turn(plan):
     assert scene.pose == LIES
 
 
-def test_gives_way_before_it_is_held_where_the_rollers_are_off(plan):
-    rng = np.random.default_rng(1)
-    moved = []
-    for _ in range(5):
-        scene = Scene(plan.start)
-        for place in plan.path[:-1]:
-            scene.go(place, steps=1)
-        scene.go(plan.path[-1] + rng.uniform(-1e-3, 1e-3, N))
-        scene.rest()
-        assert set(scene.object.members) == GRASPING
-        assert scene.pose.angle == pytest.approx(ANGLE)
-        moved.append(np.hypot(*np.subtract(scene.pose[:2], CYLINDER.pose[:2])))
-    assert 1e-3 < max(moved) < 0.01
-
-
-def test_goes_with_the_grip(plan):
-    rng = np.random.default_rng(2)
-    scene = Scene(plan.start)
-    scene.grip(plan)
-    before = in_grip(scene.robot.config, MODULE, scene.pose, CYLINDER.shape.diameter)
-    places = []
-    for _ in range(20):
-        # It is carried and rolls.
-        grip = Grip.at_module(ROBOT, MODULE, CYLINDER.moved_to(scene.pose))
-        twist = rng.uniform(-1.0, 1.0, 3) * (0.03, 0.03, 0.3)
-        command = solve_twist_ahead(scene.robot.config, grip, twist, 0.02)
-        scene.robot.command(command.roller_velocities)
-        scene.robot.advance(0.02)
-        places.append(scene.pose)
-        now = in_grip(scene.robot.config, MODULE, scene.pose, CYLINDER.shape.diameter)
-        assert now == pytest.approx(before, abs=1e-5)  # commands are exact to second order
-    assert np.ptp(np.array(places), axis=0).min() > 1e-3
-
-
 def test_stays_in_the_grip_over_rests_while_it_is_pressed(plan):
     scene = Scene(plan.start)
     scene.grip(plan)
@@ -207,29 +155,6 @@ def test_angle_is_kept_and_within_half_a_turn(plan, angle, kept):
     lying.come_to_rest(plan.config)
     assert set(lying.members) == GRASPING
     assert lying.pose(plan.config) == pytest.approx((*CYLINDER.pose[:2], kept), abs=0.01)
-
-
-def test_is_gripped_from_the_start_where_the_robot_already_holds_it(plan):
-    lying = RigidObject(CYLINDER, FRICTION)
-    assert lying.pose(plan.config) == (*CYLINDER.pose[:2], 0.0)
-    robot = SimulatedRobot(plan.config, lying, RollerFaults())
-    robot.advance(0.01)
-    assert set(lying.members) == GRASPING
-
-
-def test_a_tube_that_lies_on_it_does_not_grip_it(monkeypatch):
-    """The contact of such an object would take minutes to compute."""
-
-    def never(*_arguments, **_options):
-        raise AssertionError('computed')
-
-    monkeypatch.setattr(loose_object, 'settle_grasp', never)
-    for center, diameter in (((0.99, -0.1), 2.0), ((-0.4, -0.49), 1.0), ((-0.48, 0.52), 10.0)):
-        lying = RigidObject(ConvexObject.disc(center, diameter), FRICTION)
-        lying.come_to_rest(ROBOT.home)
-        assert lying.members == ()
-    with pytest.raises(AssertionError, match='computed'):
-        RigidObject(CYLINDER, FRICTION).come_to_rest(CLOSED)
 
 
 def test_the_robot_looks_once_for_each_rest():
