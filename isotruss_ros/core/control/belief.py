@@ -15,7 +15,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
 #: A step that changes no state by more than its new deviation times this is the last one ...
@@ -61,9 +61,9 @@ def update_belief(
     prior: Belief,
     measured: Array,
     noise: Array,
-    expect: Callable[[Array], Expectation],
     first: Expectation,
-    considered: Indices,
+    considered: int | None = None,
+    expect: Callable[[Array], Expectation] | None = None,
 ) -> Belief:
     """
     Return what is believed after a measurement: the most probable state, by Gauss-Newton steps.
@@ -74,25 +74,24 @@ def update_belief(
     :param prior: before.
     :param measured: (m,).
     :param noise: (m, m) covariance of the measurement.
-    :param expect: what it would be in a state (n,).
-    :param first: that in the mean of the prior.
-    :param considered: numbers of the states that are only considered.
+    :param first: what it would be in the mean of the prior.
+    :param considered: number of the state that is only considered; None for none.
+    :param expect: what it would be in a state (n,); None where that is linear.
     """
     mean, expected = prior.mean, first
     for step in range(MOST_STEPS):
         rates = expected.rates
         crossed = prior.covariance @ rates.T
         gain = np.linalg.solve(rates @ crossed + noise, crossed.T).T
-        gain[considered] = 0.0
+        if considered is not None:
+            gain[considered] = 0.0
         missing = measured - expected.values - rates @ (prior.mean - mean)
         moved = prior.mean + gain @ missing
         left = np.eye(len(mean)) - gain @ rates
         covariance = left @ prior.covariance @ left.T + gain @ noise @ gain.T
-        change, mean = moved - mean, moved
-        if (
-            step == MOST_STEPS - 1
-            or (np.abs(change) <= SMALL * np.sqrt(np.diag(covariance))).all()
-        ):
+        change, mean = np.abs(moved - mean), moved
+        small = (change <= SMALL * np.sqrt(np.diag(covariance))).all()
+        if small or expect is None or step == MOST_STEPS - 1:
             break
         expected = expect(mean)
     return Belief(mean, 0.5 * (covariance + covariance.T))

@@ -24,7 +24,6 @@ from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
 from isotruss_ros.core.holding.loaded_frame import held_joints
 from isotruss_ros.core.holding.member_bow import member_bow
 from isotruss_ros.core.holding.roll_grip import roll_contacts, roll_grip
-from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import find_members, Grip
 from isotruss_ros.core.model.convex_object import segment_gaps
@@ -71,47 +70,38 @@ class EstimatedRobot:
         self._config, self._joints = robot.home, 2 * len(robot.topology.joint_names)
         self.evaluate(self.readings, self.state)
 
-    def evaluate(self, readings: Array, state: Array) -> None:
+    def evaluate(self, readings: Array, state: Array, follow: bool = False) -> None:
         """
-        Find what is expected in a state; contacts stay those that there are.
+        Find what is expected in a state.
 
         :param readings: (r,) of the encoders [m].
         :param state: (n,).
+        :param follow: whether the rollers have gone there, so that ends of faces lift and lie
+            down: then `held.anchors` are those there are now; else contacts stay those there are.
         :raises ConfigurationError: there is no such configuration.
         :raises GraspError: no equilibrium holds the object.
         """
-        travel = readings + state[self.rollers]
-        if self.held is None:
+        held, travel = self.held, readings + state[self.rollers]
+        if held is None:
             config = self._config = self._config.moved_to(travel)
             rates = np.zeros((self._joints, len(state)))
             rates[:, self.rollers] = config.node_jacobian[: self._joints]
             self.expected = Expectation(config.nodes.ravel()[: self._joints], rates)
             self.readings, self.state = readings, state
             return
-        held, config = self.held, self._bent(travel)
+        # Members are as bent as they were last.
+        config = held.config.moved_to(travel).shorten(member_bow(held))
         anchors, wrench = state[self.anchors], state[self.wrench]
-        rolled = roll_contacts(held, config, held.contacts, anchors, held.angles, wrench)
+        if follow:
+            wrench = wrench * (1.0, 1.0, held.arm)
+            rolled = roll_grip(replace(held, anchors=anchors), config, wrench)
+            if rolled is not None and rolled.hold(math.inf) is not HoldStatus.HELD:
+                rolled = None
+        else:
+            rolled = roll_contacts(held, config, held.contacts, anchors, held.angles, wrench)
         if rolled is None:
             raise GraspError('no equilibrium holds the object in the estimated state')
-        self._take(rolled, readings, state)
-
-    def follow(self, readings: Array, state: Array) -> bool:
-        """
-        Evaluate the held object where the rollers have gone, ends of faces lifting and lying down.
-
-        :param readings: (r,) of the encoders [m].
-        :param state: (n,).
-        :return: whether the contacts are still the same; `held.anchors` are those there are now.
-        :raises ConfigurationError: there is no such configuration.
-        :raises GraspError: the object is not held there.
-        """
-        held, config = self.held, self._bent(readings + state[self.rollers])
-        wrench = state[self.wrench] * (1.0, 1.0, held.arm)
-        rolled = roll_grip(replace(held, anchors=state[self.anchors]), config, wrench)
-        if rolled is None or rolled.hold(math.inf) is not HoldStatus.HELD:
-            raise GraspError('the object is not held in the estimated state')
         self._take(rolled, readings, np.append(state[: self.stiffness + 1], rolled.anchors))
-        return rolled.contacts is held.contacts
 
     def attach(self, grip: Grip, readings: Array, state: Array) -> bool:
         """
@@ -143,10 +133,6 @@ class EstimatedRobot:
         self.tubes, self._differentiated = self.tubes._replace(pressure=pressures), None
         if self.held is not None:
             self.held = replace(self.held, tubes=self.tubes)
-
-    def _bent(self, travel: Array) -> Configuration:
-        """Return the shape at a travel (r,), members as bent as they were last."""
-        return self.held.config.moved_to(travel).shorten(member_bow(self.held))
 
     def release(self) -> None:
         """Hold nothing."""

@@ -18,7 +18,7 @@ about as deep.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 import math
 from typing import NamedTuple
 
@@ -164,26 +164,26 @@ class FirstContact:
 
     def _follow_push(self, oldest: Seen, belief: Belief) -> Told | None:
         """Return that it is as deep in the member that pushes it as in the other, if in that."""
-        mine = np.eye(2)[self._pusher]
-        other = self._ratio * (1.0 - mine)
-        depth = _less(self._mean_of(mine, belief.mean), self._mean_of(other, belief.mean), belief)
+        depth = self._less_deep(self._window, belief)
         spread = float(belief.spread(depth.rates[None])[0, 0]) + depth.variance
         if depth.value**2 > spread * scipy.special.chdtri(1, LEAVES):
             self._wait()  # it is not pushed by this member any more
             return None
         self._told += 1
-        return _less(
-            oldest.told(mine, belief.mean), oldest.told(other, belief.mean), belief, self._told
-        )
+        return self._less_deep([oldest], belief, self._told)
 
-    def _mean_of(self, weights: Array, mean: Array) -> Told:
-        """Return the mean of the weighted depths (m,) over the window."""
-        told = [each.told(weights, mean) for each in self._window]
-        value = float(np.mean([each.value for each in told]))
-        return Told(value, told[-1].rates, told[-1].variance / len(told))
+    def _less_deep(self, seen: Iterable[Seen], belief: Belief, count: int = 1) -> Told:
+        """Return the mean of how deep it is in the member that pushes, less that in the other."""
+        mine = np.eye(2)[self._pusher]
+        means = []
+        for weights in (mine, self._ratio * (1.0 - mine)):
+            told = [each.told(weights, belief.mean) for each in seen]
+            value = float(np.mean([each.value for each in told]))
+            means.append(Told(value, told[-1].rates, told[-1].variance / len(told)))
+        return _less(*means, belief, count)
 
 
-def _less(mine: Told, other: Told, belief: Belief, count: int = 1) -> Told:
+def _less(mine: Told, other: Told, belief: Belief, count: int) -> Told:
     """
     Return a depth less another one, which counts where it is positive: by its moments.
 

@@ -131,12 +131,11 @@ class StateEstimator:
                 return told
             self._contact, self._lost = FirstContact(), 0
         rows = np.arange(len(believed.model.expected.values))[-3:]
-        expected = believed.expect(rows)
+        expected, spread = believed.expect(rows)
         errors = self.settings.pose_error / np.array([1.0, 1.0, believed.model.held.arm])
         noise = np.diag(np.asarray(deviations) ** 2 + errors**2)
-        noise += believed.encoder_noise(expected.rates)
         off = pose_difference(pose, expected.values)
-        if not fits(off, believed.belief.spread(expected.rates) + noise):
+        if not fits(off, spread + noise):
             self._lost += 1
             if self._lost >= LOST:
                 believed.release()
@@ -168,13 +167,12 @@ class StateEstimator:
         believed, model = self._filter, self._filter.model
         believed.go_to(readings)
         rows = np.array([2 * names.index(name) + i for name in joints for i in (0, 1)])
-        expected = believed.expect(rows)
+        expected, spread = believed.expect(rows)
         measured = np.array(list(joints.values()), dtype=float).ravel()
         noise = (deviation**2 + self.settings.joint_error**2) * np.eye(len(rows))
-        noise += believed.encoder_noise(expected.rates)
         verdict = judge_markers(
             (measured - expected.values).reshape(-1, 2),
-            believed.belief.spread(expected.rates) + noise,
+            spread + noise,
             expected.rates[:, model.rollers],
             self._history.spread,
         )

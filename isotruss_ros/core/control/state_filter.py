@@ -82,8 +82,10 @@ class StateFilter:
         """
         model = self.model
         if model.held is not None:
+            contacts = model.held.contacts
             try:
-                if not model.follow(readings, self.belief.mean):
+                model.evaluate(readings, self.belief.mean, follow=True)
+                if model.held.contacts is not contacts:
                     self._begin()
                 return
             except NOT_HELD:
@@ -129,46 +131,48 @@ class StateFilter:
         covariance[known, known] = self.belief.covariance[known, known]
         self.belief = Belief(state, covariance)
 
-    def expect(self, rows: Indices) -> Expectation:
+    def expect(self, rows: Indices) -> tuple[Expectation, Array]:
         """
-        Return some of what the model expects where it was evaluated last.
+        Return some of what the model expects where it was evaluated last, and its covariance.
 
         :param rows: numbers (m,) in `EstimatedRobot.expected`.
+        :return: with the (m, m) covariance from state and encoders.
         """
-        values, rates = self.model.expected
-        return Expectation(values[rows], rates[rows])
-
-    def encoder_noise(self, rates: Array) -> Array:
-        """
-        Return what noise of the encoders does to measurements, (m, m).
-
-        :param rates: (m, n) of these, by the state.
-        """
-        by_rollers = rates[:, self.model.rollers]
-        return self._settings.encoders**2 * by_rollers @ by_rollers.T
+        expected = self._expect(rows)
+        return expected, self.belief.spread(expected.rates) + self._encoder_noise(expected.rates)
 
     def update(self, measured: Array, noise: Array, rows: Indices) -> bool:
         """
         Take measurements in where the model was evaluated last.
 
         :param measured: (m,).
-        :param noise: (m, m) covariance.
+        :param noise: (m, m) covariance, that of the encoders aside.
         :param rows: (m,) see `expect`.
         :return: whether that worked; the object is released where not.
         """
-        model = self.model
+        model, prior, first = self.model, self.belief, self._expect(rows)
+        noise = noise + self._encoder_noise(first.rates)
 
         def expect(mean: Array) -> Expectation:
             model.evaluate(model.readings, mean)
-            return self.expect(rows)
+            return self._expect(rows)
 
-        considered, first = np.array([model.stiffness]), self.expect(rows)
         try:
-            self.belief = update_belief(self.belief, measured, noise, expect, first, considered)
+            self.belief = update_belief(prior, measured, noise, first, model.stiffness, expect)
         except NOT_HELD:
             self.release()
             return False
         return True
+
+    def _expect(self, rows: Indices) -> Expectation:
+        """Return rows (m,) of what the model expects."""
+        values, rates = self.model.expected
+        return Expectation(values[rows], rates[rows])
+
+    def _encoder_noise(self, rates: Array) -> Array:
+        """Return what noise of the encoders does to measurements of some rates (m, n), (m, m)."""
+        by_rollers = rates[:, self.model.rollers]
+        return self._settings.encoders**2 * by_rollers @ by_rollers.T
 
     def learn_zero(self, told: Told, readings: Array) -> None:
         """
@@ -177,12 +181,7 @@ class StateFilter:
         :param told: by the contacts of a free object.
         :param readings: (r,) of the encoders then [m].
         """
-        belief, rates = self.belief, told.rates[None]
-
-        def expect(mean: Array) -> Expectation:
-            return Expectation(told.value + rates @ (mean - belief.mean), rates)
-
-        considered, noise = np.array([self.model.stiffness]), np.array([[told.variance]])
-        first = expect(belief.mean)
-        self.belief = update_belief(belief, np.zeros(1), noise, expect, first, considered)
+        expected = Expectation(np.array([told.value]), told.rates[None])
+        noise, considered = np.array([[told.variance]]), self.model.stiffness
+        self.belief = update_belief(self.belief, np.zeros(1), noise, expected, considered)
         self.model.evaluate(readings, self.belief.mean)

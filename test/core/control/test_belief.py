@@ -15,7 +15,6 @@ import pytest
 import scipy
 
 RNG = np.random.default_rng(0)
-NONE = np.zeros(0, dtype=np.intp)
 
 
 def _draw(size, count):
@@ -26,11 +25,9 @@ def _draw(size, count):
     return prior, RNG.normal(size=(count, size)), noise, RNG.normal(size=count)
 
 
-def _update(prior, rates, noise, measured, considered=NONE):
-    def expect(mean):
-        return Expectation(rates @ mean, rates)
-
-    return update_belief(prior, measured, noise, expect, expect(prior.mean), considered)
+def _update(prior, rates, noise, measured, considered=None):
+    first = Expectation(rates @ prior.mean, rates)
+    return update_belief(prior, measured, noise, first, considered)
 
 
 def test_a_linear_update_is_least_squares():
@@ -55,7 +52,7 @@ def test_an_update_in_two_parts_is_that_of_all():
 
 def test_what_is_considered_stays_and_makes_the_others_unsure():
     prior, rates, noise, measured = _draw(4, 6)
-    found = _update(prior, rates, noise, measured, np.array([3]))
+    found = _update(prior, rates, noise, measured, 3)
     assert found.mean[3] == prior.mean[3]
     assert found.covariance[3, 3] == pytest.approx(prior.covariance[3, 3])
     assert (
@@ -69,9 +66,8 @@ def test_a_curved_measurement_is_taken_at_its_most_probable_state():
     def expect(mean):
         return Expectation(mean**2, np.diag(2.0 * mean))
 
-    found = update_belief(
-        prior, np.array([9.0]), np.eye(1) * 1e-4, expect, expect(prior.mean), NONE
-    )
+    noise = np.eye(1) * 1e-4
+    found = update_belief(prior, np.array([9.0]), noise, expect(prior.mean), expect=expect)
     best = scipy.optimize.minimize_scalar(
         lambda x: (x - 2.0) ** 2 + (x**2 - 9.0) ** 2 / 1e-4, bracket=(2.5, 3.5)
     ).x
