@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.arrays import Array, Flags
 import numpy as np
 import scipy
 
@@ -60,31 +60,27 @@ def judge_markers(
     :param by_rollers: (2k, r) derivatives of the joints by the rollers.
     :param reach: (r,) by how much each roller can have slipped at most [m].
     """
-    count = len(innovation)
-    kept, off = np.ones(count, dtype=bool), innovation.ravel()
+    count, off = len(innovation), innovation.ravel()
+    kept = np.ones(count, dtype=bool)
     if fits(off, covariance):
         return Verdict(kept)
+
+    def size(some: Flags) -> float:
+        rows = np.flatnonzero(np.repeat(some, 2))
+        return _size(off[rows], covariance[np.ix_(rows, rows)]) if len(rows) else 0.0
+
     slip = _find_slip(off, covariance, by_rollers, reach)
-    while kept.any():
-        rows = np.flatnonzero(np.repeat(kept, 2))
-        if fits(off[rows], covariance[np.ix_(rows, rows)]):
-            break
-        left = [
-            _size(off[rest], covariance[np.ix_(rest, rest)]) if len(rest) else 0.0
-            for rest in (rows[rows // 2 != i] for i in np.flatnonzero(kept))
-        ]
-        kept[np.flatnonzero(kept)[int(np.argmin(left))]] = False
-    if 2 * np.count_nonzero(kept) < count:
+    while kept.any() and size(kept) > scipy.special.chdtri(2 * kept.sum(), RARE):
+        kept = min(kept & ~np.eye(count, dtype=bool)[kept], key=size)
+    if 2 * kept.sum() < count:
         kept[:] = False
     # A slip that explains all of them is likelier than two markers that lie at once.
     if slip is not None and (count - kept.sum() > 1 or not kept.any()):
         return slip
-    rows = np.flatnonzero(np.repeat(kept, 2))
-    if slip is None or not len(rows):
+    if slip is None or not kept.any():
         return Verdict(kept)
-    without = _size(off[rows], covariance[np.ix_(rows, rows)])
     with_slip = _size(off - by_rollers[:, slip.slips] * slip.slipped, covariance)
-    return slip if with_slip / (2 * count - 1) < without / len(rows) else Verdict(kept)
+    return slip if with_slip / (2 * count - 1) < size(kept) / (2 * kept.sum()) else Verdict(kept)
 
 
 def _find_slip(off: Array, covariance: Array, by_rollers: Array, reach: Array) -> Verdict | None:

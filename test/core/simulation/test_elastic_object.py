@@ -148,17 +148,6 @@ def test_along_a_path_it_is_dropped_within_five_percent_of_the_predicted_frictio
         assert all(stays) == (share > 1.0)
 
 
-def test_a_load_moves_it_and_lets_it_back():
-    simulated = held()
-    start = simulated.pose(CONFIG)
-    simulated.external_wrench = (0.0, 2.0, 0.1)
-    simulated.follow(CONFIG)
-    assert np.hypot(*np.subtract(simulated.pose(CONFIG)[:2], start[:2])) > 1e-4
-    simulated.external_wrench = (0.0, 0.0, 0.0)
-    simulated.follow(CONFIG)
-    assert simulated.pose(CONFIG) == pytest.approx(start, abs=1e-9)
-
-
 def test_it_lies_until_two_members_press_on_it():
     simulated = ElasticObject(CYLINDER.moved_to((*CYLINDER.pose[:2], 0.4)), FRICTION)
     approach = backed_off(CONFIG, CYLINDER, 0.15)[::-1]
@@ -202,6 +191,7 @@ def test_a_wedge_too_wide_for_the_friction_pushes_it_out():
         ({'friction': np.inf}, 'friction'),
         ({'friction': 0.5, 'stiffness_scale': 0.0}, 'stiffness'),
         ({'friction': 0.5, 'stiffness_scale': -0.1}, 'stiffness'),
+        ({'friction': 0.5, 'ground_friction': -1.0}, 'ground -1.0 under the object'),
     ],
 )
 def test_bad_arguments_are_refused(arguments, words):

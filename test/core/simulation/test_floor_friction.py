@@ -15,7 +15,6 @@ from grips import gripped
 from hypothesis import given
 from hypothesis import strategies as st
 from isotruss_ros.core import ElasticObject, Grip, Robot, solve_twist
-from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.loaded_frame import natural_modes
 from isotruss_ros.core.simulation.floor_friction import limit_loads
 from isotruss_ros.core.simulation.held_motion import STEP
@@ -108,11 +107,6 @@ def test_the_rate_does_not_count():
     drag(slow, (0.0, 1.0, 0.0), steps=100)
     drag(quick, (0.0, 1.0, 0.0), steps=20)
     assert pose(slow) == pytest.approx(pose(quick), abs=1e-4)
-
-
-def test_a_floor_of_negative_friction_is_refused():
-    with pytest.raises(GraspError, match=r'ground -1.0 under the object'):
-        ElasticObject(CYLINDER, FRICTION, ground_friction=-1.0)
 
 
 @given(st.integers(0, 9999), st.floats(0.0, 3.0))
