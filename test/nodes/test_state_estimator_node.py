@@ -215,7 +215,7 @@ def test_over_dds_measured_pressures_stiffen_the_tubes_of_the_estimate():
 
         w.until(lambda: last() and last().held and last().squeeze_deviation < 0.1 * last().squeeze)
         before = last().squeeze
-        w.until(lambda: last().squeeze > 1.04 * before, send)
+        w.until(lambda: last().squeeze > 1.15 * before, send)
 
 
 @pytest.mark.parametrize('estimated', [True, False])

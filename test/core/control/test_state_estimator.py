@@ -12,7 +12,8 @@
 from dataclasses import replace
 
 from drawn_robots import DrawnRobot, EXACT, MARKER, NAMES, PERIOD, POSE, ROBOT, THREE
-from isotruss_ros.core import Pose
+from isotruss_ros.core import ConvexObject, Grip, load_robot, Pose, tangent_center
+from isotruss_ros.core.control.estimated_robot import EstimatedRobot
 from isotruss_ros.core.control.slip_watch import RARE, SlipWatch
 from isotruss_ros.core.control.state_estimator import StateEstimator
 from isotruss_ros.core.errors import GraspError
@@ -176,6 +177,21 @@ def test_the_stiffness_is_that_of_the_measured_pressures():
         found.append(drawn.run(1.0, ALL).squeeze)
     assert expected[1] > 1.02 * expected[0]
     assert found[1] / found[0] == pytest.approx(expected[1] / expected[0], rel=0.01)
+
+
+def test_pressures_measured_while_an_object_is_held_count_as_those_from_before():
+    robot = load_robot('nine_member')  # whose tubes flatten the more, the softer they are
+    more = tuple(2.0 * pressure for pressure in tube_pressures(robot.description, None))
+    body = ConvexObject.disc(tangent_center(robot.home, 'north/Z', 0.3, 0.02), 0.3)
+    before, after = EstimatedRobot(robot), EstimatedRobot(robot)
+    before.take_pressures(more)
+    for model in (before, after):
+        assert model.attach(Grip.at_module(robot, 'north/Z', body), np.zeros(6), model.state)
+    after.take_pressures(more)
+    for _ in range(3):  # members bend as they did the last time
+        for model in (before, after):
+            model.evaluate(np.zeros(6), before.state)
+    assert after.held.squeeze == pytest.approx(before.held.squeeze, rel=1e-4)
 
 
 def _told_late(order):
