@@ -15,7 +15,6 @@ from dataclasses import replace
 import math
 
 from isotruss_ros.core.control.belief import Expectation
-from isotruss_ros.core.control.first_contact import Depths
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.build_statics import build_statics
@@ -160,11 +159,12 @@ class EstimatedRobot:
         self.expected = Expectation(np.concatenate([places, pose]), rates)
         self.readings, self.state = readings, state
 
-    def depths(self, grip: Grip) -> Depths:
+    def depths(self, grip: Grip) -> tuple[Array, Array, Array]:
         """
         Return how deep an object is in the members where the model was evaluated, holding nothing.
 
         :param grip: with the object where it was measured.
+        :return: (m,) [m], with derivatives by the state (m, n) and by the pose (m, 3).
         :raises GraspError: the robot has no such members.
         """
         config, body = self._config, grip.body
@@ -183,7 +183,7 @@ class EstimatedRobot:
         lever = (1j * (point - body.center) * away).real
         by_pose = np.column_stack([near.normals.real, near.normals.imag, lever])
         radius = 0.5 * self.robot.description.tube_diameter
-        return Depths(radius - near.gaps, rates, by_pose)
+        return radius - near.gaps, rates, by_pose
 
     def pressed_depths(self, grip: Grip) -> Array:
         """
@@ -192,12 +192,12 @@ class EstimatedRobot:
         :param grip: with the object near there.
         :raises GraspError: the robot has no such members.
         """
-        near = self.depths(grip)
+        depths, _, by_pose = self.depths(grip)
         pose = np.array(grip.body.pose)
-        pose[:2] += np.linalg.lstsq(near.by_pose[:, :2], PRESSED - near.values, rcond=None)[0]
+        pose[:2] += np.linalg.lstsq(by_pose[:, :2], PRESSED - depths, rcond=None)[0]
         members = find_members(self.robot, grip.members).members
         body = grip.body.moved_to(pose)
         found = attach_grip(self._config, body, members, tubes=self.tubes, quick=True)
         if isinstance(found, HoldStatus):
             return np.full(len(members), PRESSED)
-        return np.maximum(self.depths(grip.moved_to(found.pose)).values, LEAST * PRESSED)
+        return np.maximum(self.depths(grip.moved_to(found.pose))[0], LEAST * PRESSED)

@@ -40,20 +40,6 @@ NEARER = 5e-3
 TANGENT, UNEVEN = 1e-3, 0.5
 
 
-class Depths(NamedTuple):
-    """
-    How deep an object, where it was measured, is in the undeformed members of a grip.
-
-    :ivar values: (m,) [m].
-    :ivar rates: (m, n) derivatives by the estimated state.
-    :ivar by_pose: (m, 3) derivatives by the pose.
-    """
-
-    values: Array
-    rates: Array
-    by_pose: Array
-
-
 class Told(NamedTuple):
     """
     What is zero.
@@ -76,14 +62,18 @@ class Seen(NamedTuple):
     :ivar variances: (3,) of that.
     :ivar readings: (r,) of the encoders then [m].
     :ivar mean: (n,) state in which the depths are.
-    :ivar depths: of the object.
+    :ivar depths: (m,) how deep it is in the undeformed members of a grip [m].
+    :ivar rates: (m, n) derivatives of these by the estimated state.
+    :ivar by_pose: (m, 3) derivatives by the pose.
     """
 
     pose: Array
     variances: Array
     readings: Array
     mean: Array
-    depths: Depths
+    depths: Array
+    rates: Array
+    by_pose: Array
 
     def told(self, weights: Array, mean: Array) -> Told:
         """
@@ -92,8 +82,8 @@ class Seen(NamedTuple):
         :param weights: (m,).
         :param mean: (n,) state in which that is wanted.
         """
-        rates, by_pose = weights @ self.depths.rates, weights @ self.depths.by_pose
-        value = weights @ self.depths.values + rates @ (mean - self.mean)
+        rates, by_pose = weights @ self.rates, weights @ self.by_pose
+        value = weights @ self.depths + rates @ (mean - self.mean)
         return Told(float(value), rates, float(by_pose**2 @ self.variances))
 
 
@@ -124,7 +114,7 @@ class FirstContact:
         :param belief: of the state.
         :param press: returns how deep the object is in each member (m,) where both press [m].
         """
-        if len(seen.depths.values) != 2:
+        if len(seen.depths) != 2:
             return None
         self._window.append(seen)
         if len(self._window) <= WINDOW:
@@ -151,11 +141,11 @@ class FirstContact:
             - self._rest
         )
         variances = last.variances * (1.0 / WINDOW + 1.0 / self._count)
-        nearer = last.depths.rates[:, : len(last.readings)] @ (last.readings - first.readings)
+        nearer = last.rates[:, : len(last.readings)] @ (last.readings - first.readings)
         if (moved**2 / variances).sum() <= scipy.special.chdtri(3, MOVES):
             self.lies = self.lies or bool(nearer.max() > NEARER)
             return
-        along = last.depths.by_pose @ moved
+        along = last.by_pose @ moved
         pusher = int(along.argmin())
         pushed = along[pusher] < -AGAINST * math.hypot(*moved[:2]) and nearer[pusher] > 0.0
         self._wait()

@@ -53,12 +53,9 @@ class SlipWatch:
         while kept and time - kept[0][0] > SPANS[-1][1]:
             kept.popleft()
         self.slipping = np.zeros(len(zeros), dtype=bool)
-        for share, span in SPANS:
-            before = next((each for each in reversed(kept) if time - each[0] >= span), None)
-            before = before or (kept[0] if kept else None)
-            if before is None:
-                continue
-            _, turned, zeros_then, variances_then = before
+        for share, span in SPANS if kept else ():
+            before = (each for each in reversed(kept) if time - each[0] >= span)
+            _, turned, zeros_then, variances_then = next(before, kept[0])
             moved, way = zeros - zeros_then, travel - turned
             sure = np.abs(moved) > SURE * np.sqrt(variances + variances_then)
             much = np.abs(moved) > np.maximum(LEAST, share * np.abs(way))

@@ -246,8 +246,8 @@ class StateEstimator:
             return False
         self._seen = time
         belief, model, placed = self._filter.belief, self._filter.model, self._grip.moved_to(pose)
-        depths = model.depths(placed)
-        seen = Seen(np.array(pose), np.square(deviations), readings, belief.mean, depths)
+        measured = np.array(pose), np.square(deviations)
+        seen = Seen(*measured, readings, belief.mean, *model.depths(placed))
         told = self._contact.take(seen, belief, lambda: model.pressed_depths(placed))
         if told is None:
             return False

@@ -17,7 +17,7 @@ from drawn_robots import EXACT, PERIOD, POSE, ROBOT
 from isotruss_ros.core import ConvexObject, plan_grasps, Polygon, Pose
 from isotruss_ros.core.control.belief import Belief
 from isotruss_ros.core.control.estimated_robot import EstimatedRobot
-from isotruss_ros.core.control.first_contact import AGAINST, Depths, FirstContact, Seen, WINDOW
+from isotruss_ros.core.control.first_contact import AGAINST, FirstContact, Seen, WINDOW
 from isotruss_ros.core.control.state_estimator import StateEstimator
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.simulation.elastic_object import ElasticObject
@@ -173,15 +173,15 @@ def test_derivatives_of_depths_are_those_of_differences(shape):
         model.evaluate(path[BEFORE], state)
         return model.depths(replace(grip, body=body.moved_to(pose)))
 
-    there = depths(state, pose)
+    _, rates, by_pose = depths(state, pose)
     for i in range(6):
-        more = depths(state + small * np.eye(len(state))[i], pose).values
-        less = depths(state - small * np.eye(len(state))[i], pose).values
-        assert there.rates[:, i] == pytest.approx((more - less) / (2.0 * small), abs=1e-6)
+        more = depths(state + small * np.eye(len(state))[i], pose)[0]
+        less = depths(state - small * np.eye(len(state))[i], pose)[0]
+        assert rates[:, i] == pytest.approx((more - less) / (2.0 * small), abs=1e-6)
     for i in range(3):
-        more = depths(state, pose + small * np.eye(3)[i]).values
-        less = depths(state, pose - small * np.eye(3)[i]).values
-        assert there.by_pose[:, i] == pytest.approx((more - less) / (2.0 * small), abs=1e-6)
+        more = depths(state, pose + small * np.eye(3)[i])[0]
+        less = depths(state, pose - small * np.eye(3)[i])[0]
+        assert by_pose[:, i] == pytest.approx((more - less) / (2.0 * small), abs=1e-6)
 
 
 def _told(moved, travel):
@@ -193,7 +193,7 @@ def _told(moved, travel):
     for share in np.concatenate([np.zeros(20), np.linspace(0.0, 1.0, 40)]):
         readings, pose = share * np.array(travel), np.append(share * np.array(moved), 0.0)
         values = np.array([0.0, -0.1]) + rates @ readings + by_pose @ pose
-        seen = Seen(pose, np.full(3, 1e-6), readings, belief.mean, Depths(values, rates, by_pose))
+        seen = Seen(pose, np.full(3, 1e-6), readings, belief.mean, values, rates, by_pose)
         told.append(contact.take(seen, belief, lambda: np.full(2, 0.005)))
     return [each for each in told if each is not None]
 
