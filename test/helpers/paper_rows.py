@@ -9,8 +9,8 @@
 
 """The rows of (19) for a disc between the two members that meet at a module, as the paper does."""
 
-from isotruss_ros.core.manipulation.grip_contacts import find_contacts
 import numpy as np
+import random_grips
 import robots
 
 
@@ -58,7 +58,7 @@ def paper_pose(start, config, module):
 
 def contact_depth(config, grip, ends):
     """Return how far the middle of both contacts is from that of both pinch points [m]."""
-    points = find_contacts(config, grip).points
+    points = random_grips.contacts_of(config, grip).points
     axes = [(ends[k + 1] - ends[k]) / abs(ends[k + 1] - ends[k]) for k in (0, 2)]
     inward = sum(axes) / abs(sum(axes))
     return ((points.mean() - 0.5 * (ends[0] + ends[2])) * inward.conjugate()).real

@@ -7,13 +7,7 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""
-An object held between any two members, or three: these members, and where they touch it.
-
-A member touches with its straight skin: the object's contact is the point of its surface that is
-farthest toward the member. A face of a polygon that lies on the member is touched at its two ends;
-so it can neither lift nor turn. Points of the plane are complex numbers, as in `constraints`.
-"""
+"""An object held between any two members, or three, and the numbers of these members."""
 
 from __future__ import annotations
 
@@ -23,7 +17,6 @@ import math
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError, quote
-from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Indices
@@ -32,9 +25,6 @@ from numpy.typing import ArrayLike
 
 #: Number of members that hold an object.
 FEWEST, MOST = 2, 3
-#: A face lies on a member that is inclined against it by at most this [rad].
-FACE_ANGLE = 1e-3
-SIN_FACE_ANGLE = math.sin(FACE_ANGLE)
 
 
 @dataclass(frozen=True)
@@ -131,6 +121,7 @@ class MemberNodes(NamedTuple):
     both: Indices  #: (2 k,) nodes at which they start, then those at which they end
     driven: Indices  #: (d,) which of the k members start at a module with a roller
     rollers: Indices  #: (d,) numbers of these rollers
+    entries: Indices  #: (4 k,) places of the entries of `member_rows` among (3 k, n)
 
 
 @functools.lru_cache(maxsize=256)
@@ -152,6 +143,7 @@ def find_members(robot: Robot, names: tuple[str, ...]) -> MemberNodes:
     members = np.array([robot.member_names.index(name) for name in names], dtype=np.intp)
     driven = np.flatnonzero(np.isin(members, topology.driven))
     starts, ends = topology.b[members], topology.c[topology.following[members]]
+    rows = topology.n_nodes * np.arange(3 * len(members)).reshape(-1, 3)
     found = MemberNodes(
         members=members,
         starts=starts,
@@ -159,80 +151,8 @@ def find_members(robot: Robot, names: tuple[str, ...]) -> MemberNodes:
         both=np.concatenate([starts, ends]),
         driven=driven,
         rollers=topology.driven.searchsorted(members[driven]),
+        entries=np.stack([*(starts + rows.T), ends + rows[:, 2]], axis=1).ravel(),
     )
     for array in found:
         array.flags.writeable = False
     return found
-
-
-class Touch(NamedTuple):
-    """One contact, as numbers: a few of them are quicker than arrays."""
-
-    owner: int  #: which member of the grip it is
-    start: complex  #: of the member, robot frame [m]
-    span: complex  #: the member from start to end [m]
-    axis: complex  #: its unit vector
-    normal: complex  #: unit vector out of the object into the member
-    point: complex  #: of the object's surface, robot frame [m]
-    side: float  #: +1 where the object is left of the member, -1 where it is right
-
-
-@functools.lru_cache(maxsize=8)
-def touch_members(config: Configuration, grip: Grip) -> list[Touch]:
-    """
-    Find where the members touch the object; the last few results are kept.
-
-    :param config: configuration of the robot.
-    :param grip: the grip.
-    :return: the contacts, member after member.
-    :raises GraspError: no such member; or a member does not touch the object between its ends:
-        it is off by more than a tube is thick.
-    """
-    body, nodes = grip.body, find_members(config.robot, grip.members)
-    ends = config.points.take(nodes.both).tolist()
-    count, inside, turned = len(grip.members), body.middle, body.turn.conjugate()
-    members: list[tuple[complex, complex, complex, complex, float]] = []
-    for start, end in zip(ends[:count], ends[count:], strict=True):
-        span = end - start
-        axis = span / abs(span)
-        side = math.copysign(1.0, (axis.conjugate() * (inside - start)).imag)
-        members.append((start, span, axis, -1j * side * axis, side))
-    touched = body.shape.touch_lines([turned * member[3] for member in members], SIN_FACE_ANGLE)
-    tube = config.robot.description.tube_diameter
-    found: list[Touch] = []
-    places: list[tuple[float, float]] = []
-    fits = True
-    for owner, own_point in zip(touched.owners, touched.points, strict=True):
-        start, span, axis, normal, side = members[owner]
-        point = body.center + body.turn * own_point
-        found.append(Touch(owner, start, span, axis, normal, point, side))
-        local = axis.conjugate() * (point - start)
-        gap, share = side * local.imag - 0.5 * tube, local.real / abs(span)
-        places.append((gap, share))
-        fits = fits and -tube <= gap <= tube and 0.0 <= share <= 1.0
-    if not fits:
-        gaps, shares = map(list, zip(*places, strict=True))
-        _check_touch(grip, touched.owners, gaps, shares, tube)
-    return found
-
-
-def _check_touch(
-    grip: Grip, owners: list[int], gaps: list[float], shares: list[float], tube: float
-) -> None:
-    """Refuse a member that does not touch the object; a face may reach beyond its end."""
-    for number, name in enumerate(grip.members):
-        own = [k for k, owner in enumerate(owners) if owner == number]
-        gap = min((gaps[k] for k in own), key=abs)
-        nearest, farthest = min(shares[k] for k in own), max(shares[k] for k in own)
-        if nearest <= 1.0 and farthest >= 0.0 and abs(gap) <= tube:
-            continue
-        what = f'the gap is {gap:.3g} m, within {tube:.3g} m in a grip'
-        if nearest > 1.0 or farthest < 0.0:
-            share = nearest if nearest > 1.0 else farthest
-            what = f'it would touch at {share:.3g} of its length'
-        center = grip.center
-        raise GraspError(
-            f'member {name} does not touch the object at ({center.real:.4g}, '
-            f'{center.imag:.4g}) m: {what}; name the members that hold it, or give its place in '
-            'the robot frame'
-        )

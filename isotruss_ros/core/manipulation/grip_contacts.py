@@ -7,146 +7,96 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
+
 """
-The k contacts of a grip as arrays, and both sides of their constraint: J_h(q) qdot = G^T nu.
+Where the members of a grip touch the object.
 
-Of Murray, Li and Sastry: at every contact the tube's material moves as the object's surface does.
-
-The tube does not stretch, so that the material of a straight member moves as a rigid body: with
-the member's ends, and along it with the roller at which the member starts. The roller at its end
-moves it just as much, (12): past the passive module of the tube it is the one that turns.
+Each member is its undeformed centre line, from pinch point to pinch point. The object's surface is
+farthest toward the member. A face of a polygon that lies on the member is touched at its two ends;
+so it can neither lift nor turn. Points of the plane are complex numbers, as in `constraints`.
 """
 
 from __future__ import annotations
 
+import functools
+import math
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.manipulation.grip import find_members, Grip, MemberNodes, touch_members
-from isotruss_ros.core.model.pose import MIN_DIAMETER
-from isotruss_ros.core.numerics.arrays import Array, Indices, Points
-import numpy as np
-from scipy.linalg import lapack
+from isotruss_ros.core.manipulation.grip import find_members, Grip
 
-ONE_POINT = 'the members touch the object in one point: it cannot be held there'
+#: A face lies on a member that is inclined against it by at most this [rad].
+FACE_ANGLE = 1e-3
+SIN_FACE_ANGLE = math.sin(FACE_ANGLE)
 
 
-class GripContacts(NamedTuple):
-    """The k contacts of a grip, robot frame: one for each member, two where a face lies on it."""
+class GripContact(NamedTuple):
+    """One contact of a grip, in Python's numbers: a few of them are quicker than arrays."""
 
-    nodes: MemberNodes  #: numbers of the grip's members and of their nodes
-    owners: Indices  #: (k,) which member of the grip it is
-    starts: Points  #: (k,) of the members [m]
-    spans: Points  #: (k,) members from start to end [m]
-    axes: Points  #: (k,) their unit vectors
-    normals: Points  #: (k,) unit vectors out of the object into the member
-    points: Points  #: (k,) of the object's surface [m]
-    sides: Array  #: (k,) +1 where the object is left of the member, -1 where it is right
+    owner: int  #: which member of the grip it is
+    start: complex  #: of the member, robot frame [m]
+    normal: complex  #: unit vector out of the object into the member
+    point: complex  #: of the object's surface, robot frame [m]
+    side: float  #: +1 where the object is left of the member, -1 where it is right
 
 
-def find_contacts(config: Configuration, grip: Grip) -> GripContacts:
+@functools.lru_cache(maxsize=8)
+def find_contacts(config: Configuration, grip: Grip) -> list[GripContact]:
     """
-    Find where the members touch the object.
+    Find where the members touch the object; the last few results are kept.
 
     :param config: configuration of the robot.
     :param grip: the grip.
-    :raises GraspError: see `touch_members`.
+    :return: one for each member, member after member; two where a face lies on it.
+    :raises GraspError: no such member; or a member does not touch the object between its ends:
+        it is off by more than a tube is thick.
     """
-    owners, *places, sides = zip(*touch_members(config, grip), strict=True)
-    nodes = find_members(config.robot, grip.members)
-    return GripContacts(nodes, np.array(owners), *np.array(places), np.array(sides))
+    body, nodes = grip.body, find_members(config.robot, grip.members)
+    ends = config.points.take(nodes.both).tolist()
+    count, inside, turned = len(grip.members), body.middle, body.turn.conjugate()
+    members: list[tuple[complex, complex, complex, float]] = []
+    for start, end in zip(ends[:count], ends[count:], strict=True):
+        span = end - start
+        axis = span / abs(span)
+        side = math.copysign(1.0, (axis.conjugate() * (inside - start)).imag)
+        members.append((start, span, -1j * side * axis, side))
+    touched = body.shape.touch_lines([turned * member[2] for member in members], SIN_FACE_ANGLE)
+    tube = config.robot.description.tube_diameter
+    found: list[GripContact] = []
+    places: list[tuple[float, float]] = []
+    fits = True
+    for owner, own_point in zip(touched.owners, touched.points, strict=True):
+        start, span, normal, side = members[owner]
+        point = body.center + body.turn * own_point
+        found.append(GripContact(owner, start, normal, point, side))
+        away = start - point
+        gap = (normal.conjugate() * away).real - 0.5 * tube
+        share = -(span.conjugate() * away).real / abs(span) ** 2
+        places.append((gap, share))
+        fits = fits and -tube <= gap <= tube and 0.0 <= share <= 1.0
+    if not fits:
+        _check_touch(grip, touched.owners, places, tube)
+    return found
 
 
-def hand_jacobian(config: Configuration, contacts: GripContacts) -> Array:
-    """
-    Return J_h: the velocity of the tubes' material at the contacts.
-
-    :param config: configuration of the robot.
-    :param contacts: of the grip.
-    :return: (2 k, r) vx, vy of contact after contact in the robot frame, for 1 m/s at each
-        roller [-].
-    :raises ConfigurationError: the configuration is singular.
-    """
-    nodes, owners = contacts.nodes, contacts.owners
-    # Turning rate of a member: Re(conj(turn) (velocity of its end - velocity of its start)). It
-    # moves a point as i times its arm does, from the start on.
-    arms, turns = contacts.points - contacts.starts, 1j / contacts.spans.conj()
-    starts, ends, x = nodes.starts[owners], nodes.ends[owners], 2 * np.arange(len(owners))
-    rows = np.zeros((2 * len(owners), len(config.points)), dtype=np.complex128)
-    rows[x, starts], rows[x, ends] = 1.0 + arms.imag * turns, -arms.imag * turns
-    rows[x + 1, starts], rows[x + 1, ends] = 1j - arms.real * turns, arms.real * turns
-    velocities = config.roller_rows(rows.view(np.float64))
-    for member, roller in zip(nodes.driven, nodes.rollers, strict=True):
-        own = np.flatnonzero(owners == member)
-        velocities[2 * own, roller] += contacts.axes[own].real
-        velocities[2 * own + 1, roller] += contacts.axes[own].imag
-    return velocities
-
-
-def grasp_map(center: complex, contacts: GripContacts) -> Array:
-    """
-    Return G^T: the velocity of the object's surface at the contacts.
-
-    :param center: of the object, to which the twist belongs, x + iy [m].
-    :param contacts: of the grip.
-    :return: (2 k, 3) vx, vy of contact after contact in the robot frame, for a twist vx, vy
-        [m/s], omega [rad/s].
-    """
-    arms = (contacts.points - center).tolist()
-    return np.array([row for arm in arms for row in ((1.0, 0.0, -arm.imag), (0.0, 1.0, arm.real))])
-
-
-class ContactRows(NamedTuple):
-    """Both sides of the constraint of a grip."""
-
-    contacts: GripContacts  #: the k contacts
-    hand: Array  #: (2 k, r) J_h, see `hand_jacobian`
-    rigid: Array  #: (2 k, 3) G^T, see `grasp_map`
-
-
-def contact_rows(config: Configuration, grip: Grip) -> ContactRows:
-    """
-    Return both sides of the constraint.
-
-    :param config: configuration of the robot.
-    :param grip: the grip.
-    :raises GraspError: see `find_contacts`.
-    :raises ConfigurationError: the configuration is singular.
-    """
-    contacts = find_contacts(config, grip)
-    return ContactRows(contacts, hand_jacobian(config, contacts), grasp_map(grip.center, contacts))
-
-
-def rows_of_three(config: Configuration, grip: Grip) -> Array:
-    """
-    Return `grip_jacobian` of three members: the least squares of what is left of the constraint.
-
-    :param config: configuration of the robot.
-    :param grip: of three members.
-    :raises GraspError: see `find_contacts`; or the contacts are all in one point.
-    :raises ConfigurationError: the configuration is singular.
-    """
-    contacts, hand, rigid = contact_rows(config, grip)
-    if np.abs(contacts.points - contacts.points[0]).max() < MIN_DIAMETER:
-        raise GraspError(ONE_POINT)
-    square = np.concatenate([rigid, _misfits(rigid, contacts.normals)], axis=1)
-    return np.asarray(lapack.dgesv(square, hand)[2])
-
-
-def _misfits(rigid: Array, normals: Points) -> Array:
-    """
-    Return what no twist does to the contacts: (2 k, 2 k - 3), at right angles to G^T.
-
-    The first is that each member moves away from the object by 0.5 m/s, without the part of it
-    that would carry the object along.
-    """
-    # QR factorization, all columns of the first factor.
-    tall = np.zeros((len(rigid), len(rigid)), order='F')
-    tall[:, :3], tall[:, 3] = rigid, 0.5 * normals.view(float)
-    factored, scales, _, _ = lapack.dgeqrf(tall[:, :4])
-    size = factored[3, 3]
-    tall[:, :4] = factored
-    basis = lapack.dorgqr(tall, scales)[0]
-    basis[:, 3] *= size
-    return basis[:, 3:]
+def _check_touch(
+    grip: Grip, owners: list[int], places: list[tuple[float, float]], tube: float
+) -> None:
+    """Refuse a member that does not touch the object; a face may reach beyond its end."""
+    for number, name in enumerate(grip.members):
+        own = [place for owner, place in zip(owners, places, strict=True) if owner == number]
+        gap = min((gap for gap, _ in own), key=abs)
+        nearest, farthest = min(share for _, share in own), max(share for _, share in own)
+        if nearest <= 1.0 and farthest >= 0.0 and abs(gap) <= tube:
+            continue
+        what = f'the gap is {gap:.3g} m, within {tube:.3g} m in a grip'
+        if nearest > 1.0 or farthest < 0.0:
+            share = nearest if nearest > 1.0 else farthest
+            what = f'it would touch at {share:.3g} of its length'
+        center = grip.center
+        raise GraspError(
+            f'member {name} does not touch the object at ({center.real:.4g}, '
+            f'{center.imag:.4g}) m: {what}; name the members that hold it, or give its place in '
+            'the robot frame'
+        )

@@ -73,7 +73,7 @@ def place_between(
             contacts = find_contacts(config, grip)
         except GraspError:
             continue
-        if (contacts.sides == np.array(sides)[contacts.owners]).all():
+        if all(contact.side == sides[contact.owner] for contact in contacts):
             found.append((abs(place - middle), grip))
     if not found:
         raise GraspError(

@@ -23,14 +23,16 @@ speed there. Sliding may then stay behind scaling by a few per cent of the twist
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from isotruss_ros.core.manipulation.limits import Rows
-from isotruss_ros.core.manipulation.task import Task, WorkingRollers
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.manipulation.limits import Limit, name_binding_rows, Rows, stack_rows
+from isotruss_ros.core.manipulation.status import RollerCommand, Status
+from isotruss_ros.core.manipulation.task import Task
 from isotruss_ros.core.manipulation.twist_qp import maximize_progress, PENALTIES, project_target
-from isotruss_ros.core.numerics.arrays import Array, Flags, Indices
+from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
 
 #: Solutions are exact to rounding; a scale this close to 1 is 1.
@@ -76,90 +78,85 @@ class LimitHandling:
     slide_weight: float = 1e-2
 
 
-@dataclass(frozen=True, eq=False)
-class LimitedVelocities:
-    """Roller speeds for a task within limits."""
-
-    velocities: Array  #: (w,) of the working rollers [m/s]
-    scale: float  #: component along the task as a share of it, 0 to 1
-    slid: bool  #: whether the direction differs from that of the task
-    binding: Flags  #: (k,) which rows of the limits are at their bounds; none at scale 1
-
-
 def apply_limits(
-    working: WorkingRollers,
+    config: Configuration,
     task: Task,
-    rows: Rows,
-    can_slide: Flags | None,
-    max_speed: float,
+    limits: Sequence[Limit],
+    parts: Sequence[Rows],
     handling: LimitHandling,
-) -> LimitedVelocities:
+) -> RollerCommand:
     """
     Carry out a task as far as limits allow.
 
-    :param working: the working rollers.
+    :param config: configuration of the robot.
     :param task: the task.
-    :param rows: all rows of the limits, see `stack_rows`.
-    :param can_slide: (k,) along which of them a command may go on; None for none.
-    :param max_speed: largest speed of a roller [m/s].
+    :param limits: the limits.
+    :param parts: the rows of each of them, see `find_rows`.
     :param handling: what to do where they bind.
     :raises SolverError: a quadratic program was not solved.
     """
-    gain = float(np.abs(task.free).max())
+    reach, max_speed = task.reach, config.robot.description.max_speed
+    working, gain = reach.working, float(np.abs(task.free).max())
     asked = gain * task.speed
+    rows = stack_rows(parts)
     if not working.whole:
-        rows = rows._replace(matrix=rows.matrix[:, working.places])
+        rows = rows._replace(matrix=working.take(rows.matrix))
     # In units of the slower of what is asked and what can be: the solver's tolerance is absolute.
     unit = min(max_speed, asked)
     bounds = rows.scaled(unit, MAX_REACH)
-    reach, direction = min(asked / unit, MAX_SCALE), task.direction / gain
-    penalty, held = PENALTIES[0], handling.period > 0.0
-    if held:
-        weight = handling.progress_weight
-        weight *= min(1.0, handling.reference_period / handling.period)
-        penalty = min(penalty, weight * max_speed / (unit * gain))
+    farthest, direction = min(asked / unit, MAX_SCALE), task.direction / gain
+    penalty, weight, guess = PENALTIES[0], LEAST_REGULARIZATION, None
+    if handling.period > 0.0:
+        slower = min(1.0, handling.reference_period / handling.period)
+        penalty = min(penalty, handling.progress_weight * slower * max_speed / (unit * gain))
+        weight, guess = handling.slide_weight, task.free / gain
 
-    def farthest(cost: Array, equality: Array, limited: Rows) -> tuple[Array, float]:
-        return maximize_progress(cost, equality, direction, reach, limited, penalty)
+    def progress(cost: Array, equality: Array, limited: Rows) -> tuple[Array, float]:
+        return maximize_progress(cost, equality, direction, farthest, limited, penalty)
 
-    guess = task.free / gain
-    fixed = bounds if can_slide is None else bounds.take(~can_slide)
-    solution, progress = _solve(working, task, farthest, fixed, guess if held else None)
+    fixed, slid = bounds, False
+    if handling.slide_along_limits:
+        kinds = [limit.can_slide for limit in limits]
+        fixed = bounds.take(~np.repeat(kinds, [len(part.upper) for part in parts]))
+    solution, made = _solve(task, progress, fixed, guess)
     slack = bounds.slack(solution)
-    slid = can_slide is not None and bool((slack < -BINDING_TOLERANCE).any())
-    if slid:
-        target = progress * direction
-        weight = handling.slide_weight if held else LEAST_REGULARIZATION
+    if handling.slide_along_limits and (slack < -BINDING_TOLERANCE).any():
+        target, slid = made * direction, True
 
         def closest(cost: Array, equality: Array, limited: Rows) -> tuple[Array, float]:
-            found = project_target(cost, equality, target, task.rank, limited, weight)
+            rank = len(reach.directions)
+            found = project_target(cost, equality, target, rank, limited, weight)
             return found, gain * float(task.direction.dot(equality.dot(found)))
 
-        solution, progress = _solve(working, task, closest, bounds, guess if held else None)
+        solution, made = _solve(task, closest, bounds, guess)
         slack = bounds.slack(solution)
-    free = rows.slack(task.velocities)
-    scale = min(1.0, max(0.0, progress * unit / gain / task.speed))
-    # A step toward the free solution would go on along the twist: a row at its bound forbids it.
-    return LimitedVelocities(
-        velocities=solution * unit,
-        scale=1.0 if scale > 1.0 - SCALE_TOLERANCE else scale,
-        slid=slid,
-        binding=(slack < BINDING_TOLERANCE) & (free < 0.0),
-    )
+    scale = min(1.0, max(0.0, made * unit / gain / task.speed))
+    status = Status.OK if task.reachable else Status.UNREACHABLE
+    limiting: tuple[str, ...] = ()
+    if scale > 1.0 - SCALE_TOLERANCE:
+        scale = 1.0
+    else:
+        # A step toward the free solution would go on along the twist: a row at its bound forbids
+        # it.
+        binding = (slack < BINDING_TOLERANCE) & (rows.slack(task.velocities) < 0.0)
+        slowed, limiting = name_binding_rows(config, limits, parts, binding)
+        if task.reachable:
+            status = Status.SLIDING if slid else slowed
+    velocities = working.spread(solution * unit)
+    return reach.command(velocities, status, scale, limiting)
 
 
-def _solve(
-    working: WorkingRollers, task: Task, solve: Solver, rows: Rows, guess: Array | None
-) -> tuple[Array, float]:
+def _solve(task: Task, solve: Solver, rows: Rows, guess: Array | None) -> tuple[Array, float]:
     """
     Solve a quadratic program with all rows, or on a large robot with those that bind.
 
     Without a guess all rows count: without regularization those that bind are many, since the last
     bit of progress takes all rollers.
     """
+    working, equality = task.reach.working, task.reach.rows
     if guess is not None and len(working.places) > ALL_ROWS_UP_TO:
-        return solve_by_few_rows(solve, working.even, task.equality, rows, guess)
-    return solve(working.cost, task.equality, rows)
+        return solve_by_few_rows(solve, working.even, equality, rows, guess)
+    return solve(working.cost, equality, rows)
 
 
 def solve_by_few_rows(

@@ -30,13 +30,14 @@ from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.manipulation.grip import find_members, Grip, touch_members
+from isotruss_ros.core.manipulation.grip import find_members, Grip
+from isotruss_ros.core.manipulation.grip_contacts import find_contacts
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
 
 #: A face lies on a member that is inclined against it by at most this [rad]: less than what
-#: `touch_members` takes for one, so that a face that comes to lie on a member does not snap.
+#: `find_contacts` takes for one, so that a face that comes to lie on a member does not snap.
 FLAT = 1e-6
 MAX_STEPS = 50
 #: After so many steps the contacts stay those that they are: rounding may not decide on one.
@@ -79,12 +80,12 @@ class RollingGrip:
 
         :param config: configuration of the robot.
         :param grip: the grip, with the object in its place.
-        :raises GraspError: see `touch_members`.
+        :raises GraspError: see `find_contacts`.
         """
         body = grip.body
-        by_member = {touch.owner: touch for touch in touch_members(config, grip)}
-        sides = np.array([touch.side for touch in by_member.values()])
-        normals = np.array([touch.normal for touch in by_member.values()])
+        by_member = {contact.owner: contact for contact in find_contacts(config, grip)}
+        sides = np.array([contact.side for contact in by_member.values()])
+        normals = np.array([contact.normal for contact in by_member.values()])
         angles = np.angle(normals * body.turn.conjugate())
         zeros = np.zeros(len(sides))
         rolling = cls(config, grip, angles, zeros, zeros, sides)
@@ -157,7 +158,7 @@ class RollingGrip:
                 off += rows.dot(change)
                 misfit = float(np.abs(off).max())
                 grip = self.grip.moved_to((center.real, center.imag, angle))
-                touch_members(config, grip)  # raises where it left a member
+                find_contacts(config, grip)  # raises where it left a member
                 angles = self._unwrapped(lines.normals, angle)
                 return replace(self, config=config, grip=grip, angles=angles, misfit=misfit)
             if not size <= body.arm:

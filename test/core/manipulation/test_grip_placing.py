@@ -21,7 +21,6 @@ from isotruss_ros.core import (
     tangent_center,
 )
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.manipulation.grip_contacts import find_contacts
 import numpy as np
 import pytest
 import random_grips
@@ -33,7 +32,7 @@ BOX = Polygon([(-0.25, -0.2), (0.25, -0.2), (0.25, 0.2), (-0.25, 0.2)])
 
 def gaps(config, grip):
     """Return how far the object's contacts are from the skin of the tubes [m]."""
-    contacts = find_contacts(config, grip)
+    contacts = random_grips.contacts_of(config, grip)
     found = []
     for k, owner in enumerate(contacts.owners):
         start, _ = random_grips.member_ends(config, grip.members[owner])

@@ -25,8 +25,7 @@ from isotruss_ros.core import (
     Status,
 )
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.manipulation.grip_contacts import find_contacts, grasp_map, hand_jacobian
-from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
+from isotruss_ros.core.manipulation.grip_rows import contact_rows, grip_jacobian
 import numpy as np
 import pytest
 import random_grips
@@ -39,10 +38,8 @@ KINDS = (('module', 2), ('tube', 2), ('tubes', 2), ('module', 3), ('tubes', 3))
 
 def motions(config, grip):
     """Return all (rollers, twist) that keep the constraint, as columns, in speeds [m/s]."""
-    contacts = find_contacts(config, grip)
-    hand = hand_jacobian(config, contacts)
-    rigid = grasp_map(grip.center, contacts) / surface(grip)
-    return null_space(np.hstack([hand, -rigid]), rcond=1e-9)
+    hand, rigid = contact_rows(config, grip)
+    return null_space(np.hstack([hand, -rigid / surface(grip)]), rcond=1e-9)
 
 
 def surface(grip):
@@ -146,12 +143,12 @@ def test_two_members_move_apart_at_the_opening_rate(flat, robot, rng):
     """Between two points, and from the middle of a face to a corner."""
     config, grip = random_grips.random_convex_grip(robot, rng, 'tubes', 2, flat)
     assume(grip is not None)
-    contacts = find_contacts(config, grip)
+    contacts = random_grips.contacts_of(config, grip)
     assume(len(contacts.owners) == 2 + flat)
     jacobian = grip_jacobian(config, grip)
     assume(np.linalg.svd(jacobian, compute_uv=False)[3 + flat] > 1e-2)
     command = solve_twist(config, grip, np.zeros(3), limits=(), opening_rate=0.01)
-    speeds = (hand_jacobian(config, contacts) @ command.roller_velocities).view(complex)
+    speeds = (contact_rows(config, grip)[0] @ command.roller_velocities).view(complex)
     face, corner = contacts.owners == 0, contacts.owners == 1
     apart = contacts.points[corner].mean() - contacts.points[face].mean()
     rate = ((speeds[corner].mean() - speeds[face].mean()) * apart.conjugate()).real / abs(apart)
@@ -182,10 +179,10 @@ def test_three_members_open_alike_by_half_of_the_opening_rate():
         if np.linalg.svd(grip_jacobian(config, grip), compute_uv=False)[-1] < 1e-2:
             continue
         command = solve_twist(config, grip, np.zeros(3), limits=(), opening_rate=0.01)
-        contacts = find_contacts(config, grip)
-        speeds = hand_jacobian(config, contacts) @ command.roller_velocities
+        hand, rigid = contact_rows(config, grip)
+        speeds = hand @ command.roller_velocities
         # Without what would carry the object along.
-        away, rigid = 0.005 * contacts.normals.view(float), grasp_map(grip.center, contacts)
+        away = 0.005 * random_grips.contacts_of(config, grip).normals.view(float)
         away -= rigid @ np.linalg.lstsq(rigid, away, rcond=None)[0]
         assert speeds == pytest.approx(away, abs=1e-9)
         opened += 1

@@ -12,7 +12,7 @@
 from hypothesis import assume, given, strategies
 from isotruss_ros.core.manipulation import task as task_module
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
-from isotruss_ros.core.manipulation.task import Reach, Task, WorkingRollers
+from isotruss_ros.core.manipulation.task import find_task, Reach, WorkingRollers
 import numpy as np
 import pytest
 import random_grips
@@ -56,7 +56,7 @@ def test_reachable_is_what_leaves_the_grip_alone(rng, rollers, count, held, rank
     basis, gains, _ = np.linalg.svd(task @ kernel(grip), full_matrices=False)
     assume(((gains < 1e-12) | (gains > 1e-4)).all())
     reached = basis[:, gains > 1e-4]
-    reach = Reach.of(np.vstack([task / weights[:, None], grip]), radius)
+    reach = Reach.of(np.vstack([task / weights[:, None], grip]), working(rollers), radius)
     directions = reach.directions
     assert directions @ directions.T == pytest.approx(np.eye(reached.shape[1]), abs=1e-12)
     assert directions.T @ directions == pytest.approx(reached @ reached.T, abs=1e-8)
@@ -79,7 +79,7 @@ def test_a_row_of_the_grip_is_kept_from_one_hundred_thousandth_on(size):
     """Of the two rollers the second moves the object, and both change the grip."""
     for change, held in ((0.9 * LOST / size, False), (1.1 * LOST / size, True)):
         active = np.array([[0.0, 1.0], [0.0, 0.0], [0.0, 0.0], [0.0, size * change]])
-        reach = Reach.of(active, 1.0)
+        reach = Reach.of(active, working(2), 1.0)
         assert len(reach.directions) == (not held)
         assert len(reach.rows) == 1
         assert len(reach.opening) == held
@@ -92,10 +92,10 @@ def test_tasks_are_twists_of_any_size(rng, rollers):
     radius, rows = rng.uniform(0.1, 1.0), rng.standard_normal((4, rollers))
     if rng.integers(2):
         rows[1] = rows[0] * rng.uniform(0.5, 2.0)
-    reach = Reach.of(rows, radius)
+    reach = Reach.of(rows, working(rollers), radius)
     twist = 10.0 ** rng.uniform(-200.0, 200.0) * rng.standard_normal(3)
     opening = float(rng.integers(2)) * np.abs(twist).max() * rng.uniform(0.5, 2.0)
-    task = Task(reach, twist, working(rollers), opening)
+    task = find_task(reach, twist, opening)
     weighted = np.array([1.0, 1.0, radius]) * twist
     nearest = reach.directions.T @ (reach.directions @ weighted)
     size = np.abs(weighted).max()
@@ -120,20 +120,20 @@ def test_no_more_rows_are_free_than_rollers_move(held, rollers, capfd):
         _, gains, kept = np.linalg.svd(rows[3:], full_matrices=False)
         kept = kept[gains > LOST]
         left = np.linalg.svd(rows[:3] - rows[:3] @ kept.T @ kept, compute_uv=False)
-        reach = Reach.of(rows, 1.0)
+        reach = Reach.of(rows, working(rollers), 1.0)
         assert len(reach.directions) == (left > LOST).sum()
         assert len(reach.rows) == (left > LOST).sum() + len(kept)
     assert capfd.readouterr() == ('', '')
 
 
 def test_a_grip_that_no_roller_opens_is_no_task():
-    task = Task(Reach.of(np.zeros((4, 0)), 1.0), np.zeros(3), working(0), 1.0)
+    task = find_task(Reach.of(np.zeros((4, 0)), working(0), 1.0), np.zeros(3), 1.0)
     assert task.speed == 0.0
 
 
 def test_only_the_first_row_of_a_grip_is_its_opening():
     rows = np.random.default_rng(0).standard_normal((6, 8))
-    assert Reach.of(rows, 0.1).opening.tolist() == [1.0, 0.0, 0.0]
+    assert Reach.of(rows, working(8), 0.1).opening.tolist() == [1.0, 0.0, 0.0]
 
 
 @robots.examples(100)
@@ -141,22 +141,23 @@ def test_only_the_first_row_of_a_grip_is_its_opening():
 def test_rows_that_are_independent_lead_where_singular_values_do(rng, held, more):
     """For up to six contacts, of all rollers that move them; and so do directions by numbers."""
     rows = random_rows(rng, 3 + held, 3 + held + more, 3 + held)
-    reach = Reach.of(rows, 0.3)
+    every = working(rows.shape[1])
+    reach = Reach.of(rows, every, 0.3)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(task_module, 'FREE_SHARE', np.inf)
-        plain = Reach.of(rows, 0.3)
+        plain = Reach.of(rows, every, 0.3)
     assume(len(plain.rows) == 3 + held)
     assert len(reach.directions) == 3
     twist = 10.0 ** rng.uniform(-6.0, 6.0) * rng.standard_normal(3)
     for opening in (0.0, float(np.abs(twist).max())):
-        every = working(rows.shape[1])
-        short, long = (Task(way, twist, every, opening) for way in (reach, plain))
-        size = np.abs(long.velocities).max()
+        short, long = (find_task(way, twist, opening) for way in (reach, plain))
+        size = np.abs(long.speed * long.free).max()
         assert short.reachable
         assert long.reachable
         if opening == 0.0:
             assert short.speed == pytest.approx(long.speed, rel=1e-9)
-        assert short.velocities == pytest.approx(long.velocities, rel=1e-9, abs=1e-9 * size)
+        velocities = [task.speed * task.free for task in (short, long)]
+        assert velocities[0] == pytest.approx(velocities[1], rel=1e-9, abs=1e-9 * size)
 
 
 @pytest.mark.parametrize('flat', [False, True])
@@ -170,12 +171,12 @@ def test_failed_rollers_leave_what_singular_values_say(kind, count, flat, data, 
     assume(grip is not None)
     jacobian = grip_jacobian(config, grip)
     order = rng.permutation(jacobian.shape[1])
-    for working in range(len(order) + 1):
-        rows = jacobian[:, np.sort(order[:working])]
-        reach = Reach.of(rows, grip.body.arm)
+    for count in range(len(order) + 1):
+        rows = jacobian[:, np.sort(order[:count])]
+        reach = Reach.of(rows, working(count), grip.body.arm)
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(task_module, 'FREE_SHARE', np.inf)
-            plain = Reach.of(rows, grip.body.arm)
+            plain = Reach.of(rows, working(count), grip.body.arm)
         assert len(reach.directions) == len(plain.directions)
         assert len(reach.rows) == len(plain.rows)
         shares = np.linalg.lstsq(plain.rows.T, reach.rows.T, rcond=None)[0]

@@ -51,7 +51,7 @@ def test_names_the_members_that_press_deepest_first():
     assert pressing_members(ROBOT.home, gripped(-0.01).body) == ()
     moved = gripped().body
     x, y, angle = moved.pose
-    toward = find_contacts(ROBOT.home, gripped()).normals[0]
+    toward = find_contacts(ROBOT.home, gripped())[0].normal
     deeper = moved.moved_to((x + 0.002 * toward.real, y + 0.002 * toward.imag, angle))
     assert pressing_members(ROBOT.home, deeper) == SIDES
 
