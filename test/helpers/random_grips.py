@@ -14,7 +14,7 @@ from types import SimpleNamespace
 
 from isotruss_ros.core import ConvexObject, Disc, Ellipse, Grip, Polygon, Pose
 from isotruss_ros.core.errors import ConfigurationError, GraspError
-from isotruss_ros.core.manipulation.grip_contacts import find_contacts, GripContact
+from isotruss_ros.core.manipulation.grip import find_contacts, GripContact
 import numpy as np
 import robots
 from scipy.integrate import quad

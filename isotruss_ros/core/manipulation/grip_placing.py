@@ -17,8 +17,7 @@ import math
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.manipulation.grip import find_members, Grip, members_at
-from isotruss_ros.core.manipulation.grip_contacts import find_contacts
+from isotruss_ros.core.manipulation.grip import find_contacts, find_members, Grip, members_at
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.model.shapes import Disc, Shape

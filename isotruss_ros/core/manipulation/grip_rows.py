@@ -25,8 +25,7 @@ import functools
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.manipulation.grip import find_members, Grip
-from isotruss_ros.core.manipulation.grip_contacts import find_contacts, GripContact
+from isotruss_ros.core.manipulation.grip import find_contacts, find_members, Grip, GripContact
 from isotruss_ros.core.model.pose import MIN_DIAMETER
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
@@ -112,7 +111,7 @@ def contact_rows(config: Configuration, grip: Grip) -> tuple[Array, Array]:
     rates = np.zeros((2 * len(contacts), 3 * len(grip.members)))
     rigid: list[tuple[float, float, float]] = []
     for k, contact in enumerate(contacts):
-        lever, arm = contact.point - contact.start, contact.point - grip.center
+        lever, arm = contact.point - contact.start, contact.point - grip.body.center
         own = 3 * contact.owner
         rates[2 * k, own : own + 3] = 1.0, 0.0, -lever.imag
         rates[2 * k + 1, own : own + 3] = 0.0, 1.0, lever.real
@@ -172,7 +171,7 @@ def rows_of_two(grip: Grip, contacts: Sequence[GripContact], members: Array) -> 
     else:
         around = across / distance
     # From the middle of both to the object's origin.
-    arm = grip.center - 0.5 * (point + other_point)
+    arm = grip.body.center - 0.5 * (point + other_point)
     up, right = arm.imag, arm.real
     rates = [
         (0.5 + up * around, 0.5 - up * around, -up * k, -up * other_k),
@@ -181,14 +180,11 @@ def rows_of_two(grip: Grip, contacts: Sequence[GripContact], members: Array) -> 
         *kept,
     ]
     back, other_back = (point - first.start).conjugate(), (other_point - second.start).conjugate()
-    on_members = [
-        (
-            *(h.real, h.imag, (h * back).imag + k),
-            *(g.real, g.imag, (g * other_back).imag + other_k),
-        )
-        for h, g, k, other_k in rates
-    ]
-    return np.array(on_members).dot(members)
+    on_members: list[float] = []
+    for h, g, k, other_k in rates:
+        on_members += (h.real, h.imag, (h * back).imag + k)
+        on_members += (g.real, g.imag, (g * other_back).imag + other_k)
+    return np.array(on_members).reshape(-1, 6).dot(members)
 
 
 def _middle(first: GripContact, others: list[GripContact]) -> complex:

@@ -29,7 +29,7 @@ from typing import TypeAlias
 
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.limits import Limit, name_binding_rows, Rows, stack_rows
-from isotruss_ros.core.manipulation.status import RollerCommand, Status
+from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.manipulation.task import Task
 from isotruss_ros.core.manipulation.twist_qp import maximize_progress, PENALTIES, project_target
 from isotruss_ros.core.numerics.arrays import Array, Indices
@@ -84,7 +84,7 @@ def apply_limits(
     limits: Sequence[Limit],
     parts: Sequence[Rows],
     handling: LimitHandling,
-) -> RollerCommand:
+) -> tuple[Array, float, Status, tuple[str, ...]]:
     """
     Carry out a task as far as limits allow.
 
@@ -93,17 +93,16 @@ def apply_limits(
     :param limits: the limits.
     :param parts: the rows of each of them, see `find_rows`.
     :param handling: what to do where they bind.
+    :return: velocities (r,) of the rollers [m/s], and of the command scale, status and limiting.
     :raises SolverError: a quadratic program was not solved.
     """
     reach, max_speed = task.reach, config.robot.description.max_speed
     working, gain = reach.working, float(np.abs(task.free).max())
     asked = gain * task.speed
     rows = stack_rows(parts)
-    if not working.whole:
-        rows = rows._replace(matrix=working.take(rows.matrix))
     # In units of the slower of what is asked and what can be: the solver's tolerance is absolute.
     unit = min(max_speed, asked)
-    bounds = rows.scaled(unit, MAX_REACH)
+    bounds = rows.scaled(unit, MAX_REACH)._replace(matrix=working.take(rows.matrix))
     farthest, direction = min(asked / unit, MAX_SCALE), task.direction / gain
     penalty, weight, guess = PENALTIES[0], LEAST_REGULARIZATION, None
     if handling.period > 0.0:
@@ -142,8 +141,7 @@ def apply_limits(
         slowed, limiting = name_binding_rows(config, limits, parts, binding)
         if task.reachable:
             status = Status.SLIDING if slid else slowed
-    velocities = working.spread(solution * unit)
-    return reach.command(velocities, status, scale, limiting)
+    return working.spread(solution * unit), scale, status, limiting
 
 
 def _solve(task: Task, solve: Solver, rows: Rows, guess: Array | None) -> tuple[Array, float]:

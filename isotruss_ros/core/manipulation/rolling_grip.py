@@ -30,8 +30,7 @@ from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.manipulation.grip import find_members, Grip
-from isotruss_ros.core.manipulation.grip_contacts import find_contacts
+from isotruss_ros.core.manipulation.grip import find_contacts, find_members, Grip
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np

@@ -24,8 +24,7 @@ import itertools
 import math
 
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.manipulation.grip import Grip
-from isotruss_ros.core.manipulation.grip_contacts import find_contacts, GripContact
+from isotruss_ros.core.manipulation.grip import find_contacts, Grip, GripContact
 from isotruss_ros.core.manipulation.grip_rows import contact_rows, member_rows, rows_of_two
 from isotruss_ros.core.manipulation.task import find_task, Reach, REACH_TOLERANCE
 from isotruss_ros.core.numerics.arrays import Array, as_xy

@@ -112,19 +112,17 @@ def carry_out(
     :param opening_rate: right-hand side of the grip's row [m/s].
     :raises SolverError: a quadratic program was not solved.
     """
-    robot = config.robot
-    if opening_rate == 0.0 and not any(desired.tolist()):
-        return reach.command(np.zeros(len(robot.roller_names)), Status.IDLE)
     task = find_task(reach, desired, opening_rate)
+    velocities, scale, limiting = task.velocities, 1.0, ()
     status = Status.OK if task.reachable else Status.UNREACHABLE
-    if task.speed == 0.0:
-        return reach.command(np.zeros(len(robot.roller_names)), status)
-    limits = default_limits(robot) if limits is None else limits
-    velocities = reach.working.spread(task.velocities)
+    if task.reachable and task.speed == 0.0 == opening_rate:
+        status = Status.IDLE
+    limits = default_limits(config.robot) if limits is None else limits
     parts, admitted = find_rows(config, limits, velocities)
-    if admitted:
-        return reach.command(velocities, status)
-    return apply_limits(config, task, limits, parts, handling)
+    if not admitted:
+        velocities, scale, status, limiting = apply_limits(config, task, limits, parts, handling)
+    achieved, dof = reach.motion.dot(velocities), len(reach.directions)
+    return RollerCommand(velocities, achieved, scale, status, limiting, dof)
 
 
 def solve_twist_ahead(

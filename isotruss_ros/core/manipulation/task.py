@@ -22,7 +22,6 @@ import math
 from typing import NamedTuple
 
 from isotruss_ros.core.kinematics.robot import Robot
-from isotruss_ros.core.manipulation.status import RollerCommand, Status
 from isotruss_ros.core.model.topology import check_roller_names
 from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
@@ -53,11 +52,11 @@ class WorkingRollers:
 
     def take(self, rows: Array) -> Array:
         """
-        Return a copy of rows on the speeds of these rollers.
+        Return a copy of what belongs to these rollers.
 
-        :param rows: (k, r) on the speeds of all rollers.
+        :param rows: (..., r) on the speeds of all rollers.
         """
-        return rows.copy() if self.whole else rows[:, self.places]
+        return rows.copy() if self.whole else rows[..., self.places]
 
     def spread(self, speeds: Array) -> Array:
         """
@@ -159,24 +158,6 @@ class Reach(NamedTuple):
         weights = np.ones(len(active))
         return cls(working, jacobian, reachable @ active, reachable, weights, np.zeros(0))
 
-    def command(
-        self,
-        velocities: Array,
-        status: Status,
-        scale: float = 1.0,
-        limiting: tuple[str, ...] = (),
-    ) -> RollerCommand:
-        """
-        Return roller velocities with the motion that follows from them.
-
-        :param velocities: (r,) of the rollers [m/s].
-        :param status: how the twist is carried out.
-        :param scale: by which limits shrank it.
-        :param limiting: names of what binds.
-        """
-        achieved, dof = self.motion.dot(velocities), len(self.directions)
-        return RollerCommand(velocities, achieved, scale, status, limiting, dof)
-
 
 class Task(NamedTuple):
     """
@@ -187,6 +168,7 @@ class Task(NamedTuple):
     :ivar speed: its size [m/s], zero where nothing of the twist is reachable.
     :ivar reachable: whether it is the commanded twist.
     :ivar free: (w,) roller speeds that carry out 1 m/s of it at the least cost, without limits.
+    :ivar velocities: (r,) speeds of all rollers that carry out all of it so [m/s].
     """
 
     reach: Reach
@@ -194,11 +176,7 @@ class Task(NamedTuple):
     speed: float
     reachable: bool
     free: Array
-
-    @property
-    def velocities(self) -> Array:
-        """Return the (w,) roller speeds that carry out all of it so, without limits [m/s]."""
-        return self.free * min(self.speed, FASTEST)
+    velocities: Array
 
 
 def find_task(reach: Reach, twist: Array, opening_rate: float = 0.0) -> Task:
@@ -207,16 +185,14 @@ def find_task(reach: Reach, twist: Array, opening_rate: float = 0.0) -> Task:
 
     :param reach: the reachable twists.
     :param twist: (3,) vx, vy [m/s], omega [rad/s] in the robot frame.
-    :param opening_rate: right-hand side of the grip's row [m/s], zero in the paper; it or the
-        twist is not zero.
+    :param opening_rate: right-hand side of the grip's row [m/s], zero in the paper.
     """
-    direction = np.zeros(len(reach.rows))
-    opening = reach.opening * opening_rate if opening_rate else direction[:0]
+    direction, working = np.zeros(len(reach.rows)), reach.working
+    opening = (reach.opening * opening_rate).tolist() if opening_rate else []
     # A twist of any finite size must not overflow.
-    size = max(map(abs, twist.tolist() + opening.tolist()))
-    if size == 0.0:  # the grip shall open, and nothing changes it
-        return Task(reach, direction, 0.0, True, direction)
-    unit, smallest, reachable = reach.weights * (twist / size), 0.0, True
+    size = max(map(abs, twist.tolist() + opening)) or 1.0
+    unit = reach.weights * (twist / size)
+    smallest, reachable = 0.0, True
     if reach.directions is EVERYWHERE:
         direction[:3] = unit
     else:
@@ -225,13 +201,17 @@ def find_task(reach: Reach, twist: Array, opening_rate: float = 0.0) -> Task:
         missed = closest.dot(reach.directions) - unit
         smallest = REACH_TOLERANCE * math.sqrt(unit.dot(unit))
         reachable = math.sqrt(missed.dot(missed)) <= smallest
-    direction[len(direction) - len(opening) :] = opening / size
+    if opening:
+        direction[-len(opening) :] = np.divide(opening, size)
     length = math.sqrt(direction.dot(direction))
-    if length <= smallest:
-        return Task(reach, direction, 0.0, reachable, direction)
+    if length <= smallest:  # or the grip shall open, and nothing changes it
+        standing = np.zeros(working.count)
+        return Task(reach, direction, 0.0, reachable, working.take(standing), standing)
     direction /= length
-    free = least_cost(reach.working.even, reach.rows, direction)
-    return Task(reach, direction, size * length, reachable, free)
+    speed = size * length
+    free = least_cost(working.even, reach.rows, direction)
+    velocities = working.spread(free * min(speed, FASTEST))
+    return Task(reach, direction, speed, reachable, free, velocities)
 
 
 def least_cost(even: Array, equality: Array, direction: Array) -> Array:

@@ -23,8 +23,7 @@ from isotruss_ros.core import (
     tangent_center,
 )
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.manipulation.grip import find_members
-from isotruss_ros.core.manipulation.grip_contacts import find_contacts, SIN_FACE_ANGLE
+from isotruss_ros.core.manipulation.grip import find_contacts, find_members, SIN_FACE_ANGLE
 import numpy as np
 import pytest
 import random_grips

@@ -35,7 +35,7 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.manipulation import rolling_grip
-from isotruss_ros.core.manipulation.grip_contacts import find_contacts
+from isotruss_ros.core.manipulation.grip import find_contacts
 from isotruss_ros.core.manipulation.grip_rows import contact_rows, grip_jacobian
 from isotruss_ros.core.manipulation.rolling_off import rolled_corners
 import numpy as np

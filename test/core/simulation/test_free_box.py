@@ -23,7 +23,7 @@ from isotruss_ros.core import (
     solve_twist_ahead,
 )
 from isotruss_ros.core.errors import ConfigurationError
-from isotruss_ros.core.manipulation.grip_contacts import find_contacts
+from isotruss_ros.core.manipulation.grip import find_contacts
 from isotruss_ros.core.simulation.rigid_object import pressing_members
 import numpy as np
 import pytest
