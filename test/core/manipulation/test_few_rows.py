@@ -56,24 +56,6 @@ def test_few_rows_give_the_solution_of_all(slide, first, robot, rng, number):
     assert few.roller_velocities == pytest.approx(every.roller_velocities, abs=1e-7 * size)
 
 
-def test_a_few_rows_do_where_none_binds():
-    rng = np.random.default_rng(0)
-    rows = Rows(np.eye(40), -np.ones(40), np.full(40, 10.0))
-    equality, wanted = rng.uniform(0.5, 1.0, (1, 40)), np.full(40, 2.0)
-    counts = []
-
-    def solve(cost, equality, rows):
-        counts.append(tuple(map(len, rows)))
-        return np.linalg.pinv(equality) @ task, 1.0
-
-    task = equality @ wanted
-    speeds, progress = solve_by_few_rows(solve, np.eye(40), equality, rows, np.zeros(40))
-    assert counts == [(16, 16, 16)]
-    assert speeds == pytest.approx(np.linalg.pinv(equality) @ task)
-    assert 1.0 < speeds.min() < speeds.max() < 10.0
-    assert progress == 1.0
-
-
 def test_rows_are_added_until_none_is_violated():
     count = 40
     solved = []

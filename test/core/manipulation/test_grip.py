@@ -128,22 +128,6 @@ def test_a_member_touches_between_its_ends_and_on_its_surface(share, height, mes
         find_contacts(ROBOT.home, grip)
 
 
-def test_a_disc_in_a_corner_that_is_just_beyond_the_end_of_a_member_is_not_touched():
-    start, end = random_grips.member_ends(ROBOT.home, 'north/Z-R')
-    tangent = complex(*tangent_center(ROBOT.home, 'north/R', 0.06))
-    share = ((tangent - start) / (end - start)).real
-    for beyond, message in ((0.99, None), (1.01, r'would touch at 1\.01 of its length')):
-        center = tangent + (beyond - share) * (end - start)
-        grip = Grip(
-            ['north/Z-R', 'north/R-P'], ConvexObject.disc((center.real, center.imag), 0.06)
-        )
-        if message is None:
-            find_contacts(ROBOT.home, grip)
-            continue
-        with pytest.raises(GraspError, match=message):
-            find_contacts(ROBOT.home, grip)
-
-
 @robots.examples(40)
 @given(
     strategies.data(), robots.generators(), strategies.sampled_from(['module', 'tube', 'tubes'])

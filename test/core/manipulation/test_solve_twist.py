@@ -25,10 +25,8 @@ from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 from isotruss_ros.core.manipulation.limits import MemberLengthLimit, RollerSpeedLimit
 import numpy as np
-from paper_rows import contact_depth
 import pytest
 import robots
-from scipy.linalg import null_space
 from scipy.optimize import linprog, minimize
 
 NUMBERS = strategies.integers(0, 10**6)
@@ -96,11 +94,6 @@ def well_posed(jacobian):
     """Tell whether four rows are reached without a hint of rank loss."""
     gains = np.linalg.svd(jacobian, compute_uv=False)
     return len(gains) == 4 and gains[-1] > 1e-2
-
-
-def surface(grasp):
-    """Return the weights of the measure |v|^2 + |omega d/2|^2."""
-    return np.array([1.0, 1.0, grasp.body.arm])
 
 
 def limits_of(config, rate=10.0):
@@ -271,54 +264,6 @@ def test_smallest_and_largest_numbers_stay_numbers():
         assert np.abs(command.roller_velocities).max() <= 0.1 + 1e-9
 
 
-@robots.examples(40)
-@given(robots.robots(), robots.generators(), NUMBERS)
-def test_failed_rollers_stand_still_and_the_others_do_their_best(robot, rng, number):
-    config, grasp, _ = robots.random_grasp(robot, rng, number)
-    names = robot.roller_names
-    failed = set(rng.permutation(names)[: rng.integers(1, len(names) + 1)])
-    working = [i for i, name in enumerate(names) if name not in failed]
-    jacobian = grip_jacobian(config, grasp)
-    command = solve_twist(config, grasp, twist := rng.standard_normal(3), failed, UNLIMITED)
-    stuck = [i for i in range(len(names)) if i not in working]
-    assert (command.roller_velocities[stuck] == 0.0).all()
-    assert command.achieved_twist == pytest.approx(jacobian[:3] @ command.roller_velocities)
-    if well_posed(jacobian[:, working]):
-        # KKT of the reduced problem.
-        part, incidence = jacobian[:, working], robot.topology.incidence[:, working]
-        n = len(working)
-        system = np.block([[incidence.T @ incidence, part.T], [part, np.zeros((4, 4))]])
-        wanted = np.linalg.solve(system, np.concatenate([np.zeros(n), twist, [0.0]]))[:n]
-        assert command.status is Status.OK
-        assert command.roller_velocities[working] == pytest.approx(wanted, rel=1e-6, abs=1e-6)
-    goal = np.append(twist, 0.0)
-    found = np.linalg.lstsq(jacobian[:, working], goal, rcond=1e-9)[0]
-    if np.linalg.norm(jacobian[:, working] @ found - goal) > 1e-3:
-        assert command.status is Status.UNREACHABLE
-
-
-@robots.examples(60)
-@given(robots.robots(), robots.generators(), NUMBERS, strategies.integers(1, 3))
-def test_nearest_twist_is_found_where_the_wanted_one_is_out_of_reach(robot, rng, number, left):
-    config, grasp, _ = robots.random_grasp(robot, rng, number)
-    names = rng.permutation(robot.roller_names)
-    jacobian = grip_jacobian(config, grasp)
-    failed = names[left:]
-    working = [i for i, name in enumerate(robot.roller_names) if name not in failed]
-    closed = null_space(jacobian[3:, working], rcond=1e-9)
-    moving = surface(grasp)[:, None] * jacobian[:3, working] @ closed
-    basis, gains, _ = np.linalg.svd(moving)
-    assume(not ((gains > 1e-9) & (gains < 1e-3)).any())
-    assume(np.linalg.norm(jacobian[3, working]) > 1e-3)
-    twist = rng.standard_normal(3)
-    command = solve_twist(config, grasp, twist, failed, UNLIMITED)
-    within = basis[:, : np.count_nonzero(gains > 1e-3)]
-    nearest = within @ within.T @ (surface(grasp) * twist)
-    assert command.status is Status.UNREACHABLE
-    assert surface(grasp) * command.achieved_twist == pytest.approx(nearest, abs=1e-8)
-    assert jacobian[3] @ command.roller_velocities == pytest.approx(0.0, abs=1e-9)
-
-
 def test_a_zero_twist_and_no_working_rollers_move_nothing():
     idle = solve_twist(HOME, GRIP, [0.0, -0.0, 0.0])
     stuck = solve_twist(HOME, GRIP, [0.01, 0.0, 0.0], failed=NINE.roller_names)
@@ -332,20 +277,6 @@ def test_a_zero_twist_and_no_working_rollers_move_nothing():
         for failed in ('south/Q', ['south/Q'])
     )
     assert alone.roller_velocities.tolist() == listed.roller_velocities.tolist()
-
-
-def test_own_limits_replace_those_of_the_file():
-    robot, grasp = NINE, GRIP
-    twist = [0.0, 0.05, 0.0]
-    free = solve_twist(robot.home, grasp, twist, limits=UNLIMITED)
-    assert free.scale == 1.0
-    top = np.abs(free.roller_velocities).max()
-    same = solve_twist(robot.home, grasp, twist, limits=[RollerSpeedLimit(1.001 * top)])
-    assert same.roller_velocities == pytest.approx(free.roller_velocities)
-    slow = solve_twist(robot.home, grasp, twist, limits=[RollerSpeedLimit(0.001)])
-    assert np.abs(slow.roller_velocities).max() == pytest.approx(0.001)
-    assert slow.status is Status.SLOWED_ROLLER_SPEED
-    assert set(slow.limiting) <= set(robot.roller_names)
 
 
 def test_member_at_its_limit_is_named():
@@ -409,23 +340,6 @@ def test_object_that_is_not_touched_is_refused():
 
 
 # The right-hand side of the fourth row
-
-
-@pytest.mark.parametrize('module', ['north/Z', 'east/R'])
-@pytest.mark.parametrize('twist', [(0.0, 0.0, 0.0), (0.01, -0.02, 0.1)])
-def test_the_contacts_move_apart_at_the_rate_asked_for(module, twist):
-    config = HOME
-    grasp = disc_grip(config, module, 0.3)
-    b, b_end, c, c_end = ends = robots.side_ends(config, module)
-    before, depth = abs(np.angle((b_end - b) / (c_end - c))), contact_depth(config, grasp, ends)
-    step = 1e-5
-    for rate in (0.01, -0.01):
-        command = solve_twist(config, grasp, twist, opening_rate=rate)
-        assert command.achieved_twist == pytest.approx(twist, abs=1e-9)
-        there = config.moved_to(config.roller_positions + step * command.roller_velocities)
-        b, b_end, c, c_end = robots.side_ends(there, module)
-        opened = abs(np.angle((b_end - b) / (c_end - c))) - before
-        assert depth * opened / step == pytest.approx(rate, rel=1e-3)
 
 
 def test_limits_scale_the_opening_with_the_twist():

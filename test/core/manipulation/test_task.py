@@ -136,30 +136,6 @@ def test_only_the_first_row_of_a_grip_is_its_opening():
     assert Reach.of(rows, working(8), 0.1).opening.tolist() == [1.0, 0.0, 0.0]
 
 
-@robots.examples(100)
-@given(robots.generators(), strategies.integers(1, 9), strategies.integers(0, 8))
-def test_rows_that_are_independent_lead_where_singular_values_do(rng, held, more):
-    """For up to six contacts, of all rollers that move them; and so do directions by numbers."""
-    rows = random_rows(rng, 3 + held, 3 + held + more, 3 + held)
-    every = working(rows.shape[1])
-    reach = Reach.of(rows, every, 0.3)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(task_module, 'FREE_SHARE', np.inf)
-        plain = Reach.of(rows, every, 0.3)
-    assume(len(plain.rows) == 3 + held)
-    assert len(reach.directions) == 3
-    twist = 10.0 ** rng.uniform(-6.0, 6.0) * rng.standard_normal(3)
-    for opening in (0.0, float(np.abs(twist).max())):
-        short, long = (find_task(way, twist, opening) for way in (reach, plain))
-        size = np.abs(long.speed * long.free).max()
-        assert short.reachable
-        assert long.reachable
-        if opening == 0.0:
-            assert short.speed == pytest.approx(long.speed, rel=1e-9)
-        velocities = [task.speed * task.free for task in (short, long)]
-        assert velocities[0] == pytest.approx(velocities[1], rel=1e-9, abs=1e-9 * size)
-
-
 @pytest.mark.parametrize('flat', [False, True])
 @pytest.mark.parametrize(('kind', 'count'), [('module', 2), ('tubes', 2), ('tubes', 3)])
 @robots.examples(25)

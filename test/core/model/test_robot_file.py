@@ -234,16 +234,6 @@ def test_refusal_says_where_and_what_would_be_right(case, tmp_path):
         assert part in message, message
 
 
-def test_length_in_the_refusal_is_that_of_the_member(tmp_path):
-    home = robots.load(robots.example()).home
-    document = robots.example()
-    document['members']['max_length'] = 0.7
-    message = refusal(as_yaml(document), tmp_path)
-    assert f'south/P-Q is {home.member_lengths[0]:.6g} m long' in message
-    document['members']['max_length'] = float(home.member_lengths.max())
-    robots.load(document)
-
-
 def test_all_complaints_are_told_at_once(tmp_path):
     document = robots.example()
     document['rollers']['max_speed'] = -1
@@ -498,24 +488,11 @@ def test_length_of_a_contradiction_is_where_beams_end():
             model.section_stiffness([length - inside], 34.5e3)
 
 
-def test_laws_that_no_length_suits_are_refused():
-    assert 'contradict each other at every length' in complaint_about(
-        with_laws(laws(c_rotary=1e-3))
-    )
-
-
 def test_laws_are_checked_at_the_pressure_of_each_tube():
     document = with_laws(laws(a_rotary=0.8, c_rotary=0.3 * 34.5e3**-0.2))
     robots.load(document)
     document['tube']['pressure'] = {'south': 1e4}
     assert 'at 10000 Pa in tube south' in complaint_about(document)
-
-
-@pytest.mark.parametrize('exponent', [40.0, -40.0])
-def test_law_that_leaves_the_range_of_numbers_is_refused_at_load(exponent):
-    block = laws()
-    block['axial']['a'] = exponent
-    assert 'tube.stiffness.axial: C = 8' in complaint_about(with_laws(block))
 
 
 @pytest.mark.parametrize(

@@ -108,22 +108,6 @@ def test_distances_are_those_of_points_along_the_parts(robot, rng):
 
 
 @robots.examples(25)
-@given(robots.robots(), robots.generators())
-def test_gradients_are_those_of_differences(robot, rng):
-    config = moved(robot, rng, 0.1)
-    model = collision_model(robot)
-    pairs = np.arange(len(model.distances(config)))
-    way = rng.standard_normal(len(robot.roller_names))
-    step = 1e-6
-    ahead, behind = (
-        model.distances(config.moved_to(config.roller_positions + sign * step * way))
-        for sign in (1.0, -1.0)
-    )
-    found = model.gradients(config, pairs) @ (config.node_jacobian @ way)
-    assert found == pytest.approx((ahead - behind) / (2.0 * step), abs=1e-5)
-
-
-@robots.examples(25)
 @given(robots.robots(('arch', 'ring')), robots.generators())
 def test_members_and_rods_are_no_nearer_to_each_other_than_the_measured_pairs(robot, rng):
     """It is enough to measure their ends."""

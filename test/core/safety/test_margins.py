@@ -22,32 +22,12 @@ import pytest
 import robots
 
 
-def smallest_singular_value(config):
-    """Return that of (12), bisection rows times the rod length."""
-    m = len(config.robot.member_names)
-    bisection = slice(4 * m, 5 * m)
-    matrix = config.matrix.copy()
-    matrix[bisection] *= config.robot.description.module.rod_length
-    return np.linalg.svd(matrix, compute_uv=False)[-1]
-
-
 def moved(robot, rng, reach):
     """Return a state, if there is one."""
     try:
         return robots.random_state(robot, rng, reach)
     except ConfigurationError:
         assume(False)
-
-
-@robots.examples(40)
-@given(robots.robots(), robots.generators())
-def test_rigidity_is_the_smallest_singular_value(robot, rng):
-    config = moved(robot, rng, rng.uniform(0.0, 0.3))
-    expected = smallest_singular_value(config) / smallest_singular_value(robot.home)
-    assert shape_margins(config).rigidity == pytest.approx(expected, rel=2e-3)
-    # Where it matters it is exact.
-    if expected < 0.4:
-        assert shape_margins(config).rigidity == pytest.approx(expected, rel=1e-6)
 
 
 def test_rigidity_does_not_depend_on_the_size_of_the_robot():
@@ -60,8 +40,6 @@ def test_rigidity_does_not_depend_on_the_size_of_the_robot():
     document['members']['max_length'] *= 3.0
     large = robots.load(document)
     travel = np.array([0.15, -0.1])
-    one = smallest_singular_value(small.configuration(travel))
-    assert smallest_singular_value(large.configuration(3.0 * travel)) == pytest.approx(one)
     assert shape_margins(large.configuration(3.0 * travel)).rigidity == pytest.approx(
         shape_margins(small.configuration(travel)).rigidity
     )

@@ -75,16 +75,3 @@ def test_sides_that_do_not_meet_leave_out_themselves_only():
     left_out = [robot.member_names[i] for i in np.flatnonzero(np.isinf(distances[0]))]
     assert sorted(left_out) == sorted(members)
     assert np.isfinite(distances[1:]).all()
-
-
-def test_far_parts_have_a_lower_bound():
-    robot = load_robot('nine_member')
-    shape = Polygon([(-0.25, -0.02), (0.25, -0.02), (0.25, 0.02), (-0.25, 0.02)])
-    body, members = ConvexObject(shape, (0.5, -0.2, 0.0)), ('south/P-Q', 'north/R-P')
-    exact, bounded = (object_distances(robot.home, body, members, far) for far in (10.0, 0.2))
-    near = bounded < 0.2
-    assert (bounded <= exact + 1e-12).all()
-    assert bounded[near] == pytest.approx(exact[near])
-    assert (bounded < exact - 1e-3).any()
-    two = object_distances(robot.home, body, members, 10.0, np.array([3, 4]))
-    assert two == pytest.approx(exact[[3, 4]])
