@@ -138,7 +138,7 @@ def apply_limits(
         # A step toward the free solution would go on along the twist: a row at its bound forbids
         # it.
         binding = (slack < BINDING_TOLERANCE) & (rows.slack(task.velocities) < 0.0)
-        slowed, limiting = name_binding_rows(config, limits, parts, binding)
+        slowed, limiting = name_binding_rows(config, limits, binding)
         if task.reachable:
             status = Status.SLIDING if slid else slowed
     return working.spread(solution * unit), scale, status, limiting
