@@ -11,7 +11,7 @@
 
 from grips import disc_grip, rolled
 from hypothesis import given
-from isotruss_ros.core import load_robot, RollingGrip, solve_twist, Status
+from isotruss_ros.core import RollingGrip, solve_twist, Status
 from isotruss_ros.core.manipulation.limits import (
     MemberLengthLimit,
     RollerSpeedLimit,
@@ -60,16 +60,7 @@ def test_rows_bound_rollers_and_members(robot, rng):
 
 def narrow(shortest, longest):
     """Return the nine-member robot with other limits of its members."""
-    document = robots.example()
-    source = load_robot('nine_member').description
-    document['joints'] = {name: list(place) for name, place in source.joints.items()}
-    document['tubes'] = {
-        tube.name: {'joints': list(tube.joints), 'passive': tube.passive} for tube in source.tubes
-    }
-    document['supports'] = {name: list(axes) for name, axes in source.supports.items()}
-    document['module'].update(
-        pinch_separation=source.module.pinch_separation, rod_length=source.module.rod_length
-    )
+    document = robots.preset_document('nine_member')
     document['members'] = {'min_length': shortest, 'max_length': longest}
     return robots.load(document)
 

@@ -210,13 +210,6 @@ def test_an_object_rolls_where_that_comes_a_little_closer_to_the_twist():
     assert sorted(lifting(grip, command) > 1e-3) == [False, False, True]
 
 
-def test_the_slowest_turn_there_is_moves_nothing():
-    """Rolling would reach it, but its surface speed is less than any number but zero."""
-    grip = inclined_grip(0.0, 1.0)
-    assert solve_twist(NINE.home, grip, [0.0, 0.0, 1e-300], FAILED).status is Status.OK
-    assert not solve_twist(NINE.home, grip, [0.0, 0.0, 5e-324], FAILED).roller_velocities.any()
-
-
 @pytest.mark.parametrize(('friction', 'rolls'), [(0.0, False), (1.0, True)])
 def test_a_polygon_rolls_across_a_face_or_stops_on_it(friction, rolls):
     rolling = RollingGrip.attach(NINE.home, inclined_grip(-0.01, friction))

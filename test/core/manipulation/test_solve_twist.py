@@ -12,7 +12,6 @@
 from grips import disc_grip
 from hypothesis import assume, given, strategies
 from isotruss_ros.core import (
-    Configuration,
     ConvexObject,
     Grip,
     load_robot,
@@ -25,6 +24,7 @@ from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 from isotruss_ros.core.manipulation.limits import MemberLengthLimit, RollerSpeedLimit
 import numpy as np
+from paper_rows import paper_rows
 import pytest
 import robots
 from scipy.optimize import linprog, minimize
@@ -34,60 +34,6 @@ UNLIMITED = ()
 NINE, TRIANGLE = load_robot('nine_member'), load_robot('triangle')
 HOME = NINE.home
 GRIP, SMALL = disc_grip(HOME, 'east/Q', 0.3), disc_grip(TRIANGLE.home, 'main/T', 0.2)
-
-
-def full_program(config, grip, ends, twist):
-    """
-    Solve (11) with (20) in the coordinates of all nodes, and return the rollers' speeds.
-
-    Nothing here is reduced to rollers; the rows M are differenced from the frame of the paper.
-    """
-    robot, topology = config.robot, config.robot.topology
-    m = topology.n_modules
-    tube_rows, rest = np.split(config.matrix, [m])
-    constant = np.array(
-        [tube_rows[topology.tube == i].sum(axis=0) for i in np.unique(topology.tube)]
-    )
-    # The roller's own speed: what all members from it on to the seam gain.
-    speed = np.zeros((m, tube_rows.shape[1]))
-    for i in range(m):
-        k = i
-        while k in topology.driven:
-            speed[i] += tube_rows[k]
-            k = topology.following[k]
-    module = grip.members[0].split('-')[0]
-    rows = differenced_rows(config, grip.center, module)
-    b, b_next, _, _ = ends
-    left = ((b_next - b).conjugate() * (grip.center - b)).imag > 0.0
-    rows[2] += (1.0 if left else -1.0) / grip.body.arm * speed[robot.module_names.index(module)]
-    equality = np.vstack([constant, rest, rows])
-    right = np.concatenate([np.zeros(len(equality) - 4), twist, [0.0]])
-    n, k = tube_rows.shape[1], len(equality)
-    system = np.block([[tube_rows.T @ tube_rows, equality.T], [equality, np.zeros((k, k))]])
-    velocity = np.linalg.lstsq(system, np.concatenate([np.zeros(n), right]), rcond=1e-14)[0][:n]
-    return speed[topology.driven] @ velocity, velocity
-
-
-def differenced_rows(config, center, module):
-    """Return object x, y, frame angle and opening (14) by central differences of the nodes."""
-    step = 1e-6
-    b, b_next, _, _ = robots.side_ends(config, module)
-    local = (center - b) / (b_next - b) * abs(b_next - b)
-    rows = np.zeros((4, 2 * len(config.points)))
-    for column in range(rows.shape[1]):
-        found = []
-        for sign in (1.0, -1.0):
-            flat = config.points.view(float).copy()
-            flat[column] += sign * step
-            moved = Configuration(config.robot, config.roller_positions, flat.view(complex))
-            b, b_next, c, c_prev = robots.side_ends(moved, module)
-            axis = (b_next - b) / abs(b_next - b)
-            place = b + axis * local
-            found.append([place.real, place.imag, np.angle(axis), np.angle((c_prev - c) / axis)])
-        change = np.array(found[0]) - found[1]
-        change[2:] = np.angle(np.exp(1j * change[2:]))
-        rows[:, column] = change / (2.0 * step)
-    return rows
 
 
 def well_posed(jacobian):
@@ -133,20 +79,22 @@ def largest_scale(config, jacobian, twist):
 
 @robots.examples(40)
 @given(robots.robots(), robots.generators(), NUMBERS)
-def test_rollers_are_those_of_the_full_program(robot, rng, number):
+def test_rollers_are_those_of_the_paper(robot, rng, number):
+    """The least of (11) with (20), of which the rows are (14) to (18), as one linear system."""
     config, grasp, ends = robots.random_grasp(robot, rng, number)
     assume(well_posed(grip_jacobian(config, grasp)))
     twist = rng.standard_normal(3)
     command = solve_twist(config, grasp, twist, limits=UNLIMITED)
-    rollers, velocity = full_program(config, grasp, ends, twist)
+    rows, incidence = np.vstack(paper_rows(config, grasp, ends)), robot.topology.incidence
+    system = np.block([[incidence.T @ incidence, rows.T], [rows, np.zeros((4, 4))]])
+    right = np.concatenate([np.zeros(rows.shape[1]), twist, [0.0]])
+    rollers = np.linalg.solve(system, right)[:-4]
     size = np.abs(rollers).max()
     assert command.status is Status.OK
     assert command.scale == 1.0
     assert command.limiting == ()
     assert command.achieved_twist == pytest.approx(twist, abs=1e-9 * size)
-    assert command.roller_velocities == pytest.approx(rollers, abs=1e-6 * size)
-    moved = config.node_jacobian @ command.roller_velocities
-    assert moved == pytest.approx(velocity, abs=1e-5 * np.abs(velocity).max())
+    assert command.roller_velocities == pytest.approx(rollers, abs=1e-8 * size)
 
 
 @robots.examples(40)

@@ -425,22 +425,6 @@ def test_mutated_file_loads_or_is_refused(document):
     assert not message or message.startswith('FILE: ')
 
 
-SIGNS = '[]{}:,*&!|>-?#"\'%@`.\n \t0123456789eE~'
-
-
-@robots.examples(100)
-@given(strategies.data())
-def test_file_with_changed_characters_loads_or_is_refused(data):
-    text = bytearray(DESIGN_EXAMPLE.encode())
-    junk = strategies.binary(max_size=3) | strategies.text(SIGNS, max_size=3).map(str.encode)
-    for _ in range(data.draw(strategies.integers(1, 5))):
-        start = data.draw(strategies.integers(0, len(text) - 1))
-        stop = start + data.draw(strategies.integers(0, 3))
-        text[start:stop] = data.draw(junk)
-    message = complaint(bytes(text))
-    assert not message or message.startswith('FILE: ')
-
-
 # -- Stiffness laws and pressures --
 
 

@@ -12,7 +12,6 @@
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from isotruss_ros.core import ConvexObject, Disc, Ellipse, load_robot, Polygon
-from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.safety.distances import collision_model, nearest_on_segment
 from isotruss_ros.core.safety.margins import object_distances
@@ -27,14 +26,6 @@ CENTERS = st.tuples(st.floats(-0.8, 2.2), st.floats(-1.4, 1.4))
 SHARE = np.linspace(0.0, 1.0, 4001)
 BOX = Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)], corner_radius=0.02)
 SHAPES = [BOX, Ellipse((0.2, 0.12)), Disc(0.3), Polygon([(0.0, 0.0), (0.3, 0.05), (0.1, 0.25)])]
-
-
-def moved(robot, rng, reach):
-    """Return a state, if there is one."""
-    try:
-        return robots.random_state(robot, rng, reach)
-    except ConfigurationError:
-        assume(False)
 
 
 def parts_of(robot, config):
@@ -96,7 +87,7 @@ def test_pairs_are_all_that_are_not_fixed_to_each_other(robot, rng):
 @robots.examples(25)
 @given(robots.robots(), robots.generators())
 def test_distances_are_those_of_points_along_the_parts(robot, rng):
-    config = moved(robot, rng, 0.2)
+    config = robots.far_state(robot, rng, 0.2)
     model, parts = collision_model(robot), parts_of(robot, config)
     distances = model.distances(config)
     wanted = [gap(parts, *name.split(' and ')) for name in model.names(np.arange(len(distances)))]
@@ -111,7 +102,7 @@ def test_distances_are_those_of_points_along_the_parts(robot, rng):
 @given(robots.robots(('arch', 'ring')), robots.generators())
 def test_members_and_rods_are_no_nearer_to_each_other_than_the_measured_pairs(robot, rng):
     """It is enough to measure their ends."""
-    config = moved(robot, rng, 0.2)
+    config = robots.far_state(robot, rng, 0.2)
     clearance = collision_model(robot).distances(config).min()
     assume(clearance > 0.0)
     parts = {
@@ -140,7 +131,7 @@ def cross(one, other):
 @robots.examples(25)
 @given(robots.robots(), robots.generators())
 def test_object_distances_are_those_of_points_along_the_parts(robot, rng):
-    config = moved(robot, rng, 0.1)
+    config = robots.far_state(robot, rng, 0.1)
     center = config.points[rng.integers(len(config.points))] + complex(*rng.uniform(-1, 1, 2))
     body = ConvexObject.disc((center.real, center.imag), float(rng.uniform(0.05, 0.5)))
     model, parts = collision_model(robot), parts_of(robot, config)
