@@ -11,7 +11,6 @@
 
 import numpy as np
 import random_grips
-import robots
 
 
 def paper_rows(config, grip, ends):
@@ -37,23 +36,6 @@ def paper_rows(config, grip, ends):
     )
     # (14), its derivative, counted from the member ahead to the one behind through the corner.
     return np.array([center.real, center.imag, turning + rolling]), side * (turning_back - turning)
-
-
-def paper_pose(start, config, module):
-    """
-    Return where a disc at a module is in another configuration: (15), (16) and (17) integrated.
-
-    :param start: the `RollingGrip` before.
-    """
-    before, after = (robots.side_ends(each, module) for each in (start.config, config))
-    turn = (after[1] - after[0]) / (before[1] - before[0])
-    arm = start.grip.center - before[0]
-    place = after[0] + turn / abs(turn) * arm
-    side = np.sign(((before[1] - before[0]).conjugate() * arm).imag)
-    changes = config.roller_positions - start.config.roller_positions
-    travel = dict(zip(config.robot.roller_names, changes, strict=True)).get(module, 0.0)
-    rolled = side * 2.0 * travel / start.grip.body.shape.diameter
-    return place.real, place.imag, start.pose.angle + np.angle(turn) + rolled
 
 
 def contact_depth(config, grip, ends):

@@ -26,7 +26,6 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.errors import GraspError
 import numpy as np
-from paper_rows import paper_pose
 import pytest
 import random_grips
 import robots
@@ -102,18 +101,6 @@ def test_the_pose_depends_on_the_configuration_and_not_on_the_path():
         (0.0, 0.0), abs=1e-9
     )
     assert around.moved_to(start.config).misfit < 1e-9
-
-
-@pytest.mark.parametrize('module', ['north/Z', 'east/Q', 'north/P'])
-def test_a_disc_at_a_module_rests_in_the_frame_of_the_paper_but_for_rolling(module):
-    rolling = start = RollingGrip.attach(NINE.home, disc_grip(NINE.home, module, 0.3, 0.01))
-    for _ in range(20):
-        command = solve_twist_ahead(rolling.config, rolling.grip, [0.01, 0.02, -0.2], 0.05)
-        rolling = rolled(rolling, 0.1 * command.roller_velocities)
-        off = apart(rolling.pose, paper_pose(start, rolling.config, module))
-        assert off == pytest.approx((0.0, 0.0), abs=10.0 * rolling.misfit + 1e-9)
-    assert rolling.misfit < 1e-5
-    assert apart(rolling.pose, start.pose)[1] > 0.1
 
 
 @pytest.mark.parametrize(

@@ -9,25 +9,15 @@
 
 """What rollers can reach while rows of a grip are kept, against null spaces of these rows."""
 
-from hypothesis import assume, given, strategies
-from isotruss_ros.core.manipulation import task as task_module
-from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
+from hypothesis import given, strategies
 from isotruss_ros.core.manipulation.task import find_task, Reach, WorkingRollers
 import numpy as np
 import pytest
-import random_grips
 import robots
 from scipy.linalg import null_space
 
 #: Rows whose rates are smaller do not count [m/s].
 LOST = 1e-5
-
-
-def random_rows(rng, count, rollers, rank):
-    """Return rows of a rank, whose singular values are far above what counts as lost."""
-    left, right = (np.linalg.qr(rng.standard_normal((n, n)))[0] for n in (count, rollers))
-    rank = min(rank, count, rollers)
-    return left[:, :rank] * 10.0 ** rng.uniform(-3.5, 0.5, rank) @ right[:rank]
 
 
 def working(count):
@@ -38,40 +28,6 @@ def working(count):
 def kernel(rows):
     """Return what keeps rows at zero, as orthonormal columns."""
     return null_space(rows, rcond=1e-9) if rows.any() else np.eye(rows.shape[1])
-
-
-@robots.examples(200)
-@given(
-    robots.generators(),
-    strategies.integers(2, 7),
-    strategies.integers(1, 4),
-    strategies.integers(0, 4),
-    strategies.integers(1, 3),
-)
-def test_reachable_is_what_leaves_the_grip_alone(rng, rollers, count, held, rank):
-    radius = rng.uniform(0.02, 2.0)
-    grip, task = random_rows(rng, count, rollers, held), random_rows(rng, 3, rollers, rank)
-    held = min(held, count, rollers)
-    weights = np.array([1.0, 1.0, radius])
-    basis, gains, _ = np.linalg.svd(task @ kernel(grip), full_matrices=False)
-    assume(((gains < 1e-12) | (gains > 1e-4)).all())
-    reached = basis[:, gains > 1e-4]
-    reach = Reach.of(np.vstack([task / weights[:, None], grip]), working(rollers), radius)
-    directions = reach.directions
-    assert directions @ directions.T == pytest.approx(np.eye(reached.shape[1]), abs=1e-12)
-    assert directions.T @ directions == pytest.approx(reached @ reached.T, abs=1e-8)
-    assert reach.weights == pytest.approx(weights)
-    # The rows lead there and nowhere else, and are independent.
-    assert len(reach.rows) == len(directions) + held
-    speeds = np.linalg.pinv(reach.rows)
-    assert reach.rows @ speeds == pytest.approx(np.eye(len(reach.rows)), abs=1e-8)
-    moving, opening_rates = np.hsplit(speeds, [len(directions)])
-    assert task @ moving == pytest.approx(directions.T, abs=1e-8)
-    assert grip @ moving == pytest.approx(0.0, abs=1e-8)
-    if held == count:
-        # The first row of the grip may be asked to change.
-        opened = opening_rates @ reach.opening
-        assert grip @ opened == pytest.approx(np.eye(count)[0], abs=1e-8)
 
 
 @pytest.mark.parametrize('size', [1e-3, 0.1, 1.0])
@@ -108,7 +64,7 @@ def test_tasks_are_twists_of_any_size(rng, rollers):
 
 
 @pytest.mark.parametrize('rollers', range(8))
-@pytest.mark.parametrize('held', [1, 2, 3])
+@pytest.mark.parametrize('held', [1, 2, 3, 6])
 def test_no_more_rows_are_free_than_rollers_move(held, rollers, capfd):
     """By singular values alone, for rows of very different sizes and nearly parallel ones."""
     rng = np.random.default_rng([held, rollers])
@@ -134,26 +90,3 @@ def test_a_grip_that_no_roller_opens_is_no_task():
 def test_only_the_first_row_of_a_grip_is_its_opening():
     rows = np.random.default_rng(0).standard_normal((6, 8))
     assert Reach.of(rows, working(8), 0.1).opening.tolist() == [1.0, 0.0, 0.0]
-
-
-@pytest.mark.parametrize('flat', [False, True])
-@pytest.mark.parametrize(('kind', 'count'), [('module', 2), ('tubes', 2), ('tubes', 3)])
-@robots.examples(25)
-@given(strategies.data(), robots.generators())
-def test_failed_rollers_leave_what_singular_values_say(kind, count, flat, data, rng):
-    """From none to all of the rollers of a robot, of grips of points and of faces."""
-    robot = data.draw(random_grips.robots_with(kind))
-    config, grip = random_grips.random_convex_grip(robot, rng, kind, count, flat)
-    assume(grip is not None)
-    jacobian = grip_jacobian(config, grip)
-    order = rng.permutation(jacobian.shape[1])
-    for count in range(len(order) + 1):
-        rows = jacobian[:, np.sort(order[:count])]
-        reach = Reach.of(rows, working(count), grip.body.arm)
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(task_module, 'FREE_SHARE', np.inf)
-            plain = Reach.of(rows, working(count), grip.body.arm)
-        assert len(reach.directions) == len(plain.directions)
-        assert len(reach.rows) == len(plain.rows)
-        shares = np.linalg.lstsq(plain.rows.T, reach.rows.T, rcond=None)[0]
-        assert shares.T @ plain.rows == pytest.approx(reach.rows, abs=1e-9)

@@ -189,9 +189,7 @@ def test_sliding_gets_further_and_goes_on():
     assert max(gained) > 1.1
 
 
-@pytest.mark.parametrize(
-    ('seed', 'slide'), some_now([(2, False), (20, True), (9, False), (13, False)], 2)
-)
+@pytest.mark.parametrize(('seed', 'slide'), some_now([(2, False), (20, True), (9, False)], 2))
 def test_rollers_do_not_swing_at_a_bound(seed, slide):
     """A twist that stays the same does not make rollers turn round from cycle to cycle."""
     robot, twist = pushed(seed, slide)
