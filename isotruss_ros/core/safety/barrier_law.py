@@ -70,14 +70,6 @@ class BarrierLaw:
         """Return the margin at which motion comes to rest."""
         return SAFETY_SHARE * self.band
 
-    def margin(self, values: Array) -> Array:
-        """
-        Return what is left between values and the bound.
-
-        :param values: (k,).
-        """
-        return values - self.bound
-
     def class_k_bound(self, margins: Array) -> Array:
         """
         Return how quickly margins may fall, not negative [1/s]; inf outside the band.
@@ -203,7 +195,7 @@ class BarrierLimit:
 
     def __init__(self, barrier: Barrier, active: ActiveValues, matrix: Array) -> None:
         self.barrier, self.indices, self.matrix = barrier, active.indices, matrix
-        self.margins = barrier.law.margin(active.values)
+        self.margins = active.values - barrier.law.bound
 
     @property
     def status(self) -> Status:
@@ -238,7 +230,7 @@ class BarrierLimit:
         """
         law = self.barrier.law
         before = self.margins - 0.5 * duration * (self.matrix @ velocities)
-        left = law.margin(self.barrier.values(end, grip, self.indices))
+        left = self.barrier.values(end, grip, self.indices) - law.bound
         longest = max(float(np.abs(travel).max()), duration * float(np.abs(velocities).max()))
         bound = law.discrete_bound(before, duration, longest)
         below = np.flatnonzero(left < bound)

@@ -44,34 +44,25 @@ import numpy as np
 TINY = 1e-12
 
 
-class Nearest(NamedTuple):
-    """The points of straight segments that are nearest to points; arrays over pairs."""
-
-    away: Points  #: from there to the point [m]
-    distance: Array  #: the length of that [m]
-    share: Array  #: where it is along the segment, 0 to 1
-    along: Points  #: the segment, from start to end [m]
-
-    @property
-    def normal(self) -> Points:
-        """Return the unit vector toward the point, across the segment where the point is on it."""
-        across = 1j * self.along / np.maximum(np.abs(self.along), TINY)
-        return np.where(self.distance > TINY, self.away / np.maximum(self.distance, TINY), across)
-
-
-def nearest_on_segment(point: Points, start: Points, end: Points) -> Nearest:
+def nearest_on_segment(point: Points, start: Points, end: Points) -> tuple[Array, Points, Array]:
     """
-    Return the nearest points of straight segments.
+    Return the distances of points from straight segments, (k,) [m], and where these are nearest.
 
     :param point: (k,) or one for all [m].
     :param start: (k,) where the segments begin [m].
     :param end: (k,) where they end, perhaps where they begin [m].
+    :return: distances; unit vectors (k,) from the segments toward the points, across a segment
+        that a point is on; and where along the segments it is (k,), 0 to 1.
     """
     arm, along = point - start, end - start
-    length = np.maximum(along.real**2 + along.imag**2, TINY**2)
-    share = np.clip((along.conj() * arm).real / length, 0.0, 1.0)
-    away = arm - share * along
-    return Nearest(away, np.abs(away), share, along)
+    squares = np.maximum(along.real**2 + along.imag**2, TINY**2)
+    shares = np.clip((along.conj() * arm).real / squares, 0.0, 1.0)
+    away = arm - shares * along
+    distances = np.abs(away)
+    normals = np.where(
+        distances > TINY, away / np.maximum(distances, TINY), 1j * along / np.sqrt(squares)
+    )
+    return distances, normals, shares
 
 
 class _Ends(NamedTuple):
@@ -145,7 +136,7 @@ class CollisionModel:
         :param config: where the robot is.
         :param pairs: (k,) numbers of pairs; all when left out.
         """
-        return self._nearest(config, pairs).distance - self._reach[pairs]
+        return self._nearest(config, pairs)[0] - self._reach[pairs]
 
     def gradients(self, config: Configuration, pairs: Indices) -> Array:
         """
@@ -155,9 +146,9 @@ class CollisionModel:
         :param pairs: (k,) numbers of pairs.
         :return: (k, 2n) rows on the node velocities (x0, y0, x1, y1, ...) [-].
         """
-        near = self._nearest(config, pairs)
-        rows = self.part_rows(config, self._second[pairs], near.share, near.normal)
-        _Ends(self._point.nodes[:, pairs]).add(rows, near.normal)
+        _, normals, shares = self._nearest(config, pairs)
+        rows = self.part_rows(config, self._second[pairs], shares, normals)
+        _Ends(self._point.nodes[:, pairs]).add(rows, normals)
         return rows.view(np.float64)
 
     def body_distances(self, config: Configuration, body: ConvexObject) -> tuple[Array, Array]:
@@ -173,7 +164,9 @@ class CollisionModel:
         rows = self.part_rows(config, slice(None), found.shares, -found.normals)
         return found.gaps - self.part_radii, rows.view(np.float64)
 
-    def _nearest(self, config: Configuration, pairs: Indices | slice) -> Nearest:
+    def _nearest(
+        self, config: Configuration, pairs: Indices | slice
+    ) -> tuple[Array, Points, Array]:
         second = self._second[pairs]
         ends = [
             self._point.nodes[:, pairs],
