@@ -130,18 +130,15 @@ def apply_limits(
         solution, made = _solve(task, closest, bounds, guess)
         slack = bounds.slack(solution)
     scale = min(1.0, max(0.0, made * unit / gain / task.speed))
-    status = Status.OK if task.reachable else Status.UNREACHABLE
-    limiting: tuple[str, ...] = ()
+    velocities = working.spread(solution * unit)
     if scale > 1.0 - SCALE_TOLERANCE:
-        scale = 1.0
-    else:
-        # A step toward the free solution would go on along the twist: a row at its bound forbids
-        # it.
-        binding = (slack < BINDING_TOLERANCE) & (rows.slack(task.velocities) < 0.0)
-        slowed, limiting = name_binding_rows(config, limits, binding)
-        if task.reachable:
-            status = Status.SLIDING if slid else slowed
-    return working.spread(solution * unit), scale, status, limiting
+        return velocities, 1.0, task.status, ()
+    # A step toward the free solution would go on along the twist: a row at its bound forbids it.
+    binding = (slack < BINDING_TOLERANCE) & (rows.slack(task.velocities) < 0.0)
+    slowed, limiting = name_binding_rows(config, limits, binding)
+    if task.status is Status.OK:
+        return velocities, scale, Status.SLIDING if slid else slowed, limiting
+    return velocities, scale, task.status, limiting
 
 
 def _solve(task: Task, solve: Solver, rows: Rows, guess: Array | None) -> tuple[Array, float]:

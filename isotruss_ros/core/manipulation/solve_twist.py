@@ -22,7 +22,7 @@ from isotruss_ros.core.manipulation.limit_handling import apply_limits, LimitHan
 from isotruss_ros.core.manipulation.limits import default_limits, find_rows, Limit
 from isotruss_ros.core.manipulation.rolling_grip import roll_object
 from isotruss_ros.core.manipulation.rolling_off import roll_off_faces
-from isotruss_ros.core.manipulation.status import RollerCommand, Status
+from isotruss_ros.core.manipulation.status import RollerCommand
 from isotruss_ros.core.manipulation.task import (
     find_task,
     Reach,
@@ -113,10 +113,7 @@ def carry_out(
     :raises SolverError: a quadratic program was not solved.
     """
     task = find_task(reach, desired, opening_rate)
-    velocities, scale, limiting = task.velocities, 1.0, ()
-    status = Status.OK if task.reachable else Status.UNREACHABLE
-    if task.reachable and task.speed == 0.0 == opening_rate:
-        status = Status.IDLE
+    velocities, scale, status, limiting = task.velocities, 1.0, task.status, ()
     limits = default_limits(config.robot) if limits is None else limits
     parts, admitted = find_rows(config, limits, velocities)
     if not admitted:

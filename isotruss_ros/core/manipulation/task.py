@@ -22,6 +22,7 @@ import math
 from typing import NamedTuple
 
 from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.model.topology import check_roller_names
 from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
@@ -166,7 +167,8 @@ class Task(NamedTuple):
     :ivar reach: the reachable twists, with the rows of (20).
     :ivar direction: (k + g,) unit vector of the closest reachable twist in these rows.
     :ivar speed: its size [m/s], zero where nothing of the twist is reachable.
-    :ivar reachable: whether it is the commanded twist.
+    :ivar status: `OK` where it is the commanded twist, `UNREACHABLE` where it is not, and `IDLE`
+        where nothing is commanded.
     :ivar free: (w,) roller speeds that carry out 1 m/s of it at the least cost, without limits.
     :ivar velocities: (r,) speeds of all rollers that carry out all of it so [m/s].
     """
@@ -174,7 +176,7 @@ class Task(NamedTuple):
     reach: Reach
     direction: Array
     speed: float
-    reachable: bool
+    status: Status
     free: Array
     velocities: Array
 
@@ -192,7 +194,7 @@ def find_task(reach: Reach, twist: Array, opening_rate: float = 0.0) -> Task:
     # A twist of any finite size must not overflow.
     size = max(map(abs, twist.tolist() + opening)) or 1.0
     unit = reach.weights * (twist / size)
-    smallest, reachable = 0.0, True
+    smallest, status = 0.0, Status.OK
     if reach.directions is EVERYWHERE:
         direction[:3] = unit
     else:
@@ -200,18 +202,21 @@ def find_task(reach: Reach, twist: Array, opening_rate: float = 0.0) -> Task:
         direction[: len(closest)] = closest
         missed = closest.dot(reach.directions) - unit
         smallest = REACH_TOLERANCE * math.sqrt(unit.dot(unit))
-        reachable = math.sqrt(missed.dot(missed)) <= smallest
+        if math.sqrt(missed.dot(missed)) > smallest:
+            status = Status.UNREACHABLE
     if opening:
         direction[-len(opening) :] = np.divide(opening, size)
     length = math.sqrt(direction.dot(direction))
     if length <= smallest:  # or the grip shall open, and nothing changes it
         standing = np.zeros(working.count)
-        return Task(reach, direction, 0.0, reachable, working.take(standing), standing)
+        if status is Status.OK and not opening:
+            status = Status.IDLE
+        return Task(reach, direction, 0.0, status, working.take(standing), standing)
     direction /= length
     speed = size * length
     free = least_cost(working.even, reach.rows, direction)
     velocities = working.spread(free * min(speed, FASTEST))
-    return Task(reach, direction, speed, reachable, free, velocities)
+    return Task(reach, direction, speed, status, free, velocities)
 
 
 def least_cost(even: Array, equality: Array, direction: Array) -> Array:

@@ -10,6 +10,7 @@
 """What rollers can reach while rows of a grip are kept, against null spaces of these rows."""
 
 from hypothesis import given, strategies
+from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.manipulation.task import find_task, Reach, WorkingRollers
 import numpy as np
 import pytest
@@ -55,7 +56,8 @@ def test_tasks_are_twists_of_any_size(rng, rollers):
     weighted = np.array([1.0, 1.0, radius]) * twist
     nearest = reach.directions.T @ (reach.directions @ weighted)
     size = np.abs(weighted).max()
-    assert task.reachable == (np.abs(nearest - weighted).max() < 1e-6 * size)
+    reachable = np.abs(nearest - weighted).max() < 1e-6 * size
+    assert task.status is (Status.OK if reachable else Status.UNREACHABLE)
     speeds = task.free * task.speed / size
     assert reach.weights * (rows[:3] @ speeds) == pytest.approx(nearest / size, abs=1e-9)
     assert rows[3] @ speeds == pytest.approx(opening / size, abs=1e-9)
