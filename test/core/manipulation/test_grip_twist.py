@@ -15,10 +15,8 @@ from grips import disc_grip, surface
 from hypothesis import assume, given, strategies
 from isotruss_ros.core import (
     ConvexObject,
-    Disc,
     Grip,
     load_robot,
-    place_between,
     Polygon,
     reachable_twists,
     solve_twist,
@@ -195,15 +193,3 @@ def test_three_members_open_alike_by_half_of_the_opening_rate():
         assert speeds == pytest.approx(away, abs=1e-9)
         opened += 1
     assert opened > 2
-
-
-@pytest.mark.parametrize(('tube', 'remain'), [('south', 1), ('east', 2), ('north', 3)])
-def test_a_disc_that_fills_a_tube_of_the_robot_moves_as_far_as_its_contacts_let(tube, remain):
-    """The tube `south` stands on the ground; `north` goes where the other two carry it."""
-    members = [name for name in NINE.member_names if name.startswith(f'{tube}/')]
-    grip = place_between(NINE.home, members, Disc(0.48))
-    basis = reachable_twists(NINE.home, grip)
-    assert len(basis) == remain
-    assert solve_twist(NINE.home, grip, basis[0]).status < Status.UNREACHABLE
-    alone = solve_twist(NINE.home, grip, [0.0, 0.0, 0.01])
-    assert (alone.status is Status.UNREACHABLE) == (remain < 3)

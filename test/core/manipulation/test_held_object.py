@@ -84,20 +84,6 @@ def test_midpoint_rule_is_of_second_order_and_euler_of_first():
     assert (second[1] < 0.05 * first[1]).all()
 
 
-def test_lead_makes_up_for_a_state_that_is_one_cycle_old():
-    rate, seconds = 20.0, 2.0
-    errors = []
-    for lead in (0.5, 1.5):
-        states = [START, START]
-        for _ in range(round(seconds * rate)):
-            seen = states[-2]
-            command = solve_twist_ahead(seen.config, seen.grip, TWIST, lead / rate)
-            states.append(rolled(states[-1], command.roller_velocities / rate))
-        wanted = np.array(START.pose) + seconds * TWIST
-        errors.append(apart(states[-1].pose, wanted)[0])
-    assert errors[1] < 0.1 * errors[0]
-
-
 def test_a_quarter_of_a_turn_uses_up_the_arc_of_a_quarter():
     """Of an object of 0.3 m that are 0.236 m, less what the member turns itself."""
     *_, end = drive([[0.0, 0.0, -0.1 * np.pi]] * 100, 20.0, 0.025)

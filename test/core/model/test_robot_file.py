@@ -120,47 +120,24 @@ def test_name_may_be_in_any_script():
 
 
 # Each numeric key must be positive and finite.
-NUMBERS = [
-    ('module', 'pinch_separation'),
-    ('module', 'rod_length'),
-    ('module', 'guide_ring_distance'),
-    ('module', 'axial_rigidity'),
-    ('module', 'flexural_rigidity'),
-    ('tube', 'diameter'),
-    ('tube', 'pressure'),
-    ('tube', 'stiffness', 'axial_rigidity'),
-    ('tube', 'stiffness', 'flexural_rigidity'),
-    ('tube', 'stiffness', 'shear_rigidity'),
-    ('rollers', 'max_speed'),
-    ('members', 'min_length'),
-    ('members', 'max_length'),
-]
-NOT_POSITIVE = [
-    0,
-    -1.5,
-    '.nan',
-    '.inf',
-    '-.inf',
-    '1e400',
-    '9' * 400,
-    'true',
-    'soft',
-    '"1.0"',
-    '[]',
-]
+NUMBERS = """
+module.pinch_separation module.rod_length module.guide_ring_distance module.axial_rigidity
+module.flexural_rigidity tube.diameter tube.pressure tube.stiffness.axial_rigidity
+tube.stiffness.flexural_rigidity tube.stiffness.shear_rigidity rollers.max_speed
+members.min_length members.max_length
+"""
+NOT_POSITIVE = (0, -1.5, '.nan', '.inf', '-.inf', '1e400', '9' * 400, 'true', 'soft', '"1"', '[]')
 
 
-@pytest.mark.parametrize('key', NUMBERS, ids='.'.join)
+@pytest.mark.parametrize('key', NUMBERS.split())
 def test_number_that_is_not_positive_is_refused(key, tmp_path):
     for value in NOT_POSITIVE:
         document = robots.example()
-        place = document
-        for part in key[:-1]:
-            place = place[part]
-        place[key[-1]] = 'VALUE'
+        *blocks, last = key.split('.')
+        at(document, blocks)[last] = 'VALUE'
         text = as_yaml(document).replace('VALUE', str(value))
         message = refusal(text, tmp_path)
-        assert f'{".".join(key)}: ' in message
+        assert f'{key}: ' in message
         assert 'must be' in message
         assert 'a positive number' in message
 

@@ -48,29 +48,6 @@ def test_rows_are_derivatives_of_the_values(kind, robot, rng):
         assert rows @ way == pytest.approx(found, abs=1e-5)
 
 
-def test_rigidity_row_is_exact_where_the_shape_is_weak():
-    robot = load_robot('nine_member')
-    rng = np.random.default_rng(0)
-    barrier = RigidityBarrier(robot, BarrierLaw(0.0, 0.4))
-    weak = 0
-    while weak < 10:
-        try:
-            config = robot.configuration(rng.uniform(-0.35, 0.35, 6))
-        except ConfigurationError:
-            continue
-        near = barrier.active(config, None)
-        if not len(near.indices):
-            continue
-        weak += 1
-        row = config.roller_rows(near.node_rows)[0]
-        for direction, slope in zip(np.eye(6), row, strict=True):
-            values = [
-                barrier.values(config.moved_to(config.roller_positions + step), None, EVERYTHING)
-                for step in (1e-6 * direction, -1e-6 * direction)
-            ]
-            assert slope == pytest.approx((values[0][0] - values[1][0]) / 2e-6, rel=1e-3, abs=1e-3)
-
-
 def test_rows_hold_where_two_modes_change_places():
     """Where singular values cross, every one that is near has a row of its own."""
     robot = load_robot('nine_member')
