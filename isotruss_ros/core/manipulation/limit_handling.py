@@ -28,7 +28,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.manipulation.limits import Limit, name_binding_rows, Rows, stack_rows
+from isotruss_ros.core.manipulation.limits import Limit, name_binding_rows, Rows
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.manipulation.task import Task
 from isotruss_ros.core.manipulation.twist_qp import maximize_progress, PENALTIES, project_target
@@ -82,7 +82,7 @@ def apply_limits(
     config: Configuration,
     task: Task,
     limits: Sequence[Limit],
-    parts: Sequence[Rows],
+    rows: Rows,
     handling: LimitHandling,
 ) -> tuple[Array, float, Status, tuple[str, ...]]:
     """
@@ -91,7 +91,7 @@ def apply_limits(
     :param config: configuration of the robot.
     :param task: the task.
     :param limits: the limits.
-    :param parts: the rows of each of them, see `find_rows`.
+    :param rows: their rows, see `stack_rows`.
     :param handling: what to do where they bind.
     :return: velocities (r,) of the rollers [m/s], and of the command scale, status and limiting.
     :raises SolverError: a quadratic program was not solved.
@@ -99,7 +99,6 @@ def apply_limits(
     reach, max_speed = task.reach, config.robot.description.max_speed
     working, gain = reach.working, float(np.abs(task.free).max())
     asked = gain * task.speed
-    rows = stack_rows(parts)
     # In units of the slower of what is asked and what can be: the solver's tolerance is absolute.
     unit = min(max_speed, asked)
     bounds = rows.scaled(unit, MAX_REACH)._replace(matrix=working.take(rows.matrix))
@@ -115,8 +114,8 @@ def apply_limits(
 
     fixed, slid = bounds, False
     if handling.slide_along_limits:
-        kinds = [limit.can_slide for limit in limits]
-        fixed = bounds.take(~np.repeat(kinds, [len(part.upper) for part in parts]))
+        counts = [len(limit.row_names(config)) for limit in limits]
+        fixed = bounds.take(~np.repeat([limit.can_slide for limit in limits], counts))
     solution, made = _solve(task, progress, fixed, guess)
     slack = bounds.slack(solution)
     if handling.slide_along_limits and (slack < -BINDING_TOLERANCE).any():

@@ -159,30 +159,16 @@ def default_limits(robot: Robot) -> tuple[Limit, ...]:
     )
 
 
-def find_rows(
-    config: Configuration, limits: Sequence[Limit], speeds: Array
-) -> tuple[list[Rows], bool]:
-    """
-    Return the rows of each limit, and whether all of them admit roller speeds, however large.
-
-    :param config: configuration of the robot.
-    :param limits: the limits.
-    :param speeds: (r,) of the rollers [m/s].
-    """
-    parts = [limit.rows(config) for limit in limits]
-    for matrix, lower, upper in parts:
-        rates = matrix.dot(speeds)
-        if not ((rates <= upper) & (rates >= lower)).all():
-            return parts, False
-    return parts, True
-
-
-def stack_rows(parts: Sequence[Rows]) -> Rows:
+def stack_rows(config: Configuration, limits: Sequence[Limit]) -> Rows:
     """
     Return the rows of several limits, one limit after the other.
 
-    :param parts: of each limit, at least one.
+    :param config: configuration of the robot.
+    :param limits: the limits, perhaps none.
     """
+    if not limits:
+        return Rows(np.zeros((0, len(config.roller_positions))), np.zeros(0), np.zeros(0))
+    parts = [limit.rows(config) for limit in limits]
     return Rows(*map(np.concatenate, zip(*parts, strict=True)))
 
 

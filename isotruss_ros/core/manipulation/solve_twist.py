@@ -19,7 +19,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.limit_handling import apply_limits, LimitHandling
-from isotruss_ros.core.manipulation.limits import default_limits, find_rows, Limit
+from isotruss_ros.core.manipulation.limits import default_limits, Limit, stack_rows
 from isotruss_ros.core.manipulation.rolling_grip import roll_object
 from isotruss_ros.core.manipulation.rolling_off import roll_off_faces
 from isotruss_ros.core.manipulation.status import RollerCommand
@@ -115,9 +115,10 @@ def carry_out(
     task = find_task(reach, desired, opening_rate)
     velocities, scale, status, limiting = task.velocities, 1.0, task.status, ()
     limits = default_limits(config.robot) if limits is None else limits
-    parts, admitted = find_rows(config, limits, velocities)
-    if not admitted:
-        velocities, scale, status, limiting = apply_limits(config, task, limits, parts, handling)
+    rows = stack_rows(config, limits)
+    rates = rows.matrix.dot(velocities)
+    if not ((rates <= rows.upper) & (rates >= rows.lower)).all():
+        velocities, scale, status, limiting = apply_limits(config, task, limits, rows, handling)
     achieved, dof = reach.motion.dot(velocities), len(reach.directions)
     return RollerCommand(velocities, achieved, scale, status, limiting, dof)
 
