@@ -32,7 +32,6 @@ each other, which keeps these rods apart too.
 from __future__ import annotations
 
 import functools
-from typing import NamedTuple
 
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.robot import Robot
@@ -65,20 +64,16 @@ def nearest_on_segment(point: Points, start: Points, end: Points) -> tuple[Array
     return distances, normals, shares
 
 
-class _Ends(NamedTuple):
-    """Points of the robot, each half way between two nodes: (2, k) node numbers."""
+def _middles(points: Points, nodes: Indices) -> Points:
+    """Return the points (k,) half way between two nodes each, (2, k)."""
+    return 0.5 * (points[nodes[0]] + points[nodes[1]])
 
-    nodes: Indices
 
-    def positions(self, points: Points) -> Points:
-        one, other = points[self.nodes]
-        return 0.5 * (one + other)
-
-    def add(self, rows: Points, gradients: Points) -> None:
-        """Add to each row what moving its point is worth."""
-        row = np.arange(len(rows))
-        for nodes in self.nodes:
-            rows[row, nodes] += 0.5 * gradients
+def _add(rows: Points, nodes: Indices, gradients: Points) -> None:
+    """Add to each row what moving its point half way between two nodes is worth."""
+    row = np.arange(len(rows))
+    for own in nodes:
+        rows[row, own] += 0.5 * gradients
 
 
 class CollisionModel:
@@ -100,14 +95,14 @@ class CollisionModel:
         # Segments: members, modules (of no length), rods.
         starts = [np.concatenate([own_b, own_b, own_a]), np.concatenate([own_b, own_c, own_a])]
         ends = [np.concatenate([next_c, own_b, own_b]), np.concatenate([next_c, own_c, own_c])]
-        self._start, self._end = _Ends(np.stack(starts)), _Ends(np.stack(ends))
+        self._start, self._end = np.stack(starts), np.stack(ends)
         self.part_radii = np.repeat([tube, disc, 0.0], m)
         self.part_radii.flags.writeable = False
         # Points: modules, joints.
         points = [np.concatenate([own_b, joints]), np.concatenate([own_c, joints])]
         point_radius = np.repeat([disc, 0.0], [m, len(joints)])
         self._first, self._second = np.nonzero(_measured(robot))
-        self._point = _Ends(np.stack(points)[:, self._first])
+        self._point = np.stack(points)[:, self._first]
         self._reach = point_radius[self._first] + self.part_radii[self._second]
 
     def names(self, pairs: Indices) -> list[str]:
@@ -148,7 +143,7 @@ class CollisionModel:
         """
         _, normals, shares = self._nearest(config, pairs)
         rows = self.part_rows(config, self._second[pairs], shares, normals)
-        _Ends(self._point.nodes[:, pairs]).add(rows, normals)
+        _add(rows, self._point[:, pairs], normals)
         return rows.view(np.float64)
 
     def body_distances(self, config: Configuration, body: ConvexObject) -> tuple[Array, Array]:
@@ -167,13 +162,8 @@ class CollisionModel:
     def _nearest(
         self, config: Configuration, pairs: Indices | slice
     ) -> tuple[Array, Points, Array]:
-        second = self._second[pairs]
-        ends = [
-            self._point.nodes[:, pairs],
-            self._start.nodes[:, second],
-            self._end.nodes[:, second],
-        ]
-        return nearest_on_segment(*(_Ends(nodes).positions(config.points) for nodes in ends))
+        starts, ends = self.part_ends(config, self._second[pairs])
+        return nearest_on_segment(_middles(config.points, self._point[:, pairs]), starts, ends)
 
     def part_ends(
         self, config: Configuration, parts: Indices | slice = slice(None)
@@ -184,8 +174,10 @@ class CollisionModel:
         :param config: where the robot is.
         :param parts: numbers of parts; all when left out.
         """
-        start, end = (_Ends(ends.nodes[:, parts]) for ends in (self._start, self._end))
-        return start.positions(config.points), end.positions(config.points)
+        start, end = (
+            _middles(config.points, nodes[:, parts]) for nodes in (self._start, self._end)
+        )
+        return start, end
 
     def part_rows(
         self, config: Configuration, parts: Indices | slice, shares: Array, normals: Points
@@ -200,8 +192,8 @@ class CollisionModel:
         :return: (k, n) rows on the node velocities, x + iy [-].
         """
         rows = np.zeros((len(shares), len(config.points)), dtype=np.complex128)
-        _Ends(self._start.nodes[:, parts]).add(rows, -(1.0 - shares) * normals)
-        _Ends(self._end.nodes[:, parts]).add(rows, -shares * normals)
+        _add(rows, self._start[:, parts], -(1.0 - shares) * normals)
+        _add(rows, self._end[:, parts], -shares * normals)
         return rows
 
 
