@@ -101,7 +101,12 @@ def apply_limits(
     asked = gain * task.speed
     # In units of the slower of what is asked and what can be: the solver's tolerance is absolute.
     unit = min(max_speed, asked)
-    bounds = rows.scaled(unit, MAX_REACH)._replace(matrix=working.take(rows.matrix))
+    largest = MAX_REACH * unit  # before the division, which could overflow
+    bounds = Rows(
+        working.take(rows.matrix),
+        np.maximum(rows.lower, -largest) / unit,
+        np.minimum(rows.upper, largest) / unit,
+    )
     farthest, direction = min(asked / unit, MAX_SCALE), task.direction / gain
     penalty, weight, guess = PENALTIES[0], LEAST_REGULARIZATION, None
     if handling.period > 0.0:

@@ -34,17 +34,6 @@ class Rows(NamedTuple):
     lower: Array  #: (k,) [m/s]
     upper: Array  #: (k,) [m/s]
 
-    def scaled(self, unit: float, largest: float) -> Rows:
-        """
-        Return the same rows, with bounds in another unit.
-
-        :param unit: of the bounds [m/s].
-        :param largest: what takes the place of larger bounds, in that unit.
-        """
-        bound = largest * unit  # before the division, which could overflow
-        lower, upper = np.maximum(self.lower, -bound) / unit, np.minimum(self.upper, bound) / unit
-        return Rows(self.matrix, lower, upper)
-
     def slack(self, speeds: Array) -> Array:
         """
         Return how far the (k,) rows are from their bounds, negative beyond them [m/s].

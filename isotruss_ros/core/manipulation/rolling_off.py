@@ -53,7 +53,7 @@ def roll_off_faces(config: Configuration, grip: Grip, reach: Reach, twist: Array
     members = member_rows(config, grip.members)
     inward = as_xy(-np.array([contact.normal for contact in contacts]))
     for kept in rolled_corners(contacts, grip.friction):
-        found = Reach.of(rows_of_two(grip, kept, members), working, grip.body.arm)
+        found = Reach.of(rows_of_two(grip, kept, members), working, reach.weights)
         missed, task = _missed(found, twist), find_task(found, twist)
         if missed >= least * (1.0 - LEAST_GAIN) or task.speed == 0.0:
             continue

@@ -98,7 +98,7 @@ def solve_joint_velocity(
     columns = np.stack([2 * nodes, 2 * nodes + 1], axis=1).ravel()
     jacobian = config.roller_rows(np.eye(2 * len(config.points))[columns])
     working = working_rollers(robot, frozenset([failed] if isinstance(failed, str) else failed))
-    reach = Reach.of_points(jacobian, working)
+    reach = Reach.of(jacobian, working, np.ones(len(jacobian)))
     command = carry_out(config, reach, desired, limits, handling)
     achieved = dict(zip(velocities, command.achieved_twist.reshape(-1, 2), strict=True))
     return JointCommand(**vars(command), achieved_velocities=achieved)

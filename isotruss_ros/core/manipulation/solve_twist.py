@@ -86,7 +86,7 @@ def solve_twist(
 def _find_reach(config: Configuration, grip: Grip, working: WorkingRollers, twist: Array) -> Reach:
     """Return the twists of the object that keep its contacts; it may roll off faces for one."""
     jacobian = grip_jacobian(config, grip)
-    reach = Reach.of(jacobian, working, grip.body.arm)
+    reach = Reach.of(jacobian, working, np.array([1.0, 1.0, grip.body.arm]))
     faces = len(grip.members) == 2 and len(jacobian) > 4
     if not faces or len(reach.directions) == 3 or not twist.any():
         return reach

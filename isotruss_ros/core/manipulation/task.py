@@ -117,24 +117,25 @@ class Reach(NamedTuple):
     opening: Array
 
     @classmethod
-    def of(cls, jacobian: Array, working: WorkingRollers, radius: float) -> Reach:
+    def of(cls, jacobian: Array, working: WorkingRollers, weights: Array) -> Reach:
         """
         Compute which twists are reachable.
 
-        :param jacobian: (3 + g, r) of the grip, see `grip_jacobian`.
+        :param jacobian: (3 + g, r) of the grip, see `grip_jacobian`; or (k, r) of joints.
         :param working: the rollers that work.
-        :param radius: of the object [m].
+        :param weights: (3,) see above; of joints (k,) ones.
         """
-        weights, rows = np.array([1.0, 1.0, radius]), working.take(jacobian)
-        rows[2] *= radius
+        count, rows = len(weights), working.take(jacobian)
+        rows[:count] *= weights[:, None]
+        motion, task, grip = jacobian[:count], rows[:count], rows[count:]
         # Rows that are independent together are so in the two steps below: eigenvalues of their
         # products, in place of `numpy.linalg.svd` of the grip and of what is left of the task.
         squares = lapack.dsyev(rows.dot(rows.T), compute_v=0)[0].tolist()
         if squares[0] > FREE_SHARE * max(1.0, squares[-1]):
-            opening = np.zeros(len(rows) - 3)
+            opening = np.zeros(len(grip))
             opening[:1] = 1.0
-            return cls(working, jacobian[:3], rows, EVERYWHERE, weights, opening)
-        task, grip = rows[:3], rows[3:]
+            everywhere = EVERYWHERE if count == 3 else np.eye(count)
+            return cls(working, motion, rows, everywhere, weights, opening)
         mixed, gains, basis = np.linalg.svd(grip, full_matrices=False)
         held = gains > RANK_TOLERANCE
         kept = basis[held]
@@ -142,22 +143,8 @@ class Reach(NamedTuple):
         directions, sizes, _ = np.linalg.svd(left, full_matrices=False)
         reachable = directions[:, sizes > RANK_TOLERANCE].T
         rows = np.concatenate([reachable.dot(task), kept])
-        opening = mixed[0, held] / gains[held]
-        return cls(working, jacobian[:3], rows, reachable, weights, opening)
-
-    @classmethod
-    def of_points(cls, jacobian: Array, working: WorkingRollers) -> Reach:
-        """
-        Compute which velocities of points are reachable.
-
-        :param jacobian: (2 k, r) rows vx, vy of k points on the speeds of the rollers [-].
-        :param working: the rollers that work.
-        """
-        active = working.take(jacobian)
-        basis, gains, _ = np.linalg.svd(active, full_matrices=False)
-        reachable = basis[:, gains > RANK_TOLERANCE].T
-        weights = np.ones(len(active))
-        return cls(working, jacobian, reachable @ active, reachable, weights, np.zeros(0))
+        opening = mixed[:1, held].sum(axis=0) / gains[held]
+        return cls(working, motion, rows, reachable, weights, opening)
 
 
 class Task(NamedTuple):

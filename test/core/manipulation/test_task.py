@@ -26,6 +26,11 @@ def working(count):
     return WorkingRollers(count, np.arange(count), np.eye(count), np.eye(count), True)
 
 
+def reach_of(rows, radius):
+    """Return what all rollers can do with an object, by the rows of its grip."""
+    return Reach.of(rows, working(rows.shape[1]), np.array([1.0, 1.0, radius]))
+
+
 def kernel(rows):
     """Return what keeps rows at zero, as orthonormal columns."""
     return null_space(rows, rcond=1e-9) if rows.any() else np.eye(rows.shape[1])
@@ -36,7 +41,7 @@ def test_a_row_of_the_grip_is_kept_from_one_hundred_thousandth_on(size):
     """Of the two rollers the second moves the object, and both change the grip."""
     for change, held in ((0.9 * LOST / size, False), (1.1 * LOST / size, True)):
         active = np.array([[0.0, 1.0], [0.0, 0.0], [0.0, 0.0], [0.0, size * change]])
-        reach = Reach.of(active, working(2), 1.0)
+        reach = reach_of(active, 1.0)
         assert len(reach.directions) == (not held)
         assert len(reach.rows) == 1
         assert len(reach.opening) == held
@@ -49,7 +54,7 @@ def test_tasks_are_twists_of_any_size(rng, rollers):
     radius, rows = rng.uniform(0.1, 1.0), rng.standard_normal((4, rollers))
     if rng.integers(2):
         rows[1] = rows[0] * rng.uniform(0.5, 2.0)
-    reach = Reach.of(rows, working(rollers), radius)
+    reach = reach_of(rows, radius)
     twist = 10.0 ** rng.uniform(-200.0, 200.0) * rng.standard_normal(3)
     opening = float(rng.integers(2)) * np.abs(twist).max() * rng.uniform(0.5, 2.0)
     task = find_task(reach, twist, opening)
@@ -78,17 +83,17 @@ def test_no_more_rows_are_free_than_rollers_move(held, rollers, capfd):
         _, gains, kept = np.linalg.svd(rows[3:], full_matrices=False)
         kept = kept[gains > LOST]
         left = np.linalg.svd(rows[:3] - rows[:3] @ kept.T @ kept, compute_uv=False)
-        reach = Reach.of(rows, working(rollers), 1.0)
+        reach = reach_of(rows, 1.0)
         assert len(reach.directions) == (left > LOST).sum()
         assert len(reach.rows) == (left > LOST).sum() + len(kept)
     assert capfd.readouterr() == ('', '')
 
 
 def test_a_grip_that_no_roller_opens_is_no_task():
-    task = find_task(Reach.of(np.zeros((4, 0)), working(0), 1.0), np.zeros(3), 1.0)
+    task = find_task(reach_of(np.zeros((4, 0)), 1.0), np.zeros(3), 1.0)
     assert task.speed == 0.0
 
 
 def test_only_the_first_row_of_a_grip_is_its_opening():
     rows = np.random.default_rng(0).standard_normal((6, 8))
-    assert Reach.of(rows, working(8), 0.1).opening.tolist() == [1.0, 0.0, 0.0]
+    assert reach_of(rows, 0.1).opening.tolist() == [1.0, 0.0, 0.0]
