@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.statics.tube_stiffness import tube_stiffness
 import numpy as np
@@ -48,7 +48,7 @@ class Springs:
     ring: Array
 
 
-def springs_of(robot: Robot, lengths: Array, segments: Indices) -> Springs:
+def springs_of(robot: Mechanism, lengths: Array, segments: Indices) -> Springs:
     """
     Return the springs of all members.
 

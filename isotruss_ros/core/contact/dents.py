@@ -27,7 +27,7 @@ import math
 from typing import NamedTuple
 
 from isotruss_ros.core.contact.flattening import Flattening, flattening_of
-from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.lcp import solve_complementarity
@@ -202,7 +202,7 @@ class Indentation:
 
 @functools.lru_cache(maxsize=32)
 def skin_indentation(
-    robot: Robot, tube: int, radius: float, pressures: tuple[float, ...] | None = None
+    robot: Mechanism, tube: int, radius: float, pressures: tuple[float, ...] | None = None
 ) -> SkinIndentation:
     """
     Return the dents of one tube by a disc; the tables of the last few are kept.
@@ -244,7 +244,7 @@ def press_on_skin(kernel: Flattening, tube: int, spacing: float, gaps: Array) ->
 
 @functools.lru_cache(maxsize=256)
 def corner_dents(
-    robot: Robot,
+    robot: Mechanism,
     tube: int,
     shape: Shape,
     angle: float,

@@ -29,7 +29,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 import functools
 
-from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.statics.tube_stiffness import Fabric, tube_stiffness
 import numpy as np
@@ -164,7 +164,7 @@ def flattening(
 
 
 @functools.lru_cache(maxsize=8)
-def flattening_of(robot: Robot, pressures: tuple[float, ...] | None = None) -> Flattening:
+def flattening_of(robot: Mechanism, pressures: tuple[float, ...] | None = None) -> Flattening:
     """
     Return the local compliance of a robot's tubes; that of the last few robots is kept.
 

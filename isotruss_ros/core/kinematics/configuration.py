@@ -12,18 +12,15 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.kinematics.constraints import follow_branch, Targets
+from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.factorization import Factor, factorize
 import numpy as np
 from numpy.typing import ArrayLike
-
-if TYPE_CHECKING:
-    from isotruss_ros.core.kinematics.robot import Robot
 
 #: No member changes by more than this share of the shortest in one step along a branch.
 MAX_STEP = 0.25
@@ -49,7 +46,7 @@ class Configuration:
 
     def __init__(
         self,
-        robot: Robot,
+        robot: Mechanism,
         roller_positions: Array,
         points: Points,
         nearby: Factor | None = None,
@@ -233,7 +230,7 @@ class Configuration:
         return by_length.take(topology.driven, 1) - by_length.take(topology.before_driven, 1)
 
 
-def _targets(robot: Robot, roller_positions: Array) -> Targets:
+def _targets(robot: Mechanism, roller_positions: Array) -> Targets:
     lengths = robot.home_targets.lengths.copy()
     lengths[: robot.topology.n_modules] += robot.topology.incidence @ roller_positions
     return Targets(lengths, robot.home_targets.ground)

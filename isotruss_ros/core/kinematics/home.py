@@ -104,9 +104,9 @@ def _bisection(
     """Return the bisection residual (m,) and its (m, m) derivative by the modules' angles."""
     m, own = topology.n_modules, np.arange(topology.n_modules)
     targets = Targets(np.abs(constraints.spans(points)), np.zeros(len(topology.grounded)))
-    bisection = constraints.residual(points, targets)[4 * m : 5 * m]
+    bisection = np.split(constraints.residual(points, targets), [4 * m, 5 * m])[1]
     # Its entries are of the next C, of B, C and the joint, which stays, and of the previous B.
-    ahead, b, c, _, back = constraints.gradients(points)[8 * m :].reshape(5, m)
+    ahead, b, c, _, back = constraints.gradients(points).reshape(13, m)[8:]
     modules = np.concatenate([topology.following, own, own, topology.previous])
     nodes = np.concatenate(
         [topology.c[topology.following], topology.b, topology.c, topology.b[topology.previous]]

@@ -15,50 +15,33 @@ import functools
 from pathlib import Path
 import pickle
 
-from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.kinematics.constraints import Constraints, Targets
+from isotruss_ros.core.kinematics.constraints import Targets
 from isotruss_ros.core.kinematics.home import place_home, require_determinate
+from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.model.description import RobotDescription
 from isotruss_ros.core.model.robot_file import read_robot_file
-from isotruss_ros.core.model.topology import make_topology
-from isotruss_ros.core.numerics.arrays import Array, finite_array
 import numpy as np
 from numpy.typing import ArrayLike
 
 
-class Robot:
+class Robot(Mechanism):
     """
     An isoperimetric truss robot; never changed after it is made.
 
-    :ivar name: the robot's name.
-    :ivar frame: name of the coordinate frame in which the robot lives.
-    :ivar node_names: kinematic nodes: joints j, then t/j/B and t/j/C by module.
-    :ivar member_names: members t/j-k in module order.
-    :ivar module_names: modules t/j in the order of the robot file.
-    :ivar roller_names: driven modules, in the order of all roller arrays.
-    :ivar description: content of the robot file.
-    :ivar topology: names and index arrays of joints, modules, members and rollers.
-    :ivar constraints: the rows of equation (12).
-    :ivar home_targets: the lengths and the grounded coordinates at home.
     :ivar home: the `Configuration` at zero roller travel.
     :param description: see `robot_file.read_robot_file`.
     :raises RobotFileError: the robot is not rigid, over-supported, or a module does not fit.
     """
 
     def __init__(self, description: RobotDescription) -> None:
-        topology = make_topology(description)
-        self.description, self.topology = description, topology
-        self.constraints = Constraints(topology)
-        self.name, self.frame = description.name, description.frame
-        self.node_names, self.member_names = topology.node_names, topology.member_names
-        self.module_names, self.roller_names = topology.module_names, topology.roller_names
-        points = place_home(description, topology, self.constraints)
-        require_determinate(description.source, topology, self.constraints.matrix(points))
+        super().__init__(description)
+        points = place_home(description, self.topology, self.constraints)
+        require_determinate(description.source, self.topology, self.constraints.matrix(points))
         self.home_targets = Targets(
-            np.abs(self.constraints.spans(points)), points.view(np.float64)[topology.grounded]
+            np.abs(self.constraints.spans(points)), points.view(np.float64)[self.topology.grounded]
         )
-        self.home = Configuration(self, np.zeros(len(topology.driven)), points)
+        self.home = Configuration(self, np.zeros(len(self.topology.driven)), points)
 
     def __reduce__(self) -> tuple:
         """Return what another process makes it of, there once for all copies."""
@@ -77,18 +60,6 @@ class Robot:
         :raises ConfigurationError: wrong shape, not finite, or no such configuration.
         """
         return (near or self.home).moved_to(roller_positions)
-
-    def check_rollers(self, values: ArrayLike, what: str) -> Array:
-        """
-        Return a copy of one number for each roller.
-
-        :param values: (r,) numbers in the order of `roller_names`.
-        :param what: what the numbers are, for the message.
-        :raises ConfigurationError: not (r,) finite numbers.
-        """
-        names = self.roller_names
-        what = f'{what} for {", ".join(names)}'
-        return finite_array(values, len(names), what, ConfigurationError)
 
 
 @functools.lru_cache(maxsize=4)

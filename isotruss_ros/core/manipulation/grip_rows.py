@@ -80,14 +80,14 @@ def member_rows(config: Configuration, names: tuple[str, ...]) -> Array:
     :raises GraspError: the robot has no such member.
     :raises ConfigurationError: the configuration is singular.
     """
-    nodes, points = find_members(config.robot, names), config.points
+    nodes, points, count = find_members(config.robot, names), config.points, len(names)
     ends = points.take(nodes.both).tolist()
-    spans = [end - start for start, end in zip(ends, ends[len(names) :], strict=False)]
-    by_node = np.zeros(3 * len(names) * len(points), dtype=np.complex128)
+    spans = [end - start for start, end in zip(ends[:count], ends[count:], strict=True)]
+    by_node = np.zeros(3 * count * len(points), dtype=np.complex128)
     # Turning rate of a member: Re(conj(turn) (velocity of its end - velocity of its start)).
     turns = [1j / span.conjugate() for span in spans]
     by_node[nodes.entries] = [entry for turn in turns for entry in (1.0, 1j, -turn, turn)]
-    rows = config.roller_rows(by_node.view(np.float64).reshape(3 * len(names), -1))
+    rows = config.roller_rows(by_node.view(np.float64).reshape(3 * count, -1))
     for member, roller in zip(nodes.driven.tolist(), nodes.rollers.tolist(), strict=True):
         # Along the member the material moves with the roller, by which the object rolls (17).
         axis = spans[member] / abs(spans[member])
@@ -108,15 +108,15 @@ def contact_rows(config: Configuration, grip: Grip) -> tuple[Array, Array]:
     :raises ConfigurationError: the configuration is singular.
     """
     contacts = find_contacts(config, grip)
-    rates = np.zeros((2 * len(contacts), 3 * len(grip.members)))
+    rates = np.zeros((2 * len(contacts), len(grip.members), 3))
     rigid: list[tuple[float, float, float]] = []
     for k, contact in enumerate(contacts):
         lever, arm = contact.point - contact.start, contact.point - grip.body.center
-        own = 3 * contact.owner
-        rates[2 * k, own : own + 3] = 1.0, 0.0, -lever.imag
-        rates[2 * k + 1, own : own + 3] = 0.0, 1.0, lever.real
+        rates[2 * k, contact.owner] = 1.0, 0.0, -lever.imag
+        rates[2 * k + 1, contact.owner] = 0.0, 1.0, lever.real
         rigid += [(1.0, 0.0, -arm.imag), (0.0, 1.0, arm.real)]
-    return rates @ member_rows(config, grip.members), np.array(rigid)
+    hand = rates.reshape(len(rates), -1) @ member_rows(config, grip.members)
+    return hand, np.array(rigid)
 
 
 def _misfits(rigid: Array, normals: Array) -> Array:

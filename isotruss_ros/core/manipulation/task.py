@@ -192,7 +192,8 @@ def find_task(reach: Reach, twist: Array, opening_rate: float = 0.0) -> Task:
         if math.sqrt(missed.dot(missed)) > smallest:
             status = Status.UNREACHABLE
     if opening:
-        direction[-len(opening) :] = np.divide(opening, size)
+        first = len(direction) - len(opening)
+        direction[first:] = np.divide(opening, size)
     length = math.sqrt(direction.dot(direction))
     if length <= smallest:  # or the grip shall open, and nothing changes it
         standing = np.zeros(working.count)

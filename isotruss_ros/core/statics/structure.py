@@ -26,7 +26,7 @@ from typing import NamedTuple
 
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Flags, Indices, Points
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.statics.frame import Frame, FrameState, Members
@@ -88,7 +88,7 @@ class Structure:
         return self._layout.places[name]
 
 
-def _frame_points(robot: Robot, nodes: Points) -> Points:
+def _frame_points(robot: Mechanism, nodes: Points) -> Points:
     """Return the nodes (n,) of a robot's frame [m], from those of its configuration (N,)."""
     topology, layout = robot.topology, frame_layout(robot)
     side = nodes[topology.c[topology.following]] - nodes[topology.b]
@@ -103,7 +103,7 @@ def _frame_points(robot: Robot, nodes: Points) -> Points:
 
 
 def _section_values(
-    robot: Robot, tube: TubeStiffness, pressures: tuple[float, ...], lengths: Array
+    robot: Mechanism, tube: TubeStiffness, pressures: tuple[float, ...], lengths: Array
 ) -> Array:
     """Return EA [N], EI [N m^2] and GA [N] of the members of a robot's frame, (3, 6 m)."""
     topology, module = robot.topology, robot.description.module
@@ -118,12 +118,12 @@ def _section_values(
     return values.reshape(3, -1)
 
 
-def _bisection_gradients(robot: Robot, points: Points) -> Array:
+def _bisection_gradients(robot: Mechanism, points: Points) -> Array:
     """Return the entries (10 m,) of A(x) of (4): the rod turns half as much as both arms."""
     return bisection_entries(1j / bisection_spans(robot, points).conj())
 
 
-def bisection_spans(robot: Robot, points: Points) -> Points:
+def bisection_spans(robot: Mechanism, points: Points) -> Points:
     """
     Return rod, arm BD and arm CE of each module, (3, m, ...) x + iy [m].
 
@@ -179,7 +179,7 @@ class FrameLayout(NamedTuple):
 
 
 @functools.lru_cache(maxsize=16)
-def frame_layout(robot: Robot) -> FrameLayout:
+def frame_layout(robot: Mechanism) -> FrameLayout:
     """
     Return what the frames of a robot share; that of the last few robots is kept.
 

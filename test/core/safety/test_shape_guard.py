@@ -224,6 +224,19 @@ def test_rollers_do_not_swing_in_slow_loops(seed, size, period, guarded):
     assert turns < 6
 
 
+def test_guard_changes_nothing_where_nothing_is_near():
+    rng = np.random.default_rng(5)
+    robot = walks.ROBOT
+    guard = ShapeGuard(robot, ShapeBounds())
+    for _ in range(30):
+        config = robots.random_state(robot, rng, 0.005)
+        grip = held_at(config, 'north/Z', 0.3).grip
+        watch = guard.watch(config, grip)
+        assert watch.limits == ()
+        command = solve_twist(config, grip, rng.standard_normal(3))
+        assert watch.keep(command, command.roller_velocities, PERIOD) is command
+
+
 @pytest.mark.parametrize('duration', [1e-3, 0.05, 0.5, 2.0])
 def test_command_is_cut_where_it_would_lead_too_far(duration):
     """Whatever is commanded, and for how long, no bound is crossed at the end."""

@@ -1,0 +1,58 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""What the shapes of one robot have in common: its names, its constraints, its home lengths."""
+
+from __future__ import annotations
+
+from isotruss_ros.core.errors import ConfigurationError
+from isotruss_ros.core.kinematics.constraints import Constraints, Targets
+from isotruss_ros.core.model.description import RobotDescription
+from isotruss_ros.core.model.topology import make_topology
+from isotruss_ros.core.numerics.arrays import Array, finite_array
+from numpy.typing import ArrayLike
+
+
+class Mechanism:
+    """
+    A robot without a shape; see `Robot`, which adds home.
+
+    :ivar name: the robot's name.
+    :ivar frame: name of the coordinate frame in which the robot lives.
+    :ivar node_names: kinematic nodes: joints j, then t/j/B and t/j/C by module.
+    :ivar member_names: members t/j-k in module order.
+    :ivar module_names: modules t/j in the order of the robot file.
+    :ivar roller_names: driven modules, in the order of all roller arrays.
+    :ivar description: content of the robot file.
+    :ivar topology: names and index arrays of joints, modules, members and rollers.
+    :ivar constraints: the rows of equation (12).
+    :ivar home_targets: the lengths and the grounded coordinates at home.
+    """
+
+    home_targets: Targets
+
+    def __init__(self, description: RobotDescription) -> None:
+        topology = make_topology(description)
+        self.description, self.topology = description, topology
+        self.constraints = Constraints(topology)
+        self.name, self.frame = description.name, description.frame
+        self.node_names, self.member_names = topology.node_names, topology.member_names
+        self.module_names, self.roller_names = topology.module_names, topology.roller_names
+
+    def check_rollers(self, values: ArrayLike, what: str) -> Array:
+        """
+        Return a copy of one number for each roller.
+
+        :param values: (r,) numbers in the order of `roller_names`.
+        :param what: what the numbers are, for the message.
+        :raises ConfigurationError: not (r,) finite numbers.
+        """
+        names = self.roller_names
+        what = f'{what} for {", ".join(names)}'
+        return finite_array(values, len(names), what, ConfigurationError)
