@@ -26,6 +26,7 @@ from isotruss_ros.core.manipulation.limits import (
     default_limits,
     MemberLengthLimit,
     RollerSpeedLimit,
+    stack_rows,
 )
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 import numpy as np
@@ -34,14 +35,12 @@ import robots
 from scipy.optimize import linprog
 from walls import Wall
 
-SLIDE, LOOP = LimitHandling(slide_along_limits=True), LimitHandling(period=0.05)
+SLIDE = LimitHandling(slide_along_limits=True)
 
 
 def furthest_along(normal, rows, kept):
     """Return the largest normal . u of all admissible u."""
-    matrix = np.vstack([r.matrix for r in rows])
-    lower = np.concatenate([r.lower for r in rows])
-    upper = np.concatenate([r.upper for r in rows])
+    matrix, lower, upper = rows
     bounded = np.isfinite(upper)
     found = linprog(
         -normal,
@@ -88,8 +87,7 @@ def test_sliding_carries_out_the_nearest_twist_that_limits_allow(robot, rng, num
     incidence = robot.topology.incidence
     downhill = missing @ (measure[:, None] * jacobian[:3])
     downhill -= LEAST_REGULARIZATION * incidence.T @ (incidence @ command.roller_velocities)
-    rows = [limit.rows(config) for limit in limits]
-    most = furthest_along(downhill, rows, jacobian[3:])
+    most = furthest_along(downhill, stack_rows(config, limits), jacobian[3:])
     assert most == pytest.approx(downhill @ command.roller_velocities, abs=1e-5)
     assert (wall.matrix @ command.roller_velocities >= -wall.bound - 1e-7).all()
     # What is minimised is no more than for scaling, rolling included: near a singular robot, where

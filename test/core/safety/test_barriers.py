@@ -11,13 +11,16 @@
 
 from grips import disc_grip
 from hypothesis import assume, given
-from isotruss_ros.core import load_robot
+from isotruss_ros.core import load_robot, Polygon, RollingGrip
 from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.kinematics.rigidity import rigidity_index
+from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.safety.barrier_law import BarrierLaw, EVERYTHING
 from isotruss_ros.core.safety.barriers import ObjectBarrier, RigidityBarrier, SelfCollisionBarrier
+from isotruss_ros.core.safety.margins import object_distances
 import numpy as np
 import pytest
+from random_grips import random_convex_grip
 import robots
 
 #: So wide that everything is near.
@@ -29,7 +32,7 @@ KINDS = (RigidityBarrier, SelfCollisionBarrier, ObjectBarrier)
 @robots.examples(10)
 @given(robots.robots(), robots.generators())
 def test_rows_are_derivatives_of_the_values(kind, robot, rng):
-    """Of the object's distances see `test_object_distances`."""
+    """Of the object's distances see below."""
     config, barrier = robots.random_state(robot, rng), kind(robot, ALL)
     near = barrier.active(config, None)
     rows = config.roller_rows(near.node_rows)
@@ -46,6 +49,50 @@ def test_rows_are_derivatives_of_the_values(kind, robot, rng):
         assert (rows @ way)[0] == pytest.approx(found[0], abs=accuracy)
     else:
         assert rows @ way == pytest.approx(found, abs=1e-5)
+
+
+@robots.examples(50)
+@given(robots.robots(), robots.generators())
+def test_distances_within_the_band_are_those_of_the_surface(robot, rng):
+    """Those of the circle around the object, which is farther out, are for what is far off."""
+    config, grip = random_convex_grip(robot, rng, 'module')
+    assume(grip is not None)
+    band = rng.uniform(0.05, 0.5)
+    barrier = ObjectBarrier(robot, BarrierLaw(0.0, band))
+    distances = object_distances(config, grip.body, grip.members)
+    near = barrier.active(config, grip)
+    assert near.indices.tolist() == np.flatnonzero(distances < band).tolist()
+    assert near.values == pytest.approx(distances[near.indices], abs=1e-12)
+
+
+@robots.examples(10)
+@given(robots.robots(), robots.generators())
+def test_rows_are_derivatives_of_the_distances_from_an_object(robot, rng):
+    config, grip = random_convex_grip(robot, rng, 'module')
+    assume(grip is not None)
+    # A polygon touches with its faces and corners, where its distances have kinks.
+    assume(not isinstance(grip.body.shape, Polygon))
+    barrier = ObjectBarrier(robot, ALL)
+    near = barrier.active(config, grip)
+    assume(len(near.indices))
+    rows = config.roller_rows(near.node_rows) + near.roller_rows
+    rolling = RollingGrip.attach(config, grip)
+    way = rng.standard_normal(len(robot.roller_names))
+    # Where the contacts are not kept the motion is that of least squares; the rows are not.
+    way -= np.linalg.pinv(_misfits(config, grip)) @ _misfits(config, grip) @ way
+    step, values = 1e-6, []
+    for sign in (1.0, -1.0):
+        there = config.moved_to(config.roller_positions + sign * step * way)
+        values.append(barrier.values(there, rolling.moved_to(there).grip, near.indices))
+    found = (values[0] - values[1]) / (2.0 * step)
+    # A corner of a part may be as near as its side: there the slope has two values.
+    smooth = np.abs(values[0] + values[1] - 2.0 * near.values) < 1e-10
+    assert (rows @ way)[smooth] == pytest.approx(found[smooth], abs=1e-5)
+
+
+def _misfits(config, grip):
+    """Return the rows by which contacts are not kept."""
+    return grip_jacobian(config, grip)[3:]
 
 
 def test_rows_hold_where_two_modes_change_places():

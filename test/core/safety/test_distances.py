@@ -184,3 +184,12 @@ def test_points_on_segments_and_segments_of_next_to_no_length_have_a_direction()
     distances, _, shares = nearest_on_segment(np.array([1.5 + 1.0j, 1.0 + 2.0j]), start, end)
     assert shares == pytest.approx([0.6, 1.0])
     assert distances == pytest.approx([0.4, 1.0])
+
+
+def test_sides_that_do_not_meet_leave_out_themselves_only():
+    members = ('south/P-Q', 'north/R-P')
+    body = ConvexObject.disc((0.5, -0.2), 0.5)
+    distances = object_distances(ROBOT.home, body, members, 10.0).reshape(3, -1)
+    left_out = [ROBOT.member_names[i] for i in np.flatnonzero(np.isinf(distances[0]))]
+    assert sorted(left_out) == sorted(members)
+    assert np.isfinite(distances[1:]).all()
