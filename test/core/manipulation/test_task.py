@@ -47,16 +47,18 @@ def test_a_row_of_the_grip_is_kept_from_one_hundred_thousandth_on(size):
         assert len(reach.opening) == held
 
 
-@robots.examples(50)
-@given(robots.generators(), strategies.integers(4, 7))
-def test_tasks_are_twists_of_any_size(rng, rollers):
+@pytest.mark.parametrize('opens', [False, True])
+@pytest.mark.parametrize('dependent', [False, True])
+@robots.examples(25)
+@given(robots.generators(), strategies.integers(1, 3), strategies.integers(0, 3))
+def test_tasks_are_twists_of_any_size(opens, dependent, rng, held, more):
     """Direction and size are those of the nearest reachable twist, weighted."""
-    radius, rows = rng.uniform(0.1, 1.0), rng.standard_normal((4, rollers))
-    if rng.integers(2):
+    radius, rows = rng.uniform(0.1, 1.0), rng.standard_normal((3 + held, 3 + held + more))
+    if dependent:
         rows[1] = rows[0] * rng.uniform(0.5, 2.0)
     reach = reach_of(rows, radius)
     twist = 10.0 ** rng.uniform(-200.0, 200.0) * rng.standard_normal(3)
-    opening = float(rng.integers(2)) * np.abs(twist).max() * rng.uniform(0.5, 2.0)
+    opening = opens * np.abs(twist).max() * rng.uniform(0.5, 2.0)
     task = find_task(reach, twist, opening)
     weighted = np.array([1.0, 1.0, radius]) * twist
     nearest = reach.directions.T @ (reach.directions @ weighted)
@@ -65,9 +67,9 @@ def test_tasks_are_twists_of_any_size(rng, rollers):
     assert task.status is (Status.OK if reachable else Status.UNREACHABLE)
     speeds = task.free * task.speed / size
     assert reach.weights * (rows[:3] @ speeds) == pytest.approx(nearest / size, abs=1e-9)
-    assert rows[3] @ speeds == pytest.approx(opening / size, abs=1e-9)
+    assert rows[3:] @ speeds == pytest.approx(opening / size * np.eye(held)[0], abs=1e-8)
     # No other speeds of less cost do.
-    assert kernel(rows).T @ speeds == pytest.approx(0.0, abs=1e-9)
+    assert kernel(rows).T @ speeds == pytest.approx(0.0, abs=1e-8)
 
 
 @pytest.mark.parametrize('rollers', range(8))
