@@ -86,7 +86,7 @@ def segment_counts(
     begin, end = points[topology.b], points[topology.c[topology.following]]
     counts = np.full(topology.n_modules, options.segments)
     for held in objects:
-        distance = nearest_on_segment(held.center, begin, end).distance
+        distance = nearest_on_segment(held.center, begin, end)[0]
         near = held.shape.reach + 0.5 * robot.description.tube_diameter
         counts[distance < near + reach * 2.0 * held.shape.reach] = options.contact_segments
     return counts

@@ -13,6 +13,7 @@ from comparison.wedge import closed_to
 from isotruss_ros.core import ConvexObject, Grip, load_robot, tangent_center
 from isotruss_ros.core.control.load_estimate import LoadSettings
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
+from isotruss_ros.core.model.pose import pose_difference
 import numpy as np
 
 #: Settings of the squeeze control for the elastic plant, which has no masses, and pulls.
@@ -29,6 +30,22 @@ def disc_grip(config, module, diameter=0.3, indentation=0.0):
     """Return the grip of a disc that touches both members at a module."""
     center = tangent_center(config, module, diameter, indentation)
     return Grip.at_module(config.robot, module, ConvexObject.disc(center, diameter))
+
+
+def surface(grip):
+    """Return what makes speeds of the object's surface of a twist: |v|^2 + |omega d/2|^2."""
+    return np.array([1.0, 1.0, grip.body.arm])
+
+
+def rolled(rolling, travel):
+    """Return a `RollingGrip` after some travel of the rollers."""
+    return rolling.moved_to(rolling.config.moved_to(rolling.config.roller_positions + travel))
+
+
+def apart(pose, other):
+    """Return the distance [m] and the angle [rad] between two poses."""
+    x, y, turn = pose_difference(pose, other)
+    return float(np.hypot(x, y)), abs(turn)
 
 
 def backed_off(config, body, distance, module='north/Z', steps=10):

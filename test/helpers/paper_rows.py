@@ -9,9 +9,8 @@
 
 """The rows of (19) for a disc between the two members that meet at a module, as the paper does."""
 
-from isotruss_ros.core.manipulation.grip_contacts import find_contacts
 import numpy as np
-import robots
+import random_grips
 
 
 def paper_rows(config, grip, ends):
@@ -39,26 +38,9 @@ def paper_rows(config, grip, ends):
     return np.array([center.real, center.imag, turning + rolling]), side * (turning_back - turning)
 
 
-def paper_pose(start, config, module):
-    """
-    Return where a disc at a module is in another configuration: (15), (16) and (17) integrated.
-
-    :param start: the `RollingGrip` before.
-    """
-    before, after = (robots.side_ends(each, module) for each in (start.config, config))
-    turn = (after[1] - after[0]) / (before[1] - before[0])
-    arm = start.grip.center - before[0]
-    place = after[0] + turn / abs(turn) * arm
-    side = np.sign(((before[1] - before[0]).conjugate() * arm).imag)
-    changes = config.roller_positions - start.config.roller_positions
-    travel = dict(zip(config.robot.roller_names, changes, strict=True)).get(module, 0.0)
-    rolled = side * 2.0 * travel / start.grip.body.shape.diameter
-    return place.real, place.imag, start.pose.angle + np.angle(turn) + rolled
-
-
 def contact_depth(config, grip, ends):
     """Return how far the middle of both contacts is from that of both pinch points [m]."""
-    points = find_contacts(config, grip).points
+    points = random_grips.contacts_of(config, grip).points
     axes = [(ends[k + 1] - ends[k]) / abs(ends[k + 1] - ends[k]) for k in (0, 2)]
     inward = sum(axes) / abs(sum(axes))
     return ((points.mean() - 0.5 * (ends[0] + ends[2])) * inward.conjugate()).real

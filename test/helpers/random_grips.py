@@ -10,10 +10,11 @@
 """Random discs between any members, and what rolling without slip keeps constant of them."""
 
 import itertools
+from types import SimpleNamespace
 
 from isotruss_ros.core import ConvexObject, Disc, Ellipse, Grip, Polygon, Pose
 from isotruss_ros.core.errors import ConfigurationError, GraspError
-from isotruss_ros.core.manipulation.grip_contacts import find_contacts
+from isotruss_ros.core.manipulation.grip import find_contacts, GripContact
 import numpy as np
 import robots
 from scipy.integrate import quad
@@ -25,6 +26,13 @@ def member_ends(config, name):
     place = dict(zip(config.robot.node_names, config.points, strict=True))
     module, end = name.split('-')
     return place[f'{module}/B'], place[f'{module.split("/")[0]}/{end}/C']
+
+
+def contacts_of(config, grip):
+    """Return the contacts of a grip as arrays: owners, starts, normals, points, sides."""
+    columns = zip(*find_contacts(config, grip), strict=True)
+    names = [f'{name}s' for name in GripContact._fields]
+    return SimpleNamespace(**dict(zip(names, map(np.array, columns), strict=True)))
 
 
 def travel_into(config, name):

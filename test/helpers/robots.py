@@ -21,8 +21,9 @@ import os
 from pathlib import Path
 import tempfile
 
-from hypothesis import HealthCheck, settings, strategies
+from hypothesis import assume, HealthCheck, settings, strategies
 from isotruss_ros.core import ConvexObject, Grip, load_robot, Robot
+from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.model.presets import find_robot_file
 from isotruss_ros.core.model.robot_file import describe_robot
 import numpy as np
@@ -132,6 +133,14 @@ def random_state(robot, rng, reach=0.05):
     """Return a configuration in which no member has changed by more than 2 reach of the least."""
     step = reach * robot.home.member_lengths.min()
     return robot.configuration(rng.uniform(-step, step, len(robot.roller_names)))
+
+
+def far_state(robot, rng, reach):
+    """Return a configuration farther from home, if there is one."""
+    try:
+        return random_state(robot, rng, reach)
+    except ConfigurationError:
+        assume(False)
 
 
 def random_grasp(robot, rng, number):

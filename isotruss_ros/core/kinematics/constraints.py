@@ -75,11 +75,7 @@ class Constraints:
         )
         self._ground_rows = 5 * m + np.arange(len(topology.grounded))
         self._places = self._rows * n + self._nodes
-        spans = np.arange(4 * m)
-        ends = (np.concatenate([self._heads, self._tails]), np.concatenate([spans, spans]))
-        signs = np.repeat([1.0, -1.0], 4 * m)
         self._gather, self._factors = _entries(topology)
-        self._spread = coo_matrix((signs, ends), shape=(n, 4 * m)).tocsr()
         self._sparse = self._sparse_structure() if self.n_columns > DENSE_UP_TO else None
 
     def _sparse_structure(self) -> csc_matrix:
@@ -201,7 +197,9 @@ class Constraints:
         rod_moved = moved[arms].reshape(2, m, -1).sum(axis=0)
         turned = -2.0 * bend * (1j * rod_moved / rod**2).conj()
         gradients[arms] += np.concatenate([turned, turned])
-        derivative = self._spread @ gradients
+        derivative = np.zeros_like(nodes)
+        np.add.at(derivative, self._heads, gradients)
+        np.subtract.at(derivative, self._tails, gradients)
         return np.ascontiguousarray(derivative.T).view(np.float64).T
 
 

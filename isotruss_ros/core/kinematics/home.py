@@ -100,26 +100,20 @@ def _points(topology: Topology, joints: Points, angles: Array, b_arm: Points) ->
 
 def _bisection(
     topology: Topology, constraints: Constraints, points: Points
-) -> tuple[Array, Array | csc_matrix]:
+) -> tuple[Array, csc_matrix]:
     """Return the bisection residual (m,) and its (m, m) derivative by the modules' angles."""
-    m = topology.n_modules
+    m, own = topology.n_modules, np.arange(topology.n_modules)
     targets = Targets(np.abs(constraints.spans(points)), np.zeros(len(topology.grounded)))
-    rows = slice(4 * m, 5 * m)
-    bisection = constraints.residual(points, targets)[rows]
-    modules = np.tile(np.arange(m), 2)
-    nodes = np.concatenate([topology.b, topology.c])
-    turning = 1j * (points[nodes] - np.tile(points[topology.joint], 2))
-    spread = csc_matrix(
-        (
-            np.concatenate([turning.real, turning.imag]),
-            (np.concatenate([2 * nodes, 2 * nodes + 1]), np.tile(modules, 2)),
-        ),
-        shape=(constraints.n_columns, m),
+    bisection = np.split(constraints.residual(points, targets), [4 * m, 5 * m])[1]
+    # Its entries are of the next C, of B, C and the joint, which stays, and of the previous B.
+    ahead, b, c, _, back = constraints.gradients(points).reshape(13, m)[8:]
+    modules = np.concatenate([topology.following, own, own, topology.previous])
+    nodes = np.concatenate(
+        [topology.c[topology.following], topology.b, topology.c, topology.b[topology.previous]]
     )
-    matrix = constraints.matrix(points)
-    if isinstance(matrix, np.ndarray):
-        return bisection, np.ascontiguousarray(matrix[rows] @ spread)
-    return bisection, csc_matrix(matrix[rows] @ spread)
+    turning = 1j * (points[nodes] - points[topology.joint[modules]])
+    slopes = (np.concatenate([ahead, b, c, back]).conj() * turning).real
+    return bisection, csc_matrix((slopes, (np.tile(own, 4), modules)), shape=(m, m))
 
 
 def _refuse_misfits(

@@ -10,7 +10,7 @@
 """
 An object held between any two members, or three: these members, and where they touch it.
 
-A member touches with its straight skin: the object's contact is the point of its surface that is
+Each member is its undeformed centre line, from pinch point to pinch point. The object's surface is
 farthest toward the member. A face of a polygon that lies on the member is touched at its two ends;
 so it can neither lift nor turn. Points of the plane are complex numbers, as in `constraints`.
 """
@@ -131,6 +131,7 @@ class MemberNodes(NamedTuple):
     both: Indices  #: (2 k,) nodes at which they start, then those at which they end
     driven: Indices  #: (d,) which of the k members start at a module with a roller
     rollers: Indices  #: (d,) numbers of these rollers
+    entries: Indices  #: (4 k,) places of the entries of `member_rows` among (3 k, n)
 
 
 @functools.lru_cache(maxsize=256)
@@ -152,6 +153,7 @@ def find_members(robot: Robot, names: tuple[str, ...]) -> MemberNodes:
     members = np.array([robot.member_names.index(name) for name in names], dtype=np.intp)
     driven = np.flatnonzero(np.isin(members, topology.driven))
     starts, ends = topology.b[members], topology.c[topology.following[members]]
+    rows = topology.n_nodes * np.arange(3 * len(members)).reshape(-1, 3)
     found = MemberNodes(
         members=members,
         starts=starts,
@@ -159,71 +161,70 @@ def find_members(robot: Robot, names: tuple[str, ...]) -> MemberNodes:
         both=np.concatenate([starts, ends]),
         driven=driven,
         rollers=topology.driven.searchsorted(members[driven]),
+        entries=np.stack([*(starts + rows.T), ends + rows[:, 2]], axis=1).ravel(),
     )
     for array in found:
         array.flags.writeable = False
     return found
 
 
-class Touch(NamedTuple):
-    """One contact, as numbers: a few of them are quicker than arrays."""
+class GripContact(NamedTuple):
+    """One contact of a grip, in Python's numbers: a few of them are quicker than arrays."""
 
     owner: int  #: which member of the grip it is
     start: complex  #: of the member, robot frame [m]
-    span: complex  #: the member from start to end [m]
-    axis: complex  #: its unit vector
     normal: complex  #: unit vector out of the object into the member
     point: complex  #: of the object's surface, robot frame [m]
     side: float  #: +1 where the object is left of the member, -1 where it is right
 
 
 @functools.lru_cache(maxsize=8)
-def touch_members(config: Configuration, grip: Grip) -> list[Touch]:
+def find_contacts(config: Configuration, grip: Grip) -> list[GripContact]:
     """
     Find where the members touch the object; the last few results are kept.
 
     :param config: configuration of the robot.
     :param grip: the grip.
-    :return: the contacts, member after member.
+    :return: one for each member, member after member; two where a face lies on it.
     :raises GraspError: no such member; or a member does not touch the object between its ends:
         it is off by more than a tube is thick.
     """
     body, nodes = grip.body, find_members(config.robot, grip.members)
     ends = config.points.take(nodes.both).tolist()
     count, inside, turned = len(grip.members), body.middle, body.turn.conjugate()
-    members: list[tuple[complex, complex, complex, complex, float]] = []
+    members: list[tuple[complex, complex, complex, float]] = []
     for start, end in zip(ends[:count], ends[count:], strict=True):
         span = end - start
         axis = span / abs(span)
         side = math.copysign(1.0, (axis.conjugate() * (inside - start)).imag)
-        members.append((start, span, axis, -1j * side * axis, side))
-    touched = body.shape.touch_lines([turned * member[3] for member in members], SIN_FACE_ANGLE)
+        members.append((start, span, -1j * side * axis, side))
+    touched = body.shape.touch_lines([turned * member[2] for member in members], SIN_FACE_ANGLE)
     tube = config.robot.description.tube_diameter
-    found: list[Touch] = []
+    found: list[GripContact] = []
     places: list[tuple[float, float]] = []
     fits = True
     for owner, own_point in zip(touched.owners, touched.points, strict=True):
-        start, span, axis, normal, side = members[owner]
+        start, span, normal, side = members[owner]
         point = body.center + body.turn * own_point
-        found.append(Touch(owner, start, span, axis, normal, point, side))
-        local = axis.conjugate() * (point - start)
-        gap, share = side * local.imag - 0.5 * tube, local.real / abs(span)
+        found.append(GripContact(owner, start, normal, point, side))
+        away = start - point
+        gap = (normal.conjugate() * away).real - 0.5 * tube
+        share = -(span.conjugate() * away).real / abs(span) ** 2
         places.append((gap, share))
         fits = fits and -tube <= gap <= tube and 0.0 <= share <= 1.0
     if not fits:
-        gaps, shares = map(list, zip(*places, strict=True))
-        _check_touch(grip, touched.owners, gaps, shares, tube)
+        _check_touch(grip, touched.owners, places, tube)
     return found
 
 
 def _check_touch(
-    grip: Grip, owners: list[int], gaps: list[float], shares: list[float], tube: float
+    grip: Grip, owners: list[int], places: list[tuple[float, float]], tube: float
 ) -> None:
     """Refuse a member that does not touch the object; a face may reach beyond its end."""
     for number, name in enumerate(grip.members):
-        own = [k for k, owner in enumerate(owners) if owner == number]
-        gap = min((gaps[k] for k in own), key=abs)
-        nearest, farthest = min(shares[k] for k in own), max(shares[k] for k in own)
+        own = [place for owner, place in zip(owners, places, strict=True) if owner == number]
+        gap = min((gap for gap, _ in own), key=abs)
+        nearest, farthest = min(share for _, share in own), max(share for _, share in own)
         if nearest <= 1.0 and farthest >= 0.0 and abs(gap) <= tube:
             continue
         what = f'the gap is {gap:.3g} m, within {tube:.3g} m in a grip'

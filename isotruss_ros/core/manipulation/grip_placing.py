@@ -17,8 +17,7 @@ import math
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.manipulation.grip import find_members, Grip, members_at
-from isotruss_ros.core.manipulation.grip_contacts import find_contacts
+from isotruss_ros.core.manipulation.grip import find_contacts, find_members, Grip, members_at
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.model.shapes import Disc, Shape
@@ -73,7 +72,7 @@ def place_between(
             contacts = find_contacts(config, grip)
         except GraspError:
             continue
-        if (contacts.sides == np.array(sides)[contacts.owners]).all():
+        if all(contact.side == sides[contact.owner] for contact in contacts):
             found.append((abs(place - middle), grip))
     if not found:
         raise GraspError(

@@ -7,11 +7,15 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""
-The rows of a grip on the roller speeds: the constraint of its contacts, solved for the twist.
 
-Contacts roll, see `grip_contacts`. For a cylinder between the two members of one module the rows
-are those of (14) to (18).
+"""
+The rows of a grip on the roller speeds: J_h(q) qdot = G^T nu, solved for the twist nu.
+
+J_h has the velocities of the tubes' material at the contacts, G^T those of the object's surface;
+contacts roll. The tube does not stretch, so the material of a straight member moves as a rigid
+body: with its ends, and along it with the roller at which the member starts. The roller at its end
+moves it just as much, (12): past the passive module of the tube it is the one that turns. For a
+cylinder between the two members of one module the rows are those of (14) to (18).
 """
 
 from __future__ import annotations
@@ -21,12 +25,11 @@ import functools
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.kinematics.robot import Robot
-from isotruss_ros.core.manipulation.grip import find_members, Grip, Touch, touch_members
-from isotruss_ros.core.manipulation.grip_contacts import ONE_POINT, rows_of_three
+from isotruss_ros.core.manipulation.grip import find_contacts, find_members, Grip, GripContact
 from isotruss_ros.core.model.pose import MIN_DIAMETER
-from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
+from scipy.linalg import lapack
 
 
 @functools.lru_cache(maxsize=8)
@@ -47,96 +50,142 @@ def grip_jacobian(config: Configuration, grip: Grip) -> Array:
     :raises GraspError: see `find_contacts`; or the contacts are all in one point.
     :raises ConfigurationError: the configuration is singular.
     """
+    contacts = find_contacts(config, grip)
     if len(grip.members) == 2:
-        jacobian = rows_of_two(config, grip, touch_members(config, grip))
+        jacobian = rows_of_two(grip, contacts, member_rows(config, grip.members))
     else:
-        jacobian = rows_of_three(config, grip)
+        points = np.array([contact.point for contact in contacts])
+        _require_apart(np.abs(points - points[0]).max())
+        normals = np.array([contact.normal for contact in contacts]).view(float)
+        hand, rigid = contact_rows(config, grip)
+        square = np.concatenate([rigid, _misfits(rigid, normals)], axis=1)
+        jacobian = np.asarray(lapack.dgesv(square, hand)[2])
     jacobian.flags.writeable = False
     return jacobian
 
 
-def rows_of_two(config: Configuration, grip: Grip, touches: Sequence[Touch]) -> Array:
+def _require_apart(distance: float) -> None:
+    if distance < MIN_DIAMETER:
+        raise GraspError('the members touch the object in one point: it cannot be held there')
+
+
+def member_rows(config: Configuration, names: tuple[str, ...]) -> Array:
+    """
+    Return how the tubes' material in members moves.
+
+    :param config: configuration of the robot.
+    :param names: (m,) of the members.
+    :return: (3 m, r) vx, vy of the material where the member starts, robot frame [-], and the
+        turning rate of the member (16) [1/m], member after member, for 1 m/s at each roller.
+    :raises GraspError: the robot has no such member.
+    :raises ConfigurationError: the configuration is singular.
+    """
+    nodes, points, count = find_members(config.robot, names), config.points, len(names)
+    ends = points.take(nodes.both).tolist()
+    spans = [end - start for start, end in zip(ends[:count], ends[count:], strict=True)]
+    by_node = np.zeros(3 * count * len(points), dtype=np.complex128)
+    # Turning rate of a member: Re(conj(turn) (velocity of its end - velocity of its start)).
+    turns = [1j / span.conjugate() for span in spans]
+    by_node[nodes.entries] = [entry for turn in turns for entry in (1.0, 1j, -turn, turn)]
+    rows = config.roller_rows(by_node.view(np.float64).reshape(3 * count, -1))
+    for member, roller in zip(nodes.driven.tolist(), nodes.rollers.tolist(), strict=True):
+        # Along the member the material moves with the roller, by which the object rolls (17).
+        axis = spans[member] / abs(spans[member])
+        rows[3 * member, roller] += axis.real
+        rows[3 * member + 1, roller] += axis.imag
+    return rows
+
+
+def contact_rows(config: Configuration, grip: Grip) -> tuple[Array, Array]:
+    """
+    Return both sides of the constraint: J_h(q) qdot = G^T nu.
+
+    :param config: configuration of the robot.
+    :param grip: the grip.
+    :return: J_h (2 k, r), velocities vx, vy of contact after contact for 1 m/s at each roller,
+        and G^T (2 k, 3), those for a twist vx, vy [m/s], omega [rad/s], in the robot frame.
+    :raises GraspError: see `find_contacts`.
+    :raises ConfigurationError: the configuration is singular.
+    """
+    contacts = find_contacts(config, grip)
+    rates = np.zeros((2 * len(contacts), len(grip.members), 3))
+    rigid: list[tuple[float, float, float]] = []
+    for k, contact in enumerate(contacts):
+        lever, arm = contact.point - contact.start, contact.point - grip.body.center
+        rates[2 * k, contact.owner] = 1.0, 0.0, -lever.imag
+        rates[2 * k + 1, contact.owner] = 0.0, 1.0, lever.real
+        rigid += [(1.0, 0.0, -arm.imag), (0.0, 1.0, arm.real)]
+    hand = rates.reshape(len(rates), -1) @ member_rows(config, grip.members)
+    return hand, np.array(rigid)
+
+
+def _misfits(rigid: Array, normals: Array) -> Array:
+    """
+    Return what no twist does to the contacts: (2 k, 2 k - 3), at right angles to G^T.
+
+    The first is that each member moves away from the object by 0.5 m/s, without the part of it
+    that would carry the object along.
+    """
+    # QR factorization, all columns of the first factor.
+    tall = np.zeros((len(rigid), len(rigid)), order='F')
+    tall[:, :3], tall[:, 3] = rigid, 0.5 * normals
+    factored, scales, _, _ = lapack.dgeqrf(tall[:, :4])
+    size = factored[3, 3]
+    tall[:, :4] = factored
+    basis = lapack.dorgqr(tall, scales)[0]
+    basis[:, 3] *= size
+    return basis[:, 3:]
+
+
+def rows_of_two(grip: Grip, contacts: Sequence[GripContact], members: Array) -> Array:
     """
     Return `grip_jacobian` of two members, some contacts of which may have been left out.
 
-    In place of solving the constraint, `hand_jacobian` and `grasp_map`, for the twist.
+    In place of solving the constraint, see `contact_rows`, for the twist. Where a face lies on a
+    member the object turns with it, else with the line through both points; their middle moves
+    with both.
 
-    :param config: configuration of the robot.
     :param grip: of two members.
-    :param touches: where they touch the object.
+    :param contacts: where they touch the object.
+    :param members: (6, r), see `member_rows`.
     :raises GraspError: the contacts are in one point.
-    :raises ConfigurationError: the configuration is singular.
     """
-    first, *one = (touch for touch in touches if touch.owner == 0)
-    second, *other = (touch for touch in touches if touch.owner == 1)
-    points = _middle(first, one), _middle(second, other)
-    # (19): velocity (15) and turning (18) of the object, then the distance of the contacts, which
-    # for a disc at a module is constant where the angle (14) is.
-    rates = _rates_of_two(grip, points, (bool(one), bool(other)))
-    # The material moves with the member's start, turns with the member (16), and moves along it
-    # with the roller, by which the object rolls (17).
-    (lever, turn, back), (other_lever, other_turn, other_back) = (
-        ((point - at.start).conjugate(), 1j / at.span.conjugate(), at.axis.conjugate())
-        for at, point in zip((first, second), points, strict=True)
-    )
-    entries: list[complex] = []
-    rolls: tuple[list[float], list[float]] = ([], [])
-    for h, other_h, k, other_k in rates:
-        turned = ((h * lever).imag + k) * turn
-        other_turned = ((other_h * other_lever).imag + other_k) * other_turn
-        entries += (h - turned, other_h - other_turned, turned, other_turned)
-        rolls[0].append((h * back).real)
-        rolls[1].append((other_h * other_back).real)
-    by_node = np.zeros(len(rates) * len(config.points), dtype=np.complex128)
-    by_node[_entry_places(config.robot, grip.members, len(rates))] = entries
-    jacobian = config.roller_rows(by_node.view(np.float64).reshape(len(rates), -1))
-    nodes = find_members(config.robot, grip.members)
-    for member, roller in zip(nodes.driven.tolist(), nodes.rollers.tolist(), strict=True):
-        jacobian[:, roller] += rolls[member]
-    return jacobian
-
-
-@functools.lru_cache(maxsize=256)
-def _entry_places(robot: Robot, members: tuple[str, ...], count: int) -> Indices:
-    """Return where the entries of so many rows on the members' nodes are, row after row."""
-    nodes = find_members(robot, members).both
-    return (robot.topology.n_nodes * np.arange(count)[:, None] + nodes).ravel()
-
-
-def _middle(first: Touch, others: list[Touch]) -> complex:
-    return 0.5 * (first.point + others[0].point) if others else first.point
-
-
-def _rates_of_two(
-    grip: Grip, points: tuple[complex, complex], faces: tuple[bool, bool]
-) -> list[tuple[complex, complex, float, float]]:
-    """
-    Return the rows of `grip_jacobian` on the motion of two members, touched at points.
-
-    Each is h1, h2, k1, k2 of Re(conj(h1) v1 + conj(h2) v2) + k1 w1 + k2 w2, with the velocities v
-    of the material at the points and the turning rates w of the members. Where a face lies on a
-    member the object turns with it, else with the line through both; their middle moves with both.
-    """
-    apart = points[1] - points[0]
+    first, *one = (contact for contact in contacts if contact.owner == 0)
+    second, *other = (contact for contact in contacts if contact.owner == 1)
+    point, other_point = _middle(first, one), _middle(second, other)
+    apart = other_point - point
     distance = abs(apart)
-    if distance < MIN_DIAMETER:
-        raise GraspError(ONE_POINT)
+    _require_apart(distance)
     along = apart / distance
-    across, around, one, other = 1j * along, 0j, 0.0, 0.0
+    # (19): velocity (15) and turning (18) of the object, then the distance of the contacts, which
+    # for a disc at a module is constant where the angle (14) is. Each row is h1, h2, k1, k2 of
+    # Re(conj(h1) v1 + conj(h2) v2) + k1 w1 + k2 w2, with the velocities v of the material at the
+    # points and the turning rates w of the members.
+    across, around, k, other_k = 1j * along, 0j, 0.0, 0.0
     kept: list[tuple[complex, complex, float, float]] = [(-along, along, 0.0, 0.0)]
-    if any(faces):
-        one, other = (1.0, 0.0) if faces[0] else (0.0, 1.0)
-        kept.append((-across, across, -distance * one, -distance * other))
-        if all(faces):
+    if one or other:
+        k, other_k = (1.0, 0.0) if one else (0.0, 1.0)
+        kept.append((-across, across, -distance * k, -distance * other_k))
+        if one and other:
             kept.append((0j, 0j, -grip.body.arm, grip.body.arm))
     else:
         around = across / distance
     # From the middle of both to the object's origin.
-    arm = grip.body.center - 0.5 * (points[0] + points[1])
+    arm = grip.body.center - 0.5 * (point + other_point)
     up, right = arm.imag, arm.real
-    return [
-        (0.5 + up * around, 0.5 - up * around, -up * one, -up * other),
-        (0.5j - right * around, 0.5j + right * around, right * one, right * other),
-        (-around, around, one, other),
+    rates = [
+        (0.5 + up * around, 0.5 - up * around, -up * k, -up * other_k),
+        (0.5j - right * around, 0.5j + right * around, right * k, right * other_k),
+        (-around, around, k, other_k),
         *kept,
     ]
+    back, other_back = (point - first.start).conjugate(), (other_point - second.start).conjugate()
+    on_members: list[float] = []
+    for h, g, k, other_k in rates:
+        on_members += (h.real, h.imag, (h * back).imag + k)
+        on_members += (g.real, g.imag, (g * other_back).imag + other_k)
+    return np.array(on_members).reshape(-1, 6).dot(members)
+
+
+def _middle(first: GripContact, others: list[GripContact]) -> complex:
+    return 0.5 * (first.point + others[0].point) if others else first.point

@@ -23,14 +23,16 @@ speed there. Sliding may then stay behind scaling by a few per cent of the twist
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from isotruss_ros.core.manipulation.limits import Rows
-from isotruss_ros.core.manipulation.task import Task, WorkingRollers
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.manipulation.limits import Limit, name_binding_rows, Rows
+from isotruss_ros.core.manipulation.status import Status
+from isotruss_ros.core.manipulation.task import Task
 from isotruss_ros.core.manipulation.twist_qp import maximize_progress, PENALTIES, project_target
-from isotruss_ros.core.numerics.arrays import Array, Flags, Indices
+from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
 
 #: Solutions are exact to rounding; a scale this close to 1 is 1.
@@ -76,90 +78,84 @@ class LimitHandling:
     slide_weight: float = 1e-2
 
 
-@dataclass(frozen=True, eq=False)
-class LimitedVelocities:
-    """Roller speeds for a task within limits."""
-
-    velocities: Array  #: (w,) of the working rollers [m/s]
-    scale: float  #: component along the task as a share of it, 0 to 1
-    slid: bool  #: whether the direction differs from that of the task
-    binding: Flags  #: (k,) which rows of the limits are at their bounds; none at scale 1
-
-
 def apply_limits(
-    working: WorkingRollers,
+    config: Configuration,
     task: Task,
+    limits: Sequence[Limit],
     rows: Rows,
-    can_slide: Flags | None,
-    max_speed: float,
     handling: LimitHandling,
-) -> LimitedVelocities:
+) -> tuple[Array, float, Status, tuple[str, ...]]:
     """
     Carry out a task as far as limits allow.
 
-    :param working: the working rollers.
+    :param config: configuration of the robot.
     :param task: the task.
-    :param rows: all rows of the limits, see `stack_rows`.
-    :param can_slide: (k,) along which of them a command may go on; None for none.
-    :param max_speed: largest speed of a roller [m/s].
+    :param limits: the limits.
+    :param rows: their rows, see `stack_rows`.
     :param handling: what to do where they bind.
+    :return: velocities (r,) of the rollers [m/s], and of the command scale, status and limiting.
     :raises SolverError: a quadratic program was not solved.
     """
-    gain = float(np.abs(task.free).max())
+    reach, max_speed = task.reach, config.robot.description.max_speed
+    working, gain = reach.working, float(np.abs(task.free).max())
     asked = gain * task.speed
-    if not working.whole:
-        rows = rows._replace(matrix=rows.matrix[:, working.places])
     # In units of the slower of what is asked and what can be: the solver's tolerance is absolute.
     unit = min(max_speed, asked)
-    bounds = rows.scaled(unit, MAX_REACH)
-    reach, direction = min(asked / unit, MAX_SCALE), task.direction / gain
-    penalty, held = PENALTIES[0], handling.period > 0.0
-    if held:
-        weight = handling.progress_weight
-        weight *= min(1.0, handling.reference_period / handling.period)
-        penalty = min(penalty, weight * max_speed / (unit * gain))
+    largest = MAX_REACH * unit  # before the division, which could overflow
+    bounds = Rows(
+        working.take(rows.matrix),
+        np.maximum(rows.lower, -largest) / unit,
+        np.minimum(rows.upper, largest) / unit,
+    )
+    farthest, direction = min(asked / unit, MAX_SCALE), task.direction / gain
+    penalty, weight, guess = PENALTIES[0], LEAST_REGULARIZATION, None
+    if handling.period > 0.0:
+        slower = min(1.0, handling.reference_period / handling.period)
+        penalty = min(penalty, handling.progress_weight * slower * max_speed / (unit * gain))
+        weight, guess = handling.slide_weight, task.free / gain
 
-    def farthest(cost: Array, equality: Array, limited: Rows) -> tuple[Array, float]:
-        return maximize_progress(cost, equality, direction, reach, limited, penalty)
+    def progress(cost: Array, equality: Array, limited: Rows) -> tuple[Array, float]:
+        return maximize_progress(cost, equality, direction, farthest, limited, penalty)
 
-    guess = task.free / gain
-    fixed = bounds if can_slide is None else bounds.take(~can_slide)
-    solution, progress = _solve(working, task, farthest, fixed, guess if held else None)
+    fixed, slid = bounds, False
+    if handling.slide_along_limits:
+        counts = [len(limit.row_names(config)) for limit in limits]
+        fixed = bounds.take(~np.repeat([limit.can_slide for limit in limits], counts))
+    solution, made = _solve(task, progress, fixed, guess)
     slack = bounds.slack(solution)
-    slid = can_slide is not None and bool((slack < -BINDING_TOLERANCE).any())
-    if slid:
-        target = progress * direction
-        weight = handling.slide_weight if held else LEAST_REGULARIZATION
+    if handling.slide_along_limits and (slack < -BINDING_TOLERANCE).any():
+        target, slid = made * direction, True
 
         def closest(cost: Array, equality: Array, limited: Rows) -> tuple[Array, float]:
-            found = project_target(cost, equality, target, task.rank, limited, weight)
+            rank = len(reach.directions)
+            found = project_target(cost, equality, target, rank, limited, weight)
             return found, gain * float(task.direction.dot(equality.dot(found)))
 
-        solution, progress = _solve(working, task, closest, bounds, guess if held else None)
+        solution, made = _solve(task, closest, bounds, guess)
         slack = bounds.slack(solution)
-    free = rows.slack(task.velocities)
-    scale = min(1.0, max(0.0, progress * unit / gain / task.speed))
+    scale = min(1.0, max(0.0, made * unit / gain / task.speed))
+    velocities = working.spread(solution * unit)
+    if scale > 1.0 - SCALE_TOLERANCE:
+        return velocities, 1.0, task.status, ()
     # A step toward the free solution would go on along the twist: a row at its bound forbids it.
-    return LimitedVelocities(
-        velocities=solution * unit,
-        scale=1.0 if scale > 1.0 - SCALE_TOLERANCE else scale,
-        slid=slid,
-        binding=(slack < BINDING_TOLERANCE) & (free < 0.0),
-    )
+    binding = (slack < BINDING_TOLERANCE) & (rows.slack(task.velocities) < 0.0)
+    slowed, limiting = name_binding_rows(config, limits, binding)
+    if task.status is Status.OK:
+        return velocities, scale, Status.SLIDING if slid else slowed, limiting
+    return velocities, scale, task.status, limiting
 
 
-def _solve(
-    working: WorkingRollers, task: Task, solve: Solver, rows: Rows, guess: Array | None
-) -> tuple[Array, float]:
+def _solve(task: Task, solve: Solver, rows: Rows, guess: Array | None) -> tuple[Array, float]:
     """
     Solve a quadratic program with all rows, or on a large robot with those that bind.
 
     Without a guess all rows count: without regularization those that bind are many, since the last
     bit of progress takes all rollers.
     """
+    working, equality = task.reach.working, task.reach.rows
     if guess is not None and len(working.places) > ALL_ROWS_UP_TO:
-        return solve_by_few_rows(solve, working.even, task.equality, rows, guess)
-    return solve(working.cost, task.equality, rows)
+        return solve_by_few_rows(solve, working.even, equality, rows, guess)
+    return solve(working.cost, equality, rows)
 
 
 def solve_by_few_rows(

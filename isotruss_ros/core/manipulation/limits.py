@@ -34,17 +34,6 @@ class Rows(NamedTuple):
     lower: Array  #: (k,) [m/s]
     upper: Array  #: (k,) [m/s]
 
-    def scaled(self, unit: float, largest: float) -> Rows:
-        """
-        Return the same rows, with bounds in another unit.
-
-        :param unit: of the bounds [m/s].
-        :param largest: what takes the place of larger bounds, in that unit.
-        """
-        bound = largest * unit  # before the division, which could overflow
-        lower, upper = np.maximum(self.lower, -bound) / unit, np.minimum(self.upper, bound) / unit
-        return Rows(self.matrix, lower, upper)
-
     def slack(self, speeds: Array) -> Array:
         """
         Return how far the (k,) rows are from their bounds, negative beyond them [m/s].
@@ -90,13 +79,8 @@ class Limit(Protocol):
 
 
 @functools.lru_cache(maxsize=16)
-def speed_rows(count: int, max_speed: float) -> Rows:
-    """
-    Return the rows of `RollerSpeedLimit`, which are not to be written to.
-
-    :param count: number of rollers.
-    :param max_speed: of each [m/s].
-    """
+def _speed_rows(count: int, max_speed: float) -> Rows:
+    """Return the rows of `RollerSpeedLimit`, which are not to be written to."""
     bound = np.full(count, max_speed)
     rows = Rows(np.eye(count), -bound, bound)
     for array in rows:
@@ -114,7 +98,7 @@ class RollerSpeedLimit:
 
     def rows(self, config: Configuration) -> Rows:
         """Return one row for each roller; see `Limit.rows`."""
-        return speed_rows(len(config.robot.roller_names), self.max_speed)
+        return _speed_rows(len(config.robot.roller_names), self.max_speed)
 
     def row_names(self, config: Configuration) -> tuple[str, ...]:
         """Return the rollers' names; see `Limit.row_names`."""
@@ -164,49 +148,30 @@ def default_limits(robot: Robot) -> tuple[Limit, ...]:
     )
 
 
-def find_rows(
-    config: Configuration, limits: Sequence[Limit], speeds: Array
-) -> tuple[list[Rows], bool]:
-    """
-    Return the rows of each limit, and whether all of them admit roller speeds, however large.
-
-    :param config: configuration of the robot.
-    :param limits: the limits.
-    :param speeds: (r,) of the rollers [m/s].
-    """
-    parts = [limit.rows(config) for limit in limits]
-    for matrix, lower, upper in parts:
-        rates = matrix.dot(speeds)
-        if not ((rates <= upper) & (rates >= lower)).all():
-            return parts, False
-    return parts, True
-
-
-def stack_rows(parts: Sequence[Rows]) -> Rows:
+def stack_rows(config: Configuration, limits: Sequence[Limit]) -> Rows:
     """
     Return the rows of several limits, one limit after the other.
 
-    :param parts: of each limit, at least one.
+    :param config: configuration of the robot.
+    :param limits: the limits, perhaps none.
     """
+    if not limits:
+        return Rows(np.zeros((0, len(config.roller_positions))), np.zeros(0), np.zeros(0))
+    parts = [limit.rows(config) for limit in limits]
     return Rows(*map(np.concatenate, zip(*parts, strict=True)))
 
 
 def name_binding_rows(
-    config: Configuration, limits: Sequence[Limit], parts: Sequence[Rows], binding: Flags
+    config: Configuration, limits: Sequence[Limit], binding: Flags
 ) -> tuple[Status, tuple[str, ...]]:
     """
     Return the status of the first limit that binds, and the names of all rows that bind.
 
     :param config: configuration of the robot.
     :param limits: the limits.
-    :param parts: the rows of each of them.
     :param binding: (k,) which of the rows bind.
     """
-    found, names, stop, places = None, [], 0, np.flatnonzero(binding).tolist()
-    for limit, part in zip(limits, parts, strict=True):
-        start, stop = stop, stop + len(part.upper)
-        own = [place - start for place in places if start <= place < stop]
-        if own:
-            found, known = found or limit, limit.row_names(config)
-            names += [known[i] for i in own]
-    return Status.SLOWED_ROLLER_SPEED if found is None else found.status, tuple(names)
+    rows = [(limit.status, name) for limit in limits for name in limit.row_names(config)]
+    bound = [rows[place] for place in np.flatnonzero(binding)]
+    status = bound[0][0] if bound else Status.SLOWED_ROLLER_SPEED
+    return status, tuple(name for _, name in bound)

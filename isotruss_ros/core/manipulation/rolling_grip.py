@@ -30,13 +30,13 @@ from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.manipulation.grip import find_members, Grip, touch_members
+from isotruss_ros.core.manipulation.grip import find_contacts, find_members, Grip
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
 
 #: A face lies on a member that is inclined against it by at most this [rad]: less than what
-#: `touch_members` takes for one, so that a face that comes to lie on a member does not snap.
+#: `find_contacts` takes for one, so that a face that comes to lie on a member does not snap.
 FLAT = 1e-6
 MAX_STEPS = 50
 #: After so many steps the contacts stay those that they are: rounding may not decide on one.
@@ -57,18 +57,17 @@ class RollingGrip:
     :ivar config: the configuration.
     :ivar grip: the grip, the object in its place.
     :ivar angles: (m,) of the object's normals toward the members in its frame, not wrapped [rad].
-    :ivar gaps: (m,) of the object from the members' centre lines, which stay [m].
-    :ivar anchors: (m,) of the contacts along the tubes, which stay [m].
+    :ivar kept: (2, m) gaps of the object from the members' centre lines, and anchors of the
+        contacts along the tubes, which stay [m].
     :ivar sides: (m,) +1 where the object is left of the member, -1 where it is right.
-    :ivar misfit: the largest deviation from `gaps` and `anchors` [m]: by so much members have come
+    :ivar misfit: the largest deviation from what is kept [m]: by so much members have come
         closer, moved apart or slipped, since the rollers did not keep the contacts.
     """
 
     config: Configuration
     grip: Grip
     angles: Array
-    gaps: Array
-    anchors: Array
+    kept: Array
     sides: Array
     misfit: float = 0.0
 
@@ -79,19 +78,17 @@ class RollingGrip:
 
         :param config: configuration of the robot.
         :param grip: the grip, with the object in its place.
-        :raises GraspError: see `touch_members`.
+        :raises GraspError: see `find_contacts`.
         """
-        body = grip.body
-        by_member = {touch.owner: touch for touch in touch_members(config, grip)}
-        sides = np.array([touch.side for touch in by_member.values()])
-        normals = np.array([touch.normal for touch in by_member.values()])
-        angles = np.angle(normals * body.turn.conjugate())
-        zeros = np.zeros(len(sides))
-        rolling = cls(config, grip, angles, zeros, zeros, sides)
-        touch = rolling._touch(config, body.center, body.pose.angle)
+        by_member = {contact.owner: contact for contact in find_contacts(config, grip)}
+        sides = np.array([contact.side for contact in by_member.values()])
+        normals = np.array([contact.normal for contact in by_member.values()])
+        angles = np.angle(normals * grip.body.turn.conjugate())
+        rolling = cls(config, grip, angles, np.zeros((2, len(sides))), sides)
+        touch = rolling._touch()
         # Of a face both ends have the same gap and anchor.
         once = np.searchsorted(touch.owners, np.arange(len(sides)))
-        return replace(rolling, gaps=touch.gaps[once], anchors=touch.anchors[once])
+        return replace(rolling, kept=touch.values[:, once])
 
     @property
     def pose(self) -> Pose:
@@ -113,39 +110,34 @@ class RollingGrip:
         rolled = self._rolled(config)
         if rolled.misfit <= MISFIT:
             return rolled
-        touched = self.grip.body.shape.touch_lines(np.exp(1j * self.angles).tolist(), FLAT)
-        if len(touched.owners) == len(self.sides):
+        before = self._touch()
+        if len(before.owners) == len(self.sides):
             return rolled
         # A face lay on a member, and may have lifted at one of its ends.
-        before = self._touch(self.config, self.grip.body.center, self.grip.body.pose.angle)
         ends = [np.flatnonzero(before.owners == i).tolist() for i in range(len(self.sides))]
         for chosen in itertools.product(*([own, *([k] for k in own)] for own in ends)):
-            kept = np.array([k for own in chosen for k in own])
-            if len(kept) == len(before.owners):
+            left = np.array([k for own in chosen for k in own])
+            if len(left) == len(before.owners):
                 continue
-            other = self._rolled(config, (before.owners[kept], before.corners[kept]))
+            other = self._rolled(config, (before.owners[left], before.corners[left]))
             if other.misfit < rolled.misfit and other._clears(before):
                 rolled = other
         return rolled
 
     def _clears(self, before: _Touch) -> bool:
         """Tell whether the corners that touched before do not enter the members now."""
-        kept = (before.owners, before.corners)
-        touch = self._touch(self.config, self.grip.body.center, self.grip.body.pose.angle, kept)
-        return bool((touch.gaps >= self.gaps[before.owners] - self.misfit - MISFIT).all())
+        gaps = self._touch((before.owners, before.corners)).values[0]
+        return bool((gaps >= self.kept[0, before.owners] - self.misfit - MISFIT).all())
 
     def _rolled(
         self, config: Configuration, fixed: tuple[Indices, Indices] | None = None
     ) -> RollingGrip:
         """Return the grip in another configuration, with given corners as contacts if any."""
-        body, kept, lines = self.grip.body, fixed, _lines(config, self.grip, self.sides)
+        body, chosen, lines = self.grip.body, fixed, self._lines(config)
         center, angle = body.center, body.pose.angle
         for step in range(MAX_STEPS):
-            touch = self._touch(config, center, angle, kept, lines)
-            owners = touch.owners
-            off = np.concatenate(
-                [touch.gaps - self.gaps[owners], touch.anchors - self.anchors[owners]]
-            )
+            touch = self._touch_there(lines, center, angle, chosen)
+            off = (touch.values - self.kept[:, touch.owners]).ravel()
             rows = touch.rows * (1.0, 1.0, 1.0 / body.arm)
             x, y, turn = change = np.linalg.lstsq(rows, -off, rcond=RANK)[0]
             center += complex(x, y)
@@ -154,15 +146,14 @@ class RollingGrip:
             settled = size <= TOLERANCE * max(1.0, abs(center) / body.arm)
             if settled or (body.shape.is_round and size <= body.arm):
                 # What rolling keeps is linear for a disc.
-                off += rows.dot(change)
-                misfit = float(np.abs(off).max())
+                misfit = float(np.abs(off + rows.dot(change)).max())
                 grip = self.grip.moved_to((center.real, center.imag, angle))
-                touch_members(config, grip)  # raises where it left a member
+                find_contacts(config, grip)  # raises where it left a member
                 angles = self._unwrapped(lines.normals, angle)
                 return replace(self, config=config, grip=grip, angles=angles, misfit=misfit)
             if not size <= body.arm:
                 break
-            kept = (touch.owners, touch.corners) if step >= FREE_STEPS else fixed
+            chosen = (touch.owners, touch.corners) if step >= FREE_STEPS else fixed
         raise GraspError(
             'the object does not roll to the new configuration: go there in smaller steps, or '
             'with rollers that keep its contacts'
@@ -170,41 +161,45 @@ class RollingGrip:
 
     def _unwrapped(self, normals: Points, angle: float) -> Array:
         """Return the angles of normals (m,) in the object, within half a turn of those before."""
-        turned = np.angle(normals * np.exp(-1j * (angle + self.angles)))
-        return self.angles + turned
+        return self.angles + np.angle(normals * np.exp(-1j * (angle + self.angles)))
 
-    def _touch(
-        self,
-        config: Configuration,
-        center: complex,
-        angle: float,
-        kept: tuple[Indices, Indices] | None = None,
-        lines: _Lines | None = None,
+    def _lines(self, config: Configuration) -> _Lines:
+        """Return the members in a configuration."""
+        nodes = find_members(config.robot, self.grip.members)
+        starts = config.points[nodes.starts]
+        spans = config.points[nodes.ends] - starts
+        axes = spans / np.abs(spans)
+        travel = np.zeros(len(nodes.members))
+        travel[nodes.driven] = config.roller_positions[nodes.rollers]
+        return _Lines(starts, axes, axes * (-1j * self.sides), travel)
+
+    def _touch(self, chosen: tuple[Indices, Indices] | None = None) -> _Touch:
+        """Return what rolling keeps, where the object is."""
+        body = self.grip.body
+        return self._touch_there(self._lines(self.config), body.center, body.pose.angle, chosen)
+
+    def _touch_there(
+        self, lines: _Lines, center: complex, angle: float, chosen: tuple[Indices, Indices] | None
     ) -> _Touch:
-        """Return what rolling keeps, of an object in a place, and its derivative by the place."""
+        """Return what rolling keeps of an object in a place, with given corners if any."""
         shape, turn = self.grip.body.shape, cmath.rect(1.0, angle)
-        starts, axes, normals, travel = lines or _lines(config, self.grip, self.sides)
-        own = normals * turn.conjugate()
-        if kept is None:
+        own = lines.normals * turn.conjugate()
+        if chosen is None:
             touched = shape.touch_lines(own.tolist(), FLAT)
             owners, corners, points = map(np.array, touched)
         else:
-            owners, corners = kept
+            owners, corners = chosen
             touching = zip(corners.tolist(), own[owners].tolist(), strict=True)
             points = np.array([shape.point_at(corner, normal) for corner, normal in touching])
+        axes, sides = lines.axes[owners], self.sides[owners]
         arms = turn * points
-        axes, sides = axes[owners], self.sides[owners]
-        along = axes.conj()
-        local = along * (center + arms - starts[owners])
-        arcs = shape.unroll(self._unwrapped(normals, angle)[owners], corners)
+        local, turned = axes.conj() * (center + arms - lines.starts[owners]), axes.conj() * arms
+        arcs = shape.unroll(self._unwrapped(lines.normals, angle)[owners], corners)
+        values = np.array([sides * local.imag, local.real - lines.travel[owners] - sides * arcs])
         # Gaps along i side axis, anchors along the axis.
-        k, turned = len(axes), along * arms
-        rows = np.empty((2 * k, 3))
-        rows[k:, 0], rows[k:, 1], rows[k:, 2] = axes.real, axes.imag, -turned.imag
-        rows[:k, 0], rows[:k, 1], rows[:k, 2] = -axes.imag, axes.real, turned.real
-        rows[:k] *= sides[:, None]
-        anchors = local.real - travel[owners] - sides * arcs
-        return _Touch(owners, corners, sides * local.imag, anchors, rows)
+        by_gap = np.stack([-axes.imag, axes.real, turned.real], axis=1) * sides[:, None]
+        by_anchor = np.stack([axes.real, axes.imag, -turned.imag], axis=1)
+        return _Touch(owners, corners, values, np.concatenate([by_gap, by_anchor]))
 
 
 class _Touch(NamedTuple):
@@ -212,8 +207,7 @@ class _Touch(NamedTuple):
 
     owners: Indices  #: which member of the grip it is
     corners: Indices  #: which corner of a polygon
-    gaps: Array  #: from the members' centre lines [m]
-    anchors: Array  #: [m]
+    values: Array  #: (2, k) gaps and anchors, see `RollingGrip.kept` [m]
     rows: Array  #: (2 k, 3) derivatives of gaps and anchors by the object's twist
 
 
@@ -224,17 +218,6 @@ class _Lines(NamedTuple):
     axes: Points  #: their directions
     normals: Points  #: unit vectors out of the object
     travel: Array  #: of the tubes into the members at their starts [m]
-
-
-def _lines(config: Configuration, grip: Grip, sides: Array) -> _Lines:
-    """Return the members of a grip."""
-    nodes = find_members(config.robot, grip.members)
-    starts = config.points[nodes.starts]
-    spans = config.points[nodes.ends] - starts
-    axes = spans / np.abs(spans)
-    travel = np.zeros(len(nodes.members))
-    travel[nodes.driven] = config.roller_positions[nodes.rollers]
-    return _Lines(starts, axes, axes * (-1j * sides), travel)
 
 
 def roll_object(grip: Grip, start: Configuration, end: Configuration) -> Grip:

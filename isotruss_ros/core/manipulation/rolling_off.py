@@ -18,22 +18,16 @@ the friction cones of both.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import cmath
+from collections.abc import Iterator, Sequence
 import itertools
 import math
 
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.manipulation.grip import Grip, touch_members
-from isotruss_ros.core.manipulation.grip_contacts import contact_rows, GripContacts
-from isotruss_ros.core.manipulation.grip_rows import rows_of_two
-from isotruss_ros.core.manipulation.task import (
-    Motion,
-    Reach,
-    REACH_TOLERANCE,
-    Task,
-    WorkingRollers,
-)
-from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.manipulation.grip import find_contacts, Grip, GripContact
+from isotruss_ros.core.manipulation.grip_rows import contact_rows, member_rows, rows_of_two
+from isotruss_ros.core.manipulation.task import find_task, Reach, REACH_TOLERANCE
+from isotruss_ros.core.numerics.arrays import Array, as_xy
 import numpy as np
 
 #: A face's other end may come closer to the member by this share of the surface's speed.
@@ -42,37 +36,33 @@ LIFT_TOLERANCE = 1e-9
 LEAST_GAIN = 1e-6
 
 
-def roll_off_faces(
-    config: Configuration, grip: Grip, working: WorkingRollers, twist: Array, motion: Motion
-) -> Motion:
+def roll_off_faces(config: Configuration, grip: Grip, reach: Reach, twist: Array) -> Reach:
     """
-    Return the motion with the fewer contacts with which a twist is missed by least.
+    Return what is reachable with the fewer contacts with which a twist is missed by least.
 
     :param config: configuration of the robot.
     :param grip: the grip.
-    :param working: the rollers that work.
+    :param reach: with all contacts, which is returned where nothing comes closer.
     :param twist: (3,) of the object, not zero [m/s, rad/s].
-    :param motion: with all contacts, which is returned where nothing comes closer.
     :raises ConfigurationError: the configuration is singular.
     """
-    least, places = _missed(motion.reach, twist), working.places
+    least, working = _missed(reach, twist), reach.working
     if least <= REACH_TOLERANCE:
-        return motion
-    contacts, hand, rigid = contact_rows(config, grip)
-    touches = touch_members(config, grip)
-    inward = np.repeat(-contacts.normals, 2).view(np.float64).reshape(-1, 2, 2)[:, 0]
+        return reach
+    contacts, (hand, rigid) = find_contacts(config, grip), contact_rows(config, grip)
+    members = member_rows(config, grip.members)
+    inward = as_xy(-np.array([contact.normal for contact in contacts]))
     for kept in rolled_corners(contacts, grip.friction):
-        tried = rows_of_two(config, grip, [touches[k] for k in kept])
-        found = Reach.of(tried[:, places], grip.body.arm)
-        missed = _missed(found, twist)
-        task = Task(found, twist, working)
+        found = Reach.of(rows_of_two(grip, kept, members), working, reach.weights)
+        missed, task = _missed(found, twist), find_task(found, twist)
         if missed >= least * (1.0 - LEAST_GAIN) or task.speed == 0.0:
             continue
-        moved = rigid @ (tried[:3, places] @ task.free) - hand[:, places] @ task.free
+        speeds = working.spread(task.free)
+        moved = rigid @ (found.motion @ speeds) - hand @ speeds
         lifting = (moved.reshape(-1, 2) * inward).sum(axis=1)
-        if lifting.min() >= -LIFT_TOLERANCE * np.abs(task.free).max():
-            motion, least = Motion(tried[:3], found), missed
-    return motion
+        if lifting.min() >= -LIFT_TOLERANCE * np.abs(speeds).max():
+            reach, least = found, missed
+    return reach
 
 
 def _missed(reach: Reach, twist: Array) -> float:
@@ -82,46 +72,43 @@ def _missed(reach: Reach, twist: Array) -> float:
     return math.sqrt(left @ left) / math.sqrt(unit @ unit)
 
 
-def rolled_corners(contacts: GripContacts, friction: float) -> Iterator[tuple[int, ...]]:
+def rolled_corners(
+    contacts: Sequence[GripContact], friction: float
+) -> Iterator[list[GripContact]]:
     """
     Return the contacts that remain where an object rolls over ends of faces.
 
     :param contacts: of two members; with three, faces stay on them.
     :param friction: coefficient between tubes and object.
-    :return: numbers of the contacts, for each choice that statics has a balance for.
+    :return: for each choice that statics has a balance for.
     """
-    if contacts.owners[-1] != 1:
+    if contacts[-1].owner != 1:
         return
-    first = np.flatnonzero(contacts.owners == 0).tolist()
-    second = np.flatnonzero(contacts.owners == 1).tolist()
+    first, second = ([c for c in contacts if c.owner == owner] for owner in (0, 1))
     for one, other in itertools.product(_choices(first), _choices(second)):
-        fewer = len(one) + len(other) < len(contacts.owners)
-        if fewer and _balances(contacts, one, other, math.atan(friction)):
-            yield (*one, *other)
+        fewer = len(one) + len(other) < len(contacts)
+        if fewer and _balances(*sorted((other, one), key=len), math.atan(friction)):
+            yield one + other
 
 
-def _choices(own: list[int]) -> list[list[int]]:
+def _choices(own: list[GripContact]) -> list[list[GripContact]]:
     """Return the contacts of a member that may remain: all, or either end of a face."""
     return [own] if len(own) == 1 else [own, own[:1], own[1:]]
 
 
-def _balances(contacts: GripContacts, one: list[int], other: list[int], angle: float) -> bool:
+def _balances(other: list[GripContact], one: list[GripContact], angle: float) -> bool:
     """
     Tell whether forces along one line, within the friction cones, meet both contacts.
 
-    One of them is a single point, the other that or a face.
+    The first is a single point, the second one too or a face.
     """
-    if len(one) < len(other):
-        one, other = other, one
-    points, normals = contacts.points, contacts.normals
-    point, normal = complex(points[other[0]]), complex(normals[one[0]])
+    point, normal = other[0].point, one[0].normal
     # Directions of the force at `other`: in its own cone, and against one in the cone of `one`.
-    between = float(np.angle(-normals[other[0]] / normal))
+    between = cmath.phase(-other[0].normal / normal)
     low, high = max(-angle, between - angle), min(angle, between + angle)
     if low > high:
         return False
-    ends = points[one]
-    away = ((complex(ends[0]) - point) * normal.conjugate()).real
-    along = (((ends - point) / (1j * normal)).real).tolist()
+    away = ((one[0].point - point) * normal.conjugate()).real
+    along = [((end.point - point) / (1j * normal)).real for end in one]
     reached = (away * math.tan(low), away * math.tan(high))
     return min(reached) <= max(along) and max(reached) >= min(along)

@@ -12,16 +12,16 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.limit_handling import LimitHandling
-from isotruss_ros.core.manipulation.limits import default_limits, Limit
+from isotruss_ros.core.manipulation.limits import Limit
 from isotruss_ros.core.manipulation.solve_twist import carry_out, SCALE
-from isotruss_ros.core.manipulation.status import Status
-from isotruss_ros.core.manipulation.task import Motion, Reach, working_rollers
+from isotruss_ros.core.manipulation.status import RollerCommand
+from isotruss_ros.core.manipulation.task import Reach, working_rollers
 from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 import numpy as np
@@ -29,26 +29,17 @@ from numpy.typing import ArrayLike
 
 
 @dataclass(frozen=True, eq=False)
-class JointCommand:
+class JointCommand(RollerCommand):
     """
-    Roller velocities, and the motion of the joints that follows from them.
+    Roller velocities, and the motion of the joints that follows from them; see `RollerCommand`.
 
-    :ivar roller_velocities: (r,) speed of the tube through each roller [m/s].
-    :ivar achieved_velocities: (vx, vy) by joint in the robot frame [m/s], computed from
-        `roller_velocities`.
-    :ivar scale: 0 to 1, see `RollerCommand`.
-    :ivar status: how the velocities were carried out.
-    :ivar limiting: names of the rollers, members and so on whose limits bind, empty at scale 1.
+    :ivar achieved_twist: (2 k,) vx, vy of k joints in the robot frame [m/s].
+    :ivar achieved_velocities: the same, (vx, vy) by joint.
     :ivar reachable_dof: number of independent motions of the joints that the working rollers can
         produce.
     """
 
-    roller_velocities: Array
-    achieved_velocities: dict[str, Array]
-    scale: float
-    status: Status
-    limiting: tuple[str, ...] = ()
-    reachable_dof: int = 0
+    achieved_velocities: dict[str, Array] = field(default_factory=dict)
 
 
 def check_joint(robot: Robot, name: str) -> None:
@@ -107,15 +98,7 @@ def solve_joint_velocity(
     columns = np.stack([2 * nodes, 2 * nodes + 1], axis=1).ravel()
     jacobian = config.roller_rows(np.eye(2 * len(config.points))[columns])
     working = working_rollers(robot, frozenset([failed] if isinstance(failed, str) else failed))
-    motion = Motion(jacobian, Reach.of_points(jacobian[:, working.places]))
-    limits = default_limits(robot) if limits is None else limits
-    command = carry_out(config, working, motion, desired, limits, handling)
+    reach = Reach.of(jacobian, working, np.ones(len(jacobian)))
+    command = carry_out(config, reach, desired, limits, handling)
     achieved = dict(zip(velocities, command.achieved_twist.reshape(-1, 2), strict=True))
-    return JointCommand(
-        roller_velocities=command.roller_velocities,
-        achieved_velocities=achieved,
-        scale=command.scale,
-        status=command.status,
-        limiting=command.limiting,
-        reachable_dof=command.reachable_dof,
-    )
+    return JointCommand(**vars(command), achieved_velocities=achieved)

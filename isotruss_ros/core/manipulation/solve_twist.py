@@ -16,25 +16,16 @@ import math
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.limit_handling import apply_limits, LimitHandling
-from isotruss_ros.core.manipulation.limits import (
-    default_limits,
-    find_rows,
-    Limit,
-    name_binding_rows,
-    stack_rows,
-)
+from isotruss_ros.core.manipulation.limits import default_limits, Limit, stack_rows
 from isotruss_ros.core.manipulation.rolling_grip import roll_object
 from isotruss_ros.core.manipulation.rolling_off import roll_off_faces
-from isotruss_ros.core.manipulation.status import RollerCommand, Status
+from isotruss_ros.core.manipulation.status import RollerCommand
 from isotruss_ros.core.manipulation.task import (
-    EVERYWHERE,
-    Motion,
+    find_task,
     Reach,
-    Task,
     working_rollers,
     WorkingRollers,
 )
@@ -88,30 +79,25 @@ def solve_twist(
     if not (usable and all(map(math.isfinite, desired.tolist()))):
         desired = finite_array(twist, 3, 'the twist (vx, vy [m/s], omega [rad/s])', GraspError)
     working = working_rollers(robot, frozenset([failed] if isinstance(failed, str) else failed))
-    motion = _find_motion(config, grip, working, desired)
-    limits = default_limits(robot) if limits is None else limits
-    return carry_out(config, working, motion, desired, limits, handling, opening_rate)
+    reach = _find_reach(config, grip, working, desired)
+    return carry_out(config, reach, desired, limits, handling, opening_rate)
 
 
-def _find_motion(
-    config: Configuration, grip: Grip, working: WorkingRollers, twist: Array
-) -> Motion:
+def _find_reach(config: Configuration, grip: Grip, working: WorkingRollers, twist: Array) -> Reach:
     """Return the twists of the object that keep its contacts; it may roll off faces for one."""
     jacobian = grip_jacobian(config, grip)
-    active = jacobian if working.whole else jacobian[:, working.places]
-    found = Motion(jacobian[:3], Reach.of(active, grip.body.arm))
+    reach = Reach.of(jacobian, working, np.array([1.0, 1.0, grip.body.arm]))
     faces = len(grip.members) == 2 and len(jacobian) > 4
-    if not faces or found.reach.directions is EVERYWHERE or not twist.any():
-        return found
-    return roll_off_faces(config, grip, working, twist, found)
+    if not faces or len(reach.directions) == 3 or not twist.any():
+        return reach
+    return roll_off_faces(config, grip, reach, twist)
 
 
 def carry_out(
     config: Configuration,
-    working: WorkingRollers,
-    motion: Motion,
+    reach: Reach,
     desired: Array,
-    limits: Sequence[Limit],
+    limits: Sequence[Limit] | None,
     handling: LimitHandling,
     opening_rate: float = 0.0,
 ) -> RollerCommand:
@@ -119,44 +105,22 @@ def carry_out(
     Find the roller velocities of the least cost (11) for a motion, as far as limits admit.
 
     :param config: configuration of the robot.
-    :param working: the rollers that work.
-    :param motion: what the rollers can do.
+    :param reach: what the working rollers can do.
     :param desired: (k,) what they are to do.
-    :param limits: limits of rollers and configuration.
+    :param limits: limits of rollers and configuration; None for those of the robot file.
     :param handling: what to do where limits bind.
     :param opening_rate: right-hand side of the grip's row [m/s].
     :raises SolverError: a quadratic program was not solved.
     """
-    robot = config.robot
-    dof = len(motion.reach.directions)
-    if opening_rate == 0.0 and not any(desired.tolist()):
-        return _standing(robot, len(desired), Status.IDLE, dof)
-    task = Task(motion.reach, desired, working, opening_rate)
-    status = Status.OK if task.reachable else Status.UNREACHABLE
-    if task.speed == 0.0:
-        return _standing(robot, len(desired), status, dof)
-    velocities = task.roller_velocities
-    parts, admitted = find_rows(config, limits, velocities)
-    if admitted:
-        return RollerCommand(velocities, motion.rows.dot(velocities), 1.0, status, (), dof)
-    max_speed = robot.description.max_speed
-    can_slide = None
-    if handling.slide_along_limits:
-        counts = [len(part.upper) for part in parts]
-        can_slide = np.repeat([limit.can_slide for limit in limits], counts)
-    limited = apply_limits(working, task, stack_rows(parts), can_slide, max_speed, handling)
-    velocities = working.spread(limited.velocities)
-    limiting: tuple[str, ...] = ()
-    if limited.scale < 1.0:
-        slowed, limiting = name_binding_rows(config, limits, parts, limited.binding)
-        if task.reachable:
-            status = Status.SLIDING if limited.slid else slowed
-    achieved = motion.rows.dot(velocities)
-    return RollerCommand(velocities, achieved, limited.scale, status, limiting, dof)
-
-
-def _standing(robot: Robot, count: int, status: Status, dof: int) -> RollerCommand:
-    return RollerCommand(np.zeros(len(robot.roller_names)), np.zeros(count), 1.0, status, (), dof)
+    task = find_task(reach, desired, opening_rate)
+    velocities, scale, status, limiting = task.velocities, 1.0, task.status, ()
+    limits = default_limits(config.robot) if limits is None else limits
+    rows = stack_rows(config, limits)
+    rates = rows.matrix.dot(velocities)
+    if not ((rates <= rows.upper) & (rates >= rows.lower)).all():
+        velocities, scale, status, limiting = apply_limits(config, task, limits, rows, handling)
+    achieved, dof = reach.motion.dot(velocities), len(reach.directions)
+    return RollerCommand(velocities, achieved, scale, status, limiting, dof)
 
 
 def solve_twist_ahead(
@@ -210,5 +174,5 @@ def reachable_twists(config: Configuration, grip: Grip, failed: Collection[str] 
     :raises ConfigurationError: the configuration is singular.
     """
     working = working_rollers(config.robot, frozenset(failed))
-    reach = _find_motion(config, grip, working, np.zeros(3)).reach
+    reach = _find_reach(config, grip, working, np.zeros(3))
     return reach.directions / reach.weights

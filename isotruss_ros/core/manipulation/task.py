@@ -22,6 +22,7 @@ import math
 from typing import NamedTuple
 
 from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.model.topology import check_roller_names
 from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
@@ -31,14 +32,11 @@ from scipy.linalg import lapack
 RANK_TOLERANCE = 1e-5
 #: Squares of singular values above this, and above this share of the largest, are not in doubt.
 FREE_SHARE = 1e-8
-#: Products with speeds up to this stay finite [m/s].
-MODEST = 1e100
 #: All directions.
 EVERYWHERE = np.eye(3)
 EVERYWHERE.flags.writeable = False
-#: The opening rate is the first row of a grip, which has nine at most.
-FIRST_ROW = np.eye(1, 9)[0]
-FIRST_ROW.flags.writeable = False
+#: Twists faster than this are as good as this fast: roller speeds for them stay finite [m/s].
+FASTEST = 1e290
 #: A twist is unreachable where more than this share of it is.
 REACH_TOLERANCE = 1e-9
 
@@ -52,6 +50,14 @@ class WorkingRollers:
     cost: Array  #: (w, w) C^T C, the cost (11) of their speeds [-]
     even: Array  #: (w, w) E with |C E y| = |y|: speeds of equal cost [-]
     whole: bool  #: whether these are all rollers of the robot
+
+    def take(self, rows: Array) -> Array:
+        """
+        Return a copy of what belongs to these rollers.
+
+        :param rows: (..., r) on the speeds of all rollers.
+        """
+        return rows.copy() if self.whole else rows[..., self.places]
 
     def spread(self, speeds: Array) -> Array:
         """
@@ -93,6 +99,8 @@ class Reach(NamedTuple):
 
     All rows are speeds of the object's surface, so that rotation and translation compare.
 
+    :ivar working: the rollers that work.
+    :ivar motion: (3, r) rows of the twist on the speeds of all rollers; of joints, (k, r).
     :ivar rows: (k + g, w) rows of (20) on the speeds of the working rollers [-]: the components
         of the twist along the directions, then what keeps the contacts, as far as rollers change
         it.
@@ -101,28 +109,33 @@ class Reach(NamedTuple):
     :ivar opening: (g,) what turns an opening rate into speeds along the rows of the grip [-].
     """
 
+    working: WorkingRollers
+    motion: Array
     rows: Array
     directions: Array
     weights: Array
     opening: Array
 
     @classmethod
-    def of(cls, active: Array, radius: float) -> Reach:
+    def of(cls, jacobian: Array, working: WorkingRollers, weights: Array) -> Reach:
         """
         Compute which twists are reachable.
 
-        :param active: (3 + g, w) columns of the grip's rows that belong to working rollers; the
-            first of the g is the opening rate.
-        :param radius: of the object [m].
+        :param jacobian: (3 + g, r) of the grip, see `grip_jacobian`; or (k, r) of joints.
+        :param working: the rollers that work.
+        :param weights: (3,) see above; of joints (k,) ones.
         """
-        weights, rows = np.array([1.0, 1.0, radius]), active.copy()
-        rows[2] *= radius
-        task, grip = rows[:3], rows[3:]
+        count, rows = len(weights), working.take(jacobian)
+        rows[:count] *= weights[:, None]
+        motion, task, grip = jacobian[:count], rows[:count], rows[count:]
         # Rows that are independent together are so in the two steps below: eigenvalues of their
         # products, in place of `numpy.linalg.svd` of the grip and of what is left of the task.
         squares = lapack.dsyev(rows.dot(rows.T), compute_v=0)[0].tolist()
         if squares[0] > FREE_SHARE * max(1.0, squares[-1]):
-            return cls(rows, EVERYWHERE, weights, FIRST_ROW[: len(grip)])
+            opening = np.zeros(len(grip))
+            opening[:1] = 1.0
+            everywhere = EVERYWHERE if count == 3 else np.eye(count)
+            return cls(working, motion, rows, everywhere, weights, opening)
         mixed, gains, basis = np.linalg.svd(grip, full_matrices=False)
         held = gains > RANK_TOLERANCE
         kept = basis[held]
@@ -130,92 +143,68 @@ class Reach(NamedTuple):
         directions, sizes, _ = np.linalg.svd(left, full_matrices=False)
         reachable = directions[:, sizes > RANK_TOLERANCE].T
         rows = np.concatenate([reachable.dot(task), kept])
-        return cls(rows, reachable, weights, mixed[0, held] / gains[held])
-
-    @classmethod
-    def of_points(cls, active: Array) -> Reach:
-        """
-        Compute which velocities of points are reachable.
-
-        :param active: (2 k, w) rows vx, vy of k points on the speeds of the working rollers [-].
-        """
-        basis, gains, _ = np.linalg.svd(active, full_matrices=False)
-        reachable = basis[:, gains > RANK_TOLERANCE].T
-        return cls(reachable @ active, reachable, np.ones(len(active)), np.zeros(0))
+        opening = mixed[:1, held].sum(axis=0) / gains[held]
+        return cls(working, motion, rows, reachable, weights, opening)
 
 
-class Motion(NamedTuple):
-    """What rollers do with an object in a grip, or with joints."""
-
-    rows: Array  #: (k, r) of the motion on the speeds of all rollers, of a grip those of the twist
-    reach: Reach  #: the motions that the working rollers can produce
-
-
-class Task:
+class Task(NamedTuple):
     """
     The commanded twist, reduced to what the working rollers can produce.
 
-    :param reach: the reachable twists.
-    :param twist: (3,) vx, vy [m/s], omega [rad/s] in the robot frame.
-    :param working: the working rollers.
-    :param opening_rate: right-hand side of the grip's row [m/s]; it or the twist is not zero.
-    :ivar equality: (k, w) rows of (20) on the working rollers: reachable directions, then grip.
-    :ivar direction: (k,) unit vector of the closest reachable twist in these rows.
+    :ivar reach: the reachable twists, with the rows of (20).
+    :ivar direction: (k + g,) unit vector of the closest reachable twist in these rows.
     :ivar speed: its size [m/s], zero where nothing of the twist is reachable.
-    :ivar reachable: whether it is the commanded twist.
-    :ivar rank: how many of the rows are reachable directions.
+    :ivar status: `OK` where it is the commanded twist, `UNREACHABLE` where it is not, and `IDLE`
+        where nothing is commanded.
     :ivar free: (w,) roller speeds that carry out 1 m/s of it at the least cost, without limits.
-    :ivar velocities: (w,) roller speeds that carry out all of it so; inf beyond all numbers [m/s].
-    :ivar roller_velocities: (r,) these, and those of the rollers that have failed [m/s].
+    :ivar velocities: (r,) speeds of all rollers that carry out all of it so [m/s].
     """
 
-    def __init__(
-        self, reach: Reach, twist: Array, working: WorkingRollers, opening_rate: float = 0.0
-    ) -> None:
-        # (20): these rows times the roller speeds are the twist, and the grip's opening rate,
-        # which is zero in the paper.
-        self.equality = reach.rows
-        self.rank = len(reach.directions)
-        # A twist of any finite size must not overflow.
-        size = max(map(abs, twist.tolist()))
-        if reach.directions is EVERYWHERE and opening_rate == 0.0:
-            # In place of `_find_direction`, where nothing is projected.
-            self.reachable = True
-            vx, vy, turning = (reach.weights * (twist / size)).tolist()
-            length = math.hypot(vx, vy, turning)
-            self.speed = size * length
-            self.direction = np.zeros(len(self.equality))
-            self.direction[:3] = vx / length, vy / length, turning / length
-        else:
-            self._find_direction(reach, twist, size, opening_rate)
-        if self.speed > 0.0:
-            self.free = least_cost(working.even, self.equality, self.direction)
-            if self.speed < MODEST:
-                self.velocities = self.free * self.speed
-            else:
-                with np.errstate(over='ignore', invalid='ignore'):
-                    self.velocities = self.free * self.speed
-            self.roller_velocities = working.spread(self.velocities)
+    reach: Reach
+    direction: Array
+    speed: float
+    status: Status
+    free: Array
+    velocities: Array
 
-    def _find_direction(
-        self, reach: Reach, twist: Array, size: float, opening_rate: float
-    ) -> None:
-        """Find direction and size of the closest reachable twist, whatever the reach is."""
-        opening = reach.opening * opening_rate
-        size = max(size, float(np.abs(opening).max(initial=0.0)))
-        self.reachable, self.speed = True, 0.0
-        if size == 0.0:  # the grip shall open, and nothing changes it
-            return
-        unit = reach.weights * (twist / size)
+
+def find_task(reach: Reach, twist: Array, opening_rate: float = 0.0) -> Task:
+    """
+    Find the closest reachable twist (20), and the roller speeds of the least cost (11) for it.
+
+    :param reach: the reachable twists.
+    :param twist: (3,) vx, vy [m/s], omega [rad/s] in the robot frame.
+    :param opening_rate: right-hand side of the grip's row [m/s], zero in the paper.
+    """
+    direction, working = np.zeros(len(reach.rows)), reach.working
+    opening = (reach.opening * opening_rate).tolist() if opening_rate else []
+    # A twist of any finite size must not overflow.
+    size = max(map(abs, twist.tolist() + opening)) or 1.0
+    unit = reach.weights * (twist / size)
+    smallest, status = 0.0, Status.OK
+    if reach.directions is EVERYWHERE:
+        direction[:3] = unit
+    else:
         closest = reach.directions.dot(unit)
+        direction[: len(closest)] = closest
         missed = closest.dot(reach.directions) - unit
         smallest = REACH_TOLERANCE * math.sqrt(unit.dot(unit))
-        self.reachable = math.sqrt(missed.dot(missed)) <= smallest
-        self.direction = np.append(closest, opening / size)
-        length = math.sqrt(self.direction.dot(self.direction))
-        if length > smallest:
-            self.speed = size * length
-            self.direction /= length
+        if math.sqrt(missed.dot(missed)) > smallest:
+            status = Status.UNREACHABLE
+    if opening:
+        first = len(direction) - len(opening)
+        direction[first:] = np.divide(opening, size)
+    length = math.sqrt(direction.dot(direction))
+    if length <= smallest:  # or the grip shall open, and nothing changes it
+        standing = np.zeros(working.count)
+        if status is Status.OK and not opening:
+            status = Status.IDLE
+        return Task(reach, direction, 0.0, status, working.take(standing), standing)
+    direction /= length
+    speed = size * length
+    free = least_cost(working.even, reach.rows, direction)
+    velocities = working.spread(free * min(speed, FASTEST))
+    return Task(reach, direction, speed, status, free, velocities)
 
 
 def least_cost(even: Array, equality: Array, direction: Array) -> Array:

@@ -92,7 +92,6 @@ def _name(corner: complex, i: int) -> str:
 
 def _check_convex(corners: Points) -> None:
     """Refuse what is not convex."""
-    count = len(corners)
     sides = np.roll(corners, -1) - corners
     lengths = np.abs(sides)
     i = int(lengths.argmin())
@@ -109,47 +108,19 @@ def _check_convex(corners: Points) -> None:
             f'{_name(corners[i], i)}: on one line with its neighbours; leave it out, or let the '
             'outline turn there'
         )
-    area = polygon_moments(corners - corners[0])[0]
-    sense = 1.0 if turns.sum() > 0.0 else -1.0
-    wrong = np.flatnonzero(sense * turns < 0.0)
-    if len(wrong):
-        crossing = _find_crossing(corners)
-        if crossing is not None:
-            raise GraspError(_tell_crossing(corners, *crossing))
-        i = int(wrong[0])
+    turned = float(turns.sum())
+    wrong = np.flatnonzero(turns * turned < 0.0)
+    # An outline that goes around more than once crosses itself, though all turns are alike.
+    if len(wrong) or not 1.0 < abs(turned) < 3.0 * np.pi:
+        i = int(wrong[0]) if len(wrong) else 0
         raise GraspError(
-            f'{_name(corners[i], i)}: the polygon is concave there; must be convex: leave this '
-            'vertex out, or divide the object'
+            f'{_name(corners[i], i)}: the polygon is concave there, or its sides cross each '
+            'other; must be convex: list the vertices in their order around the polygon, leave '
+            'this one out, or divide the object'
         )
-    # All turn one way; an outline that goes around more than once crosses itself.
-    if abs(turns.sum()) > 3.0 * np.pi:
-        crossing = _find_crossing(corners)
-        raise GraspError(
-            _tell_crossing(corners, *(crossing if crossing is not None else (0, count - 2)))
-        )
-    if abs(area) < MIN_DIAMETER**2:
-        raise GraspError(f'a polygon of area {abs(area):g} m^2: must have an extent')
-
-
-def _tell_crossing(corners: Points, i: int, j: int) -> str:
-    return (
-        f'the sides that begin at {_name(corners[i], i)} and {_name(corners[j], j)} cross each '
-        'other; list the vertices in their order around the polygon'
-    )
-
-
-def _find_crossing(corners: Points) -> tuple[int, int] | None:
-    """Return two sides that cross each other, by the vertices where they begin."""
-    ends = np.roll(corners, -1)
-    sides = ends - corners
-
-    def beside(points: Points) -> Array:
-        """Return on which side of each line (k, 1) points (k,) are, (k, k)."""
-        return (sides.conj()[:, None] * (points - corners[:, None])).imag
-
-    apart = beside(corners) * beside(ends) < 0.0
-    found = np.argwhere(np.triu(apart & apart.T))
-    return (int(found[0, 0]), int(found[0, 1])) if len(found) else None
+    area = abs(polygon_moments(corners - corners[0])[0])
+    if area < MIN_DIAMETER**2:
+        raise GraspError(f'a polygon of area {area:g} m^2: must have an extent')
 
 
 def _check_fit(corners: Points, radii: Array) -> None:

@@ -68,7 +68,7 @@ def squeeze_in_place(
         + evened * [EVEN_TOLERANCE * force]
     )
     weights = WEIGHTS[: len(scale) - 1]
-    limits = stack_rows([limit.rows(grasp.config) for limit in closing.limits])
+    limits = stack_rows(grasp.config, closing.limits)
     rows = np.concatenate([limits.matrix, -limits.matrix])
     room = np.concatenate([limits.upper, -limits.lower])  # until where the motion ends
     rates: Array | None = None

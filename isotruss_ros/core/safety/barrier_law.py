@@ -34,6 +34,11 @@ from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
 
+#: Share of the band at which motion comes to rest, the safety margin: what is below is for effects
+#: of second order.
+SAFETY_SHARE = 0.01
+#: Share of a margin, and of the safety margin, that is left after a sample, however long it is.
+KEPT_SHARE = 0.1
 #: What is beyond the bound must not get further, but for rounding and effects of second order: for
 #: the square of the rollers' travel, in units of this [m], times the band.
 ROUNDING, BEND = 1e-9, 0.05
@@ -49,17 +54,11 @@ class BarrierLaw:
     :ivar bound: the smallest value that is allowed.
     :ivar band: a margin larger than this is not restricted, in units of the value.
     :ivar rate: a small margin shrinks by at most this share of itself in a second [1/s].
-    :ivar safety_share: share of the band at which motion comes to rest, the safety margin; what
-        is below is for effects of second order.
-    :ivar kept_share: share of a margin, and of the safety margin, that is left after a sample,
-        however long it is.
     """
 
     bound: float
     band: float
     rate: float = 5.0
-    safety_share: float = 0.01
-    kept_share: float = 0.1
 
     @cached_property
     def active_below(self) -> float:
@@ -69,15 +68,7 @@ class BarrierLaw:
     @cached_property
     def safety_margin(self) -> float:
         """Return the margin at which motion comes to rest."""
-        return self.safety_share * self.band
-
-    def margin(self, values: Array) -> Array:
-        """
-        Return what is left between values and the bound.
-
-        :param values: (k,).
-        """
-        return values - self.bound
+        return SAFETY_SHARE * self.band
 
     def class_k_bound(self, margins: Array) -> Array:
         """
@@ -91,7 +82,7 @@ class BarrierLaw:
         """
         Return what must be left of margins after a sample.
 
-        What has got down to `kept_share` of the safety margin must not get further, nor may
+        What has got down to `KEPT_SHARE` of the safety margin must not get further, nor may
         anything beyond the bound; so errors of a fraction of the safety margin do no harm. Beyond
         the bound there is no safety margin for effects of second order: they are allowed there,
         or the robot would stop in every other sample.
@@ -100,10 +91,10 @@ class BarrierLaw:
         :param duration: of the sample, positive [s].
         :param travel: the largest of a roller in this sample or the one before it [m].
         """
-        last = self.kept_share * self.safety_margin
+        last = KEPT_SHARE * self.safety_margin
         left = np.maximum(margins, last)
         slowly = left - 2.0 * duration * self._class_k(left)
-        kept = np.maximum(np.maximum(self.kept_share * left, slowly), last)
+        kept = np.maximum(np.maximum(KEPT_SHARE * left, slowly), last)
         allowed = ROUNDING + self.band * (travel / BEND) ** 2
         return np.where(margins > last, kept, margins - allowed)
 
@@ -204,7 +195,7 @@ class BarrierLimit:
 
     def __init__(self, barrier: Barrier, active: ActiveValues, matrix: Array) -> None:
         self.barrier, self.indices, self.matrix = barrier, active.indices, matrix
-        self.margins = barrier.law.margin(active.values)
+        self.margins = active.values - barrier.law.bound
 
     @property
     def status(self) -> Status:
@@ -239,7 +230,7 @@ class BarrierLimit:
         """
         law = self.barrier.law
         before = self.margins - 0.5 * duration * (self.matrix @ velocities)
-        left = law.margin(self.barrier.values(end, grip, self.indices))
+        left = self.barrier.values(end, grip, self.indices) - law.bound
         longest = max(float(np.abs(travel).max()), duration * float(np.abs(velocities).max()))
         bound = law.discrete_bound(before, duration, longest)
         below = np.flatnonzero(left < bound)

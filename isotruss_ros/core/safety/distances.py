@@ -32,7 +32,6 @@ each other, which keeps these rods apart too.
 from __future__ import annotations
 
 import functools
-from typing import NamedTuple
 
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.robot import Robot
@@ -44,50 +43,37 @@ import numpy as np
 TINY = 1e-12
 
 
-class Nearest(NamedTuple):
-    """The points of straight segments that are nearest to points; arrays over pairs."""
-
-    away: Points  #: from there to the point [m]
-    distance: Array  #: the length of that [m]
-    share: Array  #: where it is along the segment, 0 to 1
-    along: Points  #: the segment, from start to end [m]
-
-    @property
-    def normal(self) -> Points:
-        """Return the unit vector toward the point, across the segment where the point is on it."""
-        across = 1j * self.along / np.maximum(np.abs(self.along), TINY)
-        return np.where(self.distance > TINY, self.away / np.maximum(self.distance, TINY), across)
-
-
-def nearest_on_segment(point: Points, start: Points, end: Points) -> Nearest:
+def nearest_on_segment(point: Points, start: Points, end: Points) -> tuple[Array, Points, Array]:
     """
-    Return the nearest points of straight segments.
+    Return the distances of points from straight segments, (k,) [m], and where these are nearest.
 
     :param point: (k,) or one for all [m].
     :param start: (k,) where the segments begin [m].
     :param end: (k,) where they end, perhaps where they begin [m].
+    :return: distances; unit vectors (k,) from the segments toward the points, across a segment
+        that a point is on; and where along the segments it is (k,), 0 to 1.
     """
     arm, along = point - start, end - start
-    length = np.maximum(along.real**2 + along.imag**2, TINY**2)
-    share = np.clip((along.conj() * arm).real / length, 0.0, 1.0)
-    away = arm - share * along
-    return Nearest(away, np.abs(away), share, along)
+    squares = np.maximum(along.real**2 + along.imag**2, TINY**2)
+    shares = np.clip((along.conj() * arm).real / squares, 0.0, 1.0)
+    away = arm - shares * along
+    distances = np.abs(away)
+    normals = np.where(
+        distances > TINY, away / np.maximum(distances, TINY), 1j * along / np.sqrt(squares)
+    )
+    return distances, normals, shares
 
 
-class _Ends(NamedTuple):
-    """Points of the robot, each half way between two nodes: (2, k) node numbers."""
+def _middles(points: Points, nodes: Indices) -> Points:
+    """Return the points (k,) half way between two nodes each, (2, k)."""
+    return 0.5 * (points[nodes[0]] + points[nodes[1]])
 
-    nodes: Indices
 
-    def positions(self, points: Points) -> Points:
-        one, other = points[self.nodes]
-        return 0.5 * (one + other)
-
-    def add(self, rows: Points, gradients: Points) -> None:
-        """Add to each row what moving its point is worth."""
-        row = np.arange(len(rows))
-        for nodes in self.nodes:
-            rows[row, nodes] += 0.5 * gradients
+def _add(rows: Points, nodes: Indices, gradients: Points) -> None:
+    """Add to each row what moving its point half way between two nodes is worth."""
+    row = np.arange(len(rows))
+    for own in nodes:
+        rows[row, own] += 0.5 * gradients
 
 
 class CollisionModel:
@@ -109,14 +95,14 @@ class CollisionModel:
         # Segments: members, modules (of no length), rods.
         starts = [np.concatenate([own_b, own_b, own_a]), np.concatenate([own_b, own_c, own_a])]
         ends = [np.concatenate([next_c, own_b, own_b]), np.concatenate([next_c, own_c, own_c])]
-        self._start, self._end = _Ends(np.stack(starts)), _Ends(np.stack(ends))
+        self._start, self._end = np.stack(starts), np.stack(ends)
         self.part_radii = np.repeat([tube, disc, 0.0], m)
         self.part_radii.flags.writeable = False
         # Points: modules, joints.
         points = [np.concatenate([own_b, joints]), np.concatenate([own_c, joints])]
         point_radius = np.repeat([disc, 0.0], [m, len(joints)])
         self._first, self._second = np.nonzero(_measured(robot))
-        self._point = _Ends(np.stack(points)[:, self._first])
+        self._point = np.stack(points)[:, self._first]
         self._reach = point_radius[self._first] + self.part_radii[self._second]
 
     def names(self, pairs: Indices) -> list[str]:
@@ -145,7 +131,7 @@ class CollisionModel:
         :param config: where the robot is.
         :param pairs: (k,) numbers of pairs; all when left out.
         """
-        return self._nearest(config, pairs).distance - self._reach[pairs]
+        return self._nearest(config, pairs)[0] - self._reach[pairs]
 
     def gradients(self, config: Configuration, pairs: Indices) -> Array:
         """
@@ -155,9 +141,9 @@ class CollisionModel:
         :param pairs: (k,) numbers of pairs.
         :return: (k, 2n) rows on the node velocities (x0, y0, x1, y1, ...) [-].
         """
-        near = self._nearest(config, pairs)
-        rows = self.part_rows(config, self._second[pairs], near.share, near.normal)
-        _Ends(self._point.nodes[:, pairs]).add(rows, near.normal)
+        _, normals, shares = self._nearest(config, pairs)
+        rows = self.part_rows(config, self._second[pairs], shares, normals)
+        _add(rows, self._point[:, pairs], normals)
         return rows.view(np.float64)
 
     def body_distances(self, config: Configuration, body: ConvexObject) -> tuple[Array, Array]:
@@ -173,14 +159,11 @@ class CollisionModel:
         rows = self.part_rows(config, slice(None), found.shares, -found.normals)
         return found.gaps - self.part_radii, rows.view(np.float64)
 
-    def _nearest(self, config: Configuration, pairs: Indices | slice) -> Nearest:
-        second = self._second[pairs]
-        ends = [
-            self._point.nodes[:, pairs],
-            self._start.nodes[:, second],
-            self._end.nodes[:, second],
-        ]
-        return nearest_on_segment(*(_Ends(nodes).positions(config.points) for nodes in ends))
+    def _nearest(
+        self, config: Configuration, pairs: Indices | slice
+    ) -> tuple[Array, Points, Array]:
+        starts, ends = self.part_ends(config, self._second[pairs])
+        return nearest_on_segment(_middles(config.points, self._point[:, pairs]), starts, ends)
 
     def part_ends(
         self, config: Configuration, parts: Indices | slice = slice(None)
@@ -191,8 +174,10 @@ class CollisionModel:
         :param config: where the robot is.
         :param parts: numbers of parts; all when left out.
         """
-        start, end = (_Ends(ends.nodes[:, parts]) for ends in (self._start, self._end))
-        return start.positions(config.points), end.positions(config.points)
+        start, end = (
+            _middles(config.points, nodes[:, parts]) for nodes in (self._start, self._end)
+        )
+        return start, end
 
     def part_rows(
         self, config: Configuration, parts: Indices | slice, shares: Array, normals: Points
@@ -207,8 +192,8 @@ class CollisionModel:
         :return: (k, n) rows on the node velocities, x + iy [-].
         """
         rows = np.zeros((len(shares), len(config.points)), dtype=np.complex128)
-        _Ends(self._start.nodes[:, parts]).add(rows, -(1.0 - shares) * normals)
-        _Ends(self._end.nodes[:, parts]).add(rows, -shares * normals)
+        _add(rows, self._start[:, parts], -(1.0 - shares) * normals)
+        _add(rows, self._end[:, parts], -shares * normals)
         return rows
 
 

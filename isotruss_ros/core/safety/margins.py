@@ -99,7 +99,7 @@ def object_distances(
     starts, ends = model.part_ends(config, parts)
     radii = model.part_radii[parts]
     # The circle that contains the object is no farther.
-    distances = nearest_on_segment(body.center, starts, ends).distance - body.shape.reach - radii
+    distances = nearest_on_segment(body.center, starts, ends)[0] - body.shape.reach - radii
     near = np.flatnonzero(distances < far)
     if len(near):
         distances[near] = segment_gaps(body, starts[near], ends[near]).gaps - radii[near]

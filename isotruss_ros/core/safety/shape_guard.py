@@ -211,7 +211,7 @@ class Watch:
         self, barrier: Barrier, end: Configuration, grip: Grip | None
     ) -> BarrierViolation | None:
         """Return what has got beyond a bound from outside of its band."""
-        left = barrier.law.margin(barrier.values(end, grip, EVERYTHING))
+        left = barrier.values(end, grip, EVERYTHING) - barrier.law.bound
         for limit in self.limits:
             if limit.barrier is barrier:
                 left[limit.indices] = np.inf

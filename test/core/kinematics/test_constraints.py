@@ -10,25 +10,12 @@
 """The rows of (12): what they measure, and their derivative."""
 
 from hypothesis import given
-from isotruss_ros.core.kinematics import constraints as constraints_module
-from isotruss_ros.core.kinematics.constraints import Constraints, Targets
-from isotruss_ros.core.numerics.factorization import factorize
 import numpy as np
 import pytest
 import robots
 from scipy.sparse import issparse
 
 EPSILON = 1e-6
-
-
-def dense(robot, monkeypatch):
-    monkeypatch.setattr(constraints_module, 'DENSE_UP_TO', 10**9)
-    return Constraints(robot.topology)
-
-
-def sparse(robot, monkeypatch):
-    monkeypatch.setattr(constraints_module, 'DENSE_UP_TO', -1)
-    return Constraints(robot.topology)
 
 
 def shaken(config, rng, size=0.01):
@@ -78,37 +65,6 @@ def test_bisection_is_the_formula_of_the_paper(robot, rng):
         v3 = points[topology.b[topology.previous[i]]] - c
         # (3) compares the sizes of the two angles; ours has a sign as well.
         assert abs(bend[i]) == pytest.approx(abs(angle(v1, v2) - angle(v1, v3)), abs=1e-9)
-
-
-@robots.examples(25)
-@given(robots.robots(), robots.generators())
-def test_residual_is_distance_from_the_targets(robot, rng):
-    points = shaken(robot.home, rng)
-    m = robot.topology.n_modules
-    lengths = np.abs(robot.constraints.spans(points))
-    ground = points.view(float)[robot.topology.grounded]
-    targets = Targets(lengths - 0.25, ground + 0.5)
-    residual = robot.constraints.residual(points, targets)
-    stretch, _, held = np.split(residual, [4 * m, 5 * m])
-    assert stretch == pytest.approx(np.full(4 * m, 0.25))
-    assert held == pytest.approx(np.full(len(ground), -0.5))
-
-
-@robots.examples(20)
-@given(robots.robots(), robots.generators())
-def test_dense_and_sparse_agree(robot, rng):
-    points = shaken(robot.home, rng)
-    with pytest.MonkeyPatch.context() as patch:
-        full, thin = dense(robot, patch), sparse(robot, patch)
-    matrix, scattered = full.matrix(points), thin.matrix(points)
-    assert issparse(scattered)
-    assert isinstance(matrix, np.ndarray)
-    assert (scattered.toarray() == matrix).all()
-    right = rng.standard_normal(len(matrix))
-    kept = matrix.copy()
-    for factor in (factorize(matrix), factorize(scattered)):
-        assert kept @ factor.solve(right) == pytest.approx(right, abs=1e-9)
-        assert kept.T @ factor.solve_transposed(right) == pytest.approx(right, abs=1e-9)
 
 
 @robots.examples(10)

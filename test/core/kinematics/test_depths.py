@@ -25,20 +25,6 @@ SIZE = 0.12
 BOX = Polygon([(-0.05, -0.04), (0.05, -0.04), (0.05, 0.04), (-0.05, 0.04)])
 
 
-@pytest.mark.parametrize('share', [-0.1, 0.05, 0.4, 0.95, 1.1])
-def test_a_disc_is_as_deep_in_members_as_they_are_near(share):
-    topology = HOME.robot.topology
-    starts = HOME.points[topology.b]
-    spans = HOME.points[topology.c[topology.following]] - starts
-    lattice = starts[:, None] + np.linspace(0.0, 1.0, 10001) * spans[:, None]
-    center = starts[1] + (share + 0.07j) * spans[1]
-    expected = 0.5 * (0.2 + HOME.robot.description.tube_diameter)
-    expected = expected - np.abs(lattice - center).min(axis=1)
-    place = (center.real, center.imag)
-    for body in (ConvexObject.disc(place, 0.2), ConvexObject(Disc(0.2), (*place, 1.0))):
-        assert member_depths(HOME, body) == pytest.approx(expected, abs=1e-6)
-
-
 def test_the_closed_form_for_discs_is_the_search_for_any_shape():
     topology, rng = HOME.robot.topology, np.random.default_rng(0)
     starts = HOME.points[topology.b]

@@ -11,11 +11,8 @@
 
 from hypothesis import assume, given, strategies
 from isotruss_ros.core.errors import RobotFileError
-from isotruss_ros.core.kinematics.home import condition_number, require_determinate
-import numpy as np
 import pytest
 import robots
-from scipy.optimize import brentq
 
 SEEDS = strategies.integers(0, 2**32 - 1)
 
@@ -29,15 +26,6 @@ def refusal(document):
 
 def count_supports(document):
     return sum(map(len, document['supports'].values()))
-
-
-def polygon(n, supports):
-    document = robots.example()
-    corners = np.exp(2j * np.pi * np.arange(n) / n)
-    document['joints'] = {f'J{i}': [z.real, z.imag] for i, z in enumerate(corners)}
-    document['tubes'] = {'ring': {'joints': list(document['joints']), 'passive': 'J0'}}
-    document['supports'] = supports
-    return document
 
 
 @pytest.mark.parametrize(
@@ -68,19 +56,6 @@ def test_members_too_many_are_refused():
     # Two tubes side by side through the same joints: each member is there twice.
     document['tubes']['double'] = {'joints': ['P', 'Q', 'X'], 'passive': 'P'}
     assert 'tubes: 6 members between 3 joints; must be at most 3' in refusal(document)
-
-
-def test_polygon_needs_a_support_for_each_joint():
-    for n in (4, 5, 6):
-        # Enough to stand, but not enough against its own mechanisms.
-        message = refusal(polygon(n, {'J0': ['x', 'y'], 'J1': ['y']}))
-        assert 'these joints can still move' in message
-        assert f'{n - 3} more members or supports are needed' in message
-    # Both ends of a member grounded: one support too many there, one too few elsewhere.
-    message = refusal(polygon(4, {'J0': ['x', 'y'], 'J1': ['x', 'y']}))
-    assert message.endswith('these joints can still move: J2, J3')
-    robot = robots.load(polygon(4, {'J0': ['x', 'y'], 'J1': ['y'], 'J2': ['x']}))
-    assert len(robot.roller_names) == 3
 
 
 def test_what_moves_is_named_and_what_stands_is_not():
@@ -128,43 +103,3 @@ def test_one_support_more_or_less_is_refused(seed, kind):
     if len(other) == 0:
         document['supports'][free[0]] = ['x']
     assert 'supports: too many' in refusal(document)
-
-
-@robots.examples(30)
-@given(SEEDS)
-def test_arch_steps_keep_the_robot_isostatic(seed):
-    for steps in range(3):
-        robot = robots.random_robot(seed, 'arch', steps)
-        assert len(robot.member_names) == 3 + 6 * steps
-        assert np.linalg.matrix_rank(robot.home.matrix) == len(robot.home.matrix)
-
-
-def with_weakest_motion(motion, condition):
-    """Return a topology and a matrix of this condition number; all other motions are stiff."""
-    home = robots.load(robots.example()).home
-    rest = np.random.default_rng(1).standard_normal((motion.size, motion.size - 1))
-    motions, _ = np.linalg.qr(np.column_stack([motion, rest]))
-
-    def matrix(least):
-        return np.append(least, np.ones(motion.size - 1))[:, None] * motions.T
-
-    least = brentq(
-        lambda value: condition_number(matrix(value)) - condition, 1e-10, 1e-6, xtol=1e-20
-    )
-    return home.robot.topology, matrix(least)
-
-
-def test_robots_are_refused_beyond_a_condition_number_of_1e8():
-    motion = np.ones(robots.load(robots.example()).constraints.n_columns)
-    require_determinate('robot', *with_weakest_motion(motion, 0.97e8))
-    # By its singular values this one is not beyond it: then the weakest of all motions counts.
-    with pytest.raises(RobotFileError, match=r'can still move: P, Q, X$'):
-        require_determinate('robot', *with_weakest_motion(motion, 1.03e8))
-
-
-def test_joints_are_named_that_move_by_a_thousandth_of_the_one_that_moves_most():
-    motion = np.zeros(robots.load(robots.example()).constraints.n_columns)
-    # P, Q, X, and a node of a module, which is no joint.
-    motion[[0, 3, 4, 10]] = 0.3, 1.04e-3 * 0.3, 0.96e-3 * 0.3, 0.9
-    with pytest.raises(RobotFileError, match=r'can still move: P, Q$'):
-        require_determinate('robot', *with_weakest_motion(motion, 2e9))

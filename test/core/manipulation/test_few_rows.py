@@ -9,9 +9,8 @@
 
 """Few rows of the limits, added as they are violated: the same solution as with all of them."""
 
-from hypothesis import assume, given, strategies
+from hypothesis import given, strategies
 from isotruss_ros.core import solve_twist
-from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.manipulation import limit_handling
 from isotruss_ros.core.manipulation.limit_handling import LimitHandling, solve_by_few_rows
 from isotruss_ros.core.manipulation.limits import MemberLengthLimit, RollerSpeedLimit, Rows
@@ -32,10 +31,7 @@ def solved(monkeypatch, all_rows_up_to, *arguments, **options):
 @robots.examples(15)
 @given(robots.robots(('arch', 'ring')), robots.generators(), strategies.integers(0, 10**6))
 def test_few_rows_give_the_solution_of_all(slide, first, robot, rng, number):
-    try:
-        config, grasp, _ = robots.random_grasp(robot, rng, number)
-    except ConfigurationError:
-        assume(False)
+    config, grasp, _ = robots.random_grasp(robot, rng, number)
     lengths = config.member_lengths
     # Some members are at their bounds.
     limits = [
@@ -54,24 +50,6 @@ def test_few_rows_give_the_solution_of_all(slide, first, robot, rng, number):
     assert few.status is every.status
     size = max(1.0, np.abs(every.roller_velocities).max())
     assert few.roller_velocities == pytest.approx(every.roller_velocities, abs=1e-7 * size)
-
-
-def test_a_few_rows_do_where_none_binds():
-    rng = np.random.default_rng(0)
-    rows = Rows(np.eye(40), -np.ones(40), np.full(40, 10.0))
-    equality, wanted = rng.uniform(0.5, 1.0, (1, 40)), np.full(40, 2.0)
-    counts = []
-
-    def solve(cost, equality, rows):
-        counts.append(tuple(map(len, rows)))
-        return np.linalg.pinv(equality) @ task, 1.0
-
-    task = equality @ wanted
-    speeds, progress = solve_by_few_rows(solve, np.eye(40), equality, rows, np.zeros(40))
-    assert counts == [(16, 16, 16)]
-    assert speeds == pytest.approx(np.linalg.pinv(equality) @ task)
-    assert 1.0 < speeds.min() < speeds.max() < 10.0
-    assert progress == 1.0
 
 
 def test_rows_are_added_until_none_is_violated():

@@ -120,47 +120,24 @@ def test_name_may_be_in_any_script():
 
 
 # Each numeric key must be positive and finite.
-NUMBERS = [
-    ('module', 'pinch_separation'),
-    ('module', 'rod_length'),
-    ('module', 'guide_ring_distance'),
-    ('module', 'axial_rigidity'),
-    ('module', 'flexural_rigidity'),
-    ('tube', 'diameter'),
-    ('tube', 'pressure'),
-    ('tube', 'stiffness', 'axial_rigidity'),
-    ('tube', 'stiffness', 'flexural_rigidity'),
-    ('tube', 'stiffness', 'shear_rigidity'),
-    ('rollers', 'max_speed'),
-    ('members', 'min_length'),
-    ('members', 'max_length'),
-]
-NOT_POSITIVE = [
-    0,
-    -1.5,
-    '.nan',
-    '.inf',
-    '-.inf',
-    '1e400',
-    '9' * 400,
-    'true',
-    'soft',
-    '"1.0"',
-    '[]',
-]
+NUMBERS = """
+module.pinch_separation module.rod_length module.guide_ring_distance module.axial_rigidity
+module.flexural_rigidity tube.diameter tube.pressure tube.stiffness.axial_rigidity
+tube.stiffness.flexural_rigidity tube.stiffness.shear_rigidity rollers.max_speed
+members.min_length members.max_length
+"""
+NOT_POSITIVE = (0, -1.5, '.nan', '.inf', '-.inf', '1e400', '9' * 400, 'true', 'soft', '"1"', '[]')
 
 
-@pytest.mark.parametrize('key', NUMBERS, ids='.'.join)
+@pytest.mark.parametrize('key', NUMBERS.split())
 def test_number_that_is_not_positive_is_refused(key, tmp_path):
     for value in NOT_POSITIVE:
         document = robots.example()
-        place = document
-        for part in key[:-1]:
-            place = place[part]
-        place[key[-1]] = 'VALUE'
+        *blocks, last = key.split('.')
+        at(document, blocks)[last] = 'VALUE'
         text = as_yaml(document).replace('VALUE', str(value))
         message = refusal(text, tmp_path)
-        assert f'{".".join(key)}: ' in message
+        assert f'{key}: ' in message
         assert 'must be' in message
         assert 'a positive number' in message
 
@@ -232,16 +209,6 @@ def test_refusal_says_where_and_what_would_be_right(case, tmp_path):
     message = refusal(as_yaml(document), tmp_path)
     for part in wanted.split(' | '):
         assert part in message, message
-
-
-def test_length_in_the_refusal_is_that_of_the_member(tmp_path):
-    home = robots.load(robots.example()).home
-    document = robots.example()
-    document['members']['max_length'] = 0.7
-    message = refusal(as_yaml(document), tmp_path)
-    assert f'south/P-Q is {home.member_lengths[0]:.6g} m long' in message
-    document['members']['max_length'] = float(home.member_lengths.max())
-    robots.load(document)
 
 
 def test_all_complaints_are_told_at_once(tmp_path):
@@ -435,22 +402,6 @@ def test_mutated_file_loads_or_is_refused(document):
     assert not message or message.startswith('FILE: ')
 
 
-SIGNS = '[]{}:,*&!|>-?#"\'%@`.\n \t0123456789eE~'
-
-
-@robots.examples(100)
-@given(strategies.data())
-def test_file_with_changed_characters_loads_or_is_refused(data):
-    text = bytearray(DESIGN_EXAMPLE.encode())
-    junk = strategies.binary(max_size=3) | strategies.text(SIGNS, max_size=3).map(str.encode)
-    for _ in range(data.draw(strategies.integers(1, 5))):
-        start = data.draw(strategies.integers(0, len(text) - 1))
-        stop = start + data.draw(strategies.integers(0, 3))
-        text[start:stop] = data.draw(junk)
-    message = complaint(bytes(text))
-    assert not message or message.startswith('FILE: ')
-
-
 # -- Stiffness laws and pressures --
 
 
@@ -498,24 +449,11 @@ def test_length_of_a_contradiction_is_where_beams_end():
             model.section_stiffness([length - inside], 34.5e3)
 
 
-def test_laws_that_no_length_suits_are_refused():
-    assert 'contradict each other at every length' in complaint_about(
-        with_laws(laws(c_rotary=1e-3))
-    )
-
-
 def test_laws_are_checked_at_the_pressure_of_each_tube():
     document = with_laws(laws(a_rotary=0.8, c_rotary=0.3 * 34.5e3**-0.2))
     robots.load(document)
     document['tube']['pressure'] = {'south': 1e4}
     assert 'at 10000 Pa in tube south' in complaint_about(document)
-
-
-@pytest.mark.parametrize('exponent', [40.0, -40.0])
-def test_law_that_leaves_the_range_of_numbers_is_refused_at_load(exponent):
-    block = laws()
-    block['axial']['a'] = exponent
-    assert 'tube.stiffness.axial: C = 8' in complaint_about(with_laws(block))
 
 
 @pytest.mark.parametrize(

@@ -54,26 +54,3 @@ def test_a_whole_turn_unrolls_the_perimeter(shape, turns):
     after = arc(shape, angles + 2.0 * np.pi * turns)
     assert after - arc(shape, angles) == pytest.approx(turns * shape.perimeter, abs=1e-12)
     assert (np.diff(arc(shape, np.linspace(-20.0, 20.0, 1001))) >= -1e-12).all()
-
-
-def test_a_rounded_box_unrolls_quarters_of_arcs_and_the_sides_between_them():
-    box = Polygon([(0.0, 0.0), (0.4, 0.0), (0.4, 0.3), (0.0, 0.3)], 0.05)
-    diagonals = np.pi * np.array([-0.75, -0.25, 0.25, 0.75])
-    sides = np.array([0.3, 0.2, 0.3])
-    assert np.diff(arc(box, diagonals)) == pytest.approx(sides + 0.5 * np.pi * 0.05)
-
-
-def test_a_face_is_unrolled_as_it_comes_to_lie_on_the_member():
-    square = Polygon([(0.0, 0.0), (0.4, 0.0), (0.4, 0.4), (0.0, 0.4)])
-    down = -0.5 * np.pi
-    before, after = arc(square, down + np.array([-0.01, 0.01]))
-    assert after - before == pytest.approx(0.4)
-    assert np.ptp(arc(square, down + np.array([0.01, 1.5]))) == 0.0
-
-
-def test_arcs_of_an_ellipse_follow_its_radius_of_curvature():
-    a, b = 0.3, 0.1
-    angles, step = np.linspace(-6.0, 6.0, 25), 1e-4
-    rate = (arc(Ellipse((a, b)), angles + step) - arc(Ellipse((a, b)), angles - step)) / 2 / step
-    radius = (a * b) ** 2 / np.hypot(a * np.cos(angles), b * np.sin(angles)) ** 3
-    assert rate == pytest.approx(radius, rel=1e-4)

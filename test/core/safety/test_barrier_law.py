@@ -11,17 +11,16 @@
 
 from types import SimpleNamespace
 
-from hypothesis import assume, given, strategies
+from hypothesis import assume, given
 from isotruss_ros.core import load_robot, Status
 from isotruss_ros.core.manipulation.status import RollerCommand
 from isotruss_ros.core.safety.barrier_law import (
-    _admissible_share,
     ActiveValues,
     BarrierLaw,
     BarrierLimit,
     BarrierViolation,
 )
-from isotruss_ros.core.safety.shape_guard import SAFETY_STEP, ShapeBounds, Watch
+from isotruss_ros.core.safety.shape_guard import SAFETY_STEP, Watch
 import numpy as np
 import pytest
 import robots
@@ -32,24 +31,6 @@ LAW = BarrierLaw(bound=0.3, band=0.2)
 RATE, REST = 5.0, 0.01 * 0.2
 HOME = load_robot('nine_member').home
 PERIOD = 0.01
-
-
-@robots.examples(100)
-@given(
-    strategies.floats(1e-3, 1.0),
-    strategies.floats(-2.0, 2.0),
-    strategies.floats(0.1, 2.0),
-    strategies.sampled_from([-1.0, 1.0]),
-)
-def test_the_admissible_share_uses_up_the_room_of_a_parabola(room, slope, size, sign):
-    change = slope + sign * size
-    (share,) = _admissible_share(*np.array([[room], [slope], [change]]))
-    # slope s + (change - slope) s^2 falls to -room first at the share, or after the motion.
-    roots = np.roots([change - slope, slope, room])
-    assume(abs(slope**2 - 4.0 * (change - slope) * room) > 1e-3)
-    ahead = [root.real for root in roots if root.imag == 0.0 < root.real]
-    if len(ahead) or sign < 0.0:
-        assert share == pytest.approx(min([1.0, *ahead]), rel=1e-6)
 
 
 @robots.examples(100)
@@ -103,12 +84,6 @@ def test_short_steps_are_checked_where_little_is_left(size, margin, checked):
     limit = SimpleNamespace(margins=np.array([0.3, margin]), barrier=SimpleNamespace(law=law))
     watch = Watch(None, None, (), (limit,))
     assert watch._within_reach(size) == ((limit,) if checked else ())
-
-
-def test_margins_count_from_the_bound():
-    assert LAW.margin(np.array([0.35, 0.25])) == pytest.approx([0.05, -0.05])
-    assert LAW.active_below == pytest.approx(0.5)
-    assert LAW.safety_margin == pytest.approx(REST)
 
 
 @pytest.mark.parametrize('share', [0.02, 0.1, 0.5, 0.9, 1.0])
@@ -201,17 +176,3 @@ def test_that_a_twist_was_bent_counts_for_more_than_that_it_is_slowed(status, sh
 def test_a_robot_that_stands_still_is_not_slowed():
     command, found = keep(0.0, lambda travel: 0.5)
     assert found is command
-
-
-def test_shapes_keep_these_bounds():
-    assert vars(ShapeBounds()) == {
-        'min_rigidity': 0.2,
-        'min_clearance': 0.02,
-        'min_object_clearance': 0.02,
-        'rigidity_band': 0.2,
-        'clearance_band': 0.1,
-        'rate': 5.0,
-    }
-    # Any that are not negative are taken, the smallest ones too.
-    least = ShapeBounds(0.0, 0.0, 0.0, 1e-6, 1e-6, 1e-6)
-    assert (least.min_rigidity, least.clearance_band) == (0.0, 1e-6)

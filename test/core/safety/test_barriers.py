@@ -10,15 +10,17 @@
 """Barriers: gradients against differences; looking only at what is close misses nothing."""
 
 from grips import disc_grip
-from hypothesis import assume, given, strategies
-from isotruss_ros.core import load_robot, RollingGrip
+from hypothesis import assume, given
+from isotruss_ros.core import load_robot, Polygon, RollingGrip
 from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.kinematics.rigidity import rigidity_index
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.safety.barrier_law import BarrierLaw, EVERYTHING
 from isotruss_ros.core.safety.barriers import ObjectBarrier, RigidityBarrier, SelfCollisionBarrier
+from isotruss_ros.core.safety.margins import object_distances
 import numpy as np
 import pytest
+from random_grips import random_convex_grip
 import robots
 
 #: So wide that everything is near.
@@ -26,65 +28,71 @@ ALL = BarrierLaw(0.0, 1e3)
 KINDS = (RigidityBarrier, SelfCollisionBarrier, ObjectBarrier)
 
 
-def state(robot, rng, number):
-    try:
-        config, grip, _ = robots.random_grasp(robot, rng, number)
-    except ConfigurationError:
-        assume(False)
-    return config, grip, RollingGrip.attach(config, grip)
-
-
-@pytest.mark.parametrize('kind', KINDS)
+@pytest.mark.parametrize('kind', [RigidityBarrier, SelfCollisionBarrier])
 @robots.examples(10)
-@given(robots.robots(), robots.generators(), strategies.integers(0, 100))
-def test_rows_are_derivatives_of_the_values(kind, robot, rng, number):
-    config, grip, held = state(robot, rng, number)
-    barrier = kind(robot, ALL)
-    near = barrier.active(config, grip)
-    assume(len(near.indices))
+@given(robots.robots(), robots.generators())
+def test_rows_are_derivatives_of_the_values(kind, robot, rng):
+    """Of the object's distances see below."""
+    config, barrier = robots.random_state(robot, rng), kind(robot, ALL)
+    near = barrier.active(config, None)
     rows = config.roller_rows(near.node_rows)
-    if near.roller_rows is not None:
-        rows = rows + near.roller_rows
-    way = rng.standard_normal(len(robot.roller_names))
-    # Where contacts are not kept, the object goes to the least squares of what is off.
-    opening = grip_jacobian(config, grip)[3:]
-    way -= np.linalg.pinv(opening) @ opening @ way
-    step = 1e-6
-    values = []
-    for sign in (1.0, -1.0):
-        there = config.moved_to(config.roller_positions + sign * step * way)
-        values.append(barrier.values(there, held.moved_to(there).grip, near.indices))
-    found = (values[0] - values[1]) / (2.0 * step)
+    way, step = rng.standard_normal(len(robot.roller_names)), 1e-6
+    ahead, behind = (
+        barrier.values(config.moved_to(config.roller_positions + change), None, near.indices)
+        for change in (step * way, -step * way)
+    )
+    found = (ahead - behind) / (2.0 * step)
     if kind is RigidityBarrier:
         # Vectors take longer to converge than values, and those of the last modes do not; they do
         # where the shape is weak, see below.
         accuracy = 0.03 * np.linalg.norm(rows[0]) * np.linalg.norm(way)
         assert (rows @ way)[0] == pytest.approx(found[0], abs=accuracy)
     else:
-        assert rows @ way == pytest.approx(found, abs=1e-6)
+        assert rows @ way == pytest.approx(found, abs=1e-5)
 
 
-def test_rigidity_row_is_exact_where_the_shape_is_weak():
-    robot = load_robot('nine_member')
-    rng = np.random.default_rng(0)
-    barrier = RigidityBarrier(robot, BarrierLaw(0.0, 0.4))
-    weak = 0
-    while weak < 10:
-        try:
-            config = robot.configuration(rng.uniform(-0.35, 0.35, 6))
-        except ConfigurationError:
-            continue
-        near = barrier.active(config, None)
-        if not len(near.indices):
-            continue
-        weak += 1
-        row = config.roller_rows(near.node_rows)[0]
-        for direction, slope in zip(np.eye(6), row, strict=True):
-            values = [
-                barrier.values(config.moved_to(config.roller_positions + step), None, EVERYTHING)
-                for step in (1e-6 * direction, -1e-6 * direction)
-            ]
-            assert slope == pytest.approx((values[0][0] - values[1][0]) / 2e-6, rel=1e-3, abs=1e-3)
+@robots.examples(50)
+@given(robots.robots(), robots.generators())
+def test_distances_within_the_band_are_those_of_the_surface(robot, rng):
+    """Those of the circle around the object, which is farther out, are for what is far off."""
+    config, grip = random_convex_grip(robot, rng, 'module')
+    assume(grip is not None)
+    band = rng.uniform(0.05, 0.5)
+    barrier = ObjectBarrier(robot, BarrierLaw(0.0, band))
+    distances = object_distances(config, grip.body, grip.members)
+    near = barrier.active(config, grip)
+    assert near.indices.tolist() == np.flatnonzero(distances < band).tolist()
+    assert near.values == pytest.approx(distances[near.indices], abs=1e-12)
+
+
+@robots.examples(10)
+@given(robots.robots(), robots.generators())
+def test_rows_are_derivatives_of_the_distances_from_an_object(robot, rng):
+    config, grip = random_convex_grip(robot, rng, 'module')
+    assume(grip is not None)
+    # A polygon touches with its faces and corners, where its distances have kinks.
+    assume(not isinstance(grip.body.shape, Polygon))
+    barrier = ObjectBarrier(robot, ALL)
+    near = barrier.active(config, grip)
+    assume(len(near.indices))
+    rows = config.roller_rows(near.node_rows) + near.roller_rows
+    rolling = RollingGrip.attach(config, grip)
+    way = rng.standard_normal(len(robot.roller_names))
+    # Where the contacts are not kept the motion is that of least squares; the rows are not.
+    way -= np.linalg.pinv(_misfits(config, grip)) @ _misfits(config, grip) @ way
+    step, values = 1e-6, []
+    for sign in (1.0, -1.0):
+        there = config.moved_to(config.roller_positions + sign * step * way)
+        values.append(barrier.values(there, rolling.moved_to(there).grip, near.indices))
+    found = (values[0] - values[1]) / (2.0 * step)
+    # A corner of a part may be as near as its side: there the slope has two values.
+    smooth = np.abs(values[0] + values[1] - 2.0 * near.values) < 1e-10
+    assert (rows @ way)[smooth] == pytest.approx(found[smooth], abs=1e-5)
+
+
+def _misfits(config, grip):
+    """Return the rows by which contacts are not kept."""
+    return grip_jacobian(config, grip)[3:]
 
 
 def test_rows_hold_where_two_modes_change_places():
@@ -169,25 +177,3 @@ def test_law_leads_to_the_safety_margin_and_no_further(rng):
         h = max(h - dt * law.class_k_bound(np.array([h]))[0], -1.0)
         assert h > 0.0
     assert h == pytest.approx(law.safety_margin, rel=1e-3)
-
-
-@robots.examples(50)
-@given(robots.generators())
-def test_discrete_bound_leaves_something_of_every_margin(rng):
-    law = BarrierLaw(0.2, rng.uniform(0.01, 1.0))
-    margins = rng.uniform(-1.0, 2.0, 200) * law.band
-    duration = 10.0 ** rng.uniform(-3.0, 0.0)
-    bound = law.discrete_bound(margins, duration, 0.0)
-    inside = margins > law.safety_margin
-    assert (bound[inside] > 0.0).all()
-    assert (bound[inside] < margins[inside]).all()
-    # Going as fast as the law allows is always admissible, ten steps in 1 / rate and more.
-    slow = min(duration, 0.1 / law.rate)
-    with np.errstate(invalid='ignore'):
-        there = margins - slow * law.class_k_bound(margins)
-    near = inside & (margins < 0.5 * law.band)
-    assert (there[near] >= law.discrete_bound(margins, slow, 0.0)[near]).all()
-    # Who is beyond may stay, but for rounding.
-    beyond = margins < 0.0
-    assert bound[beyond] == pytest.approx(margins[beyond], abs=1e-8)
-    assert (bound[beyond] <= margins[beyond]).all()

@@ -48,20 +48,6 @@ def distances_after(travel):
     )
 
 
-def test_rows_of_a_grip_are_what_rolling_changes_of_the_distances():
-    _, limit = watched(0.0, 2.0)
-    # Of some parts another point comes nearest: a polygon has corners.
-    assert len(limit.indices) > 20
-    step = 1e-6
-    for roller, column in enumerate(limit.matrix.T):
-        travel = step * np.eye(len(REST))[roller]
-        after, before = (distances_after(way)[limit.indices] for way in (travel, -travel))
-        change = (after - before) / (2.0 * step)
-        off = np.abs(change - column)
-        assert np.median(off) < 1e-6
-        assert (off < 1e-4).mean() > 0.8
-
-
 def test_a_command_ends_before_the_object_comes_too_near():
     distances = distances_after(REST)
     part = int(distances.argmin())

@@ -9,10 +9,9 @@
 
 """How far shapes are from singular and self-colliding ones: rigidity by a full decomposition."""
 
-from hypothesis import assume, given
-from isotruss_ros.core import ConvexObject, Grip, load_robot, tangent_center
-from isotruss_ros.core.errors import ConfigurationError, GraspError
-from isotruss_ros.core.manipulation.grip import members_at
+from hypothesis import given
+from isotruss_ros.core import ConvexObject, Grip, load_robot
+from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.safety.barrier_law import BarrierLaw, EVERYTHING
 from isotruss_ros.core.safety.barriers import ObjectBarrier, SKIN
 from isotruss_ros.core.safety.distances import collision_model
@@ -20,34 +19,6 @@ from isotruss_ros.core.safety.margins import object_distances, shape_margins
 import numpy as np
 import pytest
 import robots
-
-
-def smallest_singular_value(config):
-    """Return that of (12), bisection rows times the rod length."""
-    m = len(config.robot.member_names)
-    bisection = slice(4 * m, 5 * m)
-    matrix = config.matrix.copy()
-    matrix[bisection] *= config.robot.description.module.rod_length
-    return np.linalg.svd(matrix, compute_uv=False)[-1]
-
-
-def moved(robot, rng, reach):
-    """Return a state, if there is one."""
-    try:
-        return robots.random_state(robot, rng, reach)
-    except ConfigurationError:
-        assume(False)
-
-
-@robots.examples(40)
-@given(robots.robots(), robots.generators())
-def test_rigidity_is_the_smallest_singular_value(robot, rng):
-    config = moved(robot, rng, rng.uniform(0.0, 0.3))
-    expected = smallest_singular_value(config) / smallest_singular_value(robot.home)
-    assert shape_margins(config).rigidity == pytest.approx(expected, rel=2e-3)
-    # Where it matters it is exact.
-    if expected < 0.4:
-        assert shape_margins(config).rigidity == pytest.approx(expected, rel=1e-6)
 
 
 def test_rigidity_does_not_depend_on_the_size_of_the_robot():
@@ -60,8 +31,6 @@ def test_rigidity_does_not_depend_on_the_size_of_the_robot():
     document['members']['max_length'] *= 3.0
     large = robots.load(document)
     travel = np.array([0.15, -0.1])
-    one = smallest_singular_value(small.configuration(travel))
-    assert smallest_singular_value(large.configuration(3.0 * travel)) == pytest.approx(one)
     assert shape_margins(large.configuration(3.0 * travel)).rigidity == pytest.approx(
         shape_margins(small.configuration(travel)).rigidity
     )
@@ -77,44 +46,16 @@ def test_presets_are_well_inside_at_home(name, clearance):
     assert margins.nearest_to_object == ''
 
 
-def test_object_that_is_free_and_that_is_held():
-    robot = load_robot('nine_member')
-    body = ConvexObject.disc(tangent_center(robot.home, 'north/Z', 0.3), 0.3)
-    held = shape_margins(robot.home, body, members_at(robot, 'north/Z'))
-    free = shape_margins(robot.home, body)
-    # It touches both sides: that is what the grip is for.
-    assert free.object_clearance == pytest.approx(0.0, abs=1e-9)
-    assert free.nearest_to_object.startswith('member north/')
-    assert held.object_clearance > 0.4
-    assert held.nearest_to_object == 'member north/R-P'
-    # A small one overlaps the disc of the module that holds it, which is no nearer to the rest.
-    small = ConvexObject.disc(tangent_center(robot.home, 'north/Z', 0.1), 0.1)
-    assert shape_margins(robot.home, small).object_clearance < 0.0
-    assert (
-        shape_margins(robot.home, small, members_at(robot, 'north/Z')).object_clearance
-        > held.object_clearance
-    )
-    # At a joint of two tubes the other tube's module and members count.
-    other = ConvexObject.disc(tangent_center(robot.home, 'north/R', 0.3), 0.3)
-    assert (
-        shape_margins(robot.home, other, members_at(robot, 'north/R')).nearest_to_object
-        == 'module east/R'
-    )
-    # All of a triangle but the side across holds, or is fixed to what holds.
-    triangle = load_robot('triangle')
-    body = ConvexObject.disc(tangent_center(triangle.home, 'main/T', 0.1), 0.1)
-    assert (
-        shape_margins(triangle.home, body, members_at(triangle, 'main/T')).nearest_to_object
-        == 'member main/L-R'
-    )
+def test_members_that_hold_an_object_are_those_of_the_robot():
+    body = ConvexObject.disc((0.0, 0.0), 0.1)
     with pytest.raises(GraspError, match='no such members'):
-        shape_margins(robot.home, body, ('north/X',))
+        shape_margins(load_robot('nine_member').home, body, ('north/X',))
 
 
 @robots.examples(25)
 @given(robots.robots(), robots.generators())
 def test_margins_are_the_least_distances_and_name_them(robot, rng):
-    config = moved(robot, rng, 0.1)
+    config = robots.far_state(robot, rng, 0.1)
     center = config.points[rng.integers(len(config.points))] + complex(*rng.uniform(-1, 1, 2))
     body = ConvexObject.disc((center.real, center.imag), float(rng.uniform(0.05, 0.5)))
     grip = Grip.at_module(robot, str(rng.choice(robot.module_names)), body)

@@ -11,57 +11,15 @@
 
 from types import SimpleNamespace
 
-from hypothesis import given, strategies
-from isotruss_ros.core import ConvexObject, Grip, load_robot, Polygon, tangent_center
-from isotruss_ros.core.errors import ConfigurationError
+from isotruss_ros.core import ConvexObject, Grip, load_robot, Polygon
 from isotruss_ros.core.safety.barriers import NeighborList
 from isotruss_ros.core.safety.distances import collision_model
-from isotruss_ros.core.safety.margins import object_distances
 import numpy as np
 import pytest
-import robots
 
 ROBOT = load_robot('nine_member')
 MODEL = collision_model(ROBOT)
 NEAR = 0.12
-
-
-def walk(seed, count=60, step=2e-3):
-    """Yield the configurations of a random walk of the rollers."""
-    random = np.random.default_rng(seed)
-    config, velocity = ROBOT.home, random.normal(size=len(ROBOT.roller_names))
-    for _ in range(count):
-        velocity += 0.3 * random.normal(size=len(velocity)) - 0.1 * velocity
-        try:
-            config = config.moved_to(config.roller_positions + step * velocity)
-        except ConfigurationError:  # the edge of the workspace
-            return
-        yield config
-
-
-@robots.examples(10)
-@given(strategies.integers(0, 10**6))
-def test_finds_the_pairs_that_measuring_all_finds(seed):
-    robot_pairs, object_parts, measured = NeighborList(NEAR), NeighborList(NEAR), []
-    center = np.array(tangent_center(ROBOT.home, 'east/Q', 0.3))
-    configs = list(walk(seed))
-    for config in configs:
-        every = MODEL.distances(config)
-
-        def measure(pairs, every=every):
-            measured.append(len(every[pairs]))
-            return every[pairs]
-
-        pairs, distances = robot_pairs.find_close(config, None, measure)
-        np.testing.assert_array_equal(pairs, np.flatnonzero(every < NEAR))
-        np.testing.assert_array_equal(distances, every[every < NEAR])
-        grip = Grip.at_module(ROBOT, 'east/Q', ConvexObject.disc(center, 0.3))
-        apart = object_distances(config, grip.body, grip.members)
-        parts, distances = object_parts.find_close(config, grip, apart.__getitem__)
-        np.testing.assert_array_equal(parts, np.flatnonzero(apart < NEAR))
-        np.testing.assert_array_equal(distances, apart[apart < NEAR])
-        center += 1e-3
-    assert sum(measured) < len(configs) * len(every) / 2
 
 
 def test_measures_nothing_again_before_it_may_be_close():

@@ -9,15 +9,13 @@
 
 """The robot stays within good shapes, from sample to sample, and can always leave bad ones."""
 
+from grips import disc_grip
 from hypothesis import assume, given, strategies
 from isotruss_ros.core import (
-    ConvexObject,
-    Grip,
     RollingGrip,
     ShapeGuard,
     solve_twist,
     Status,
-    tangent_center,
     TwistServo,
 )
 from isotruss_ros.core.control.inputs import RollerState, StampedInput
@@ -68,8 +66,7 @@ class Pushed:
 
 def held_at(config, module, diameter):
     """Return how a disc is held that touches both members at a module."""
-    body = ConvexObject.disc(tangent_center(config, module, diameter), diameter)
-    return RollingGrip.attach(config, Grip.at_module(config.robot, module, body))
+    return RollingGrip.attach(config, disc_grip(config, module, diameter))
 
 
 def pushed(seed, slide=False):
@@ -192,9 +189,7 @@ def test_sliding_gets_further_and_goes_on():
     assert max(gained) > 1.1
 
 
-@pytest.mark.parametrize(
-    ('seed', 'slide'), some_now([(2, False), (20, True), (9, False), (13, False)], 2)
-)
+@pytest.mark.parametrize(('seed', 'slide'), some_now([(2, False), (20, True), (9, False)], 2))
 def test_rollers_do_not_swing_at_a_bound(seed, slide):
     """A twist that stays the same does not make rollers turn round from cycle to cycle."""
     robot, twist = pushed(seed, slide)

@@ -22,7 +22,7 @@ from isotruss_ros.core import (
     solve_twist_ahead,
 )
 from isotruss_ros.core.errors import ConfigurationError
-from isotruss_ros.core.manipulation.grip_contacts import find_contacts
+from isotruss_ros.core.manipulation.grip import find_contacts
 from isotruss_ros.core.simulation.rigid_object import pressing_members
 import numpy as np
 import pytest
@@ -50,7 +50,7 @@ def test_names_the_members_that_press_deepest_first():
     assert pressing_members(ROBOT.home, gripped(-0.01).body) == ()
     moved = gripped().body
     x, y, angle = moved.pose
-    toward = find_contacts(ROBOT.home, gripped()).normals[0]
+    toward = find_contacts(ROBOT.home, gripped())[0].normal
     deeper = moved.moved_to((x + 0.002 * toward.real, y + 0.002 * toward.imag, angle))
     assert pressing_members(ROBOT.home, deeper) == SIDES
 
