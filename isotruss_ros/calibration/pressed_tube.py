@@ -17,7 +17,8 @@ from isotruss_ros.core.contact.contact import solve_contact
 from isotruss_ros.core.contact.contact_points import ContactPoints
 from isotruss_ros.core.contact.contact_regions import contact_extents
 from isotruss_ros.core.contact.flattening import flattening
-from isotruss_ros.core.contact.surfaces import RoundSurface
+from isotruss_ros.core.contact.surfaces import surface_of
+from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.statics.beam import local_stiffness
 from isotruss_ros.core.statics.interior import points_on_beams
@@ -79,13 +80,15 @@ def press(
     :param flattens: whether the tube's section flattens; if not, its centre line meets a disc that
         is wider by the tube, as in the paper.
     """
-    radius = 0.5 * cylinder + (0.0 if flattens else tube.radius)
     center = complex(position, 0.5 * cylinder + tube.radius - depth)
+    body = ConvexObject.disc((center.real, center.imag), cylinder)
+    surface = surface_of(body, 0.0 if flattens else tube.radius)
+    radius = surface.reach
     reach = np.arange(-int(radius / SPACING) - 2, int(radius / SPACING) + 3)
     places = position + SPACING * reach
     places = places[(places > 0.0) & (places < tube.length)]
     points = _contact_points(tube, pressure, places, flattens)
-    contact = solve_contact(points, RoundSurface(center, radius))
+    contact = solve_contact(points, surface)
     force = -float((contact.forces * contact.normals).imag.sum())
     return Pressed(force / depth, float(contact_extents(points, contact, 1).length[0]))
 

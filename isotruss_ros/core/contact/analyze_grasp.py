@@ -15,21 +15,19 @@ from typing import Literal
 
 from isotruss_ros.core.contact.contact import relax_contact, solve_contact
 from isotruss_ros.core.contact.contact_points import (
-    ContactGuess,
     ContactPoints,
     ContactState,
     find_contact_points,
 )
-from isotruss_ros.core.contact.contact_regions import assess_members, contact_extents
+from isotruss_ros.core.contact.contact_regions import (
+    assess_members,
+    contact_extents,
+    SolvedContact,
+)
 from isotruss_ros.core.contact.flattening import flattening_of
 from isotruss_ros.core.contact.force_closure import check_force_closure
 from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis, HeldFast
-from isotruss_ros.core.contact.refinement import (
-    ContactSolver,
-    PreviousContact,
-    refine_contact,
-    SolvedContact,
-)
+from isotruss_ros.core.contact.refinement import ContactSolver, refine_contact
 from isotruss_ros.core.contact.sliding_contact import solve_sliding_contact, turn_at_corners
 from isotruss_ros.core.contact.surfaces import Surface, surface_of
 from isotruss_ros.core.errors import GraspError, SolverError
@@ -97,7 +95,7 @@ def analyze_grasp(
         solved = _solve_flattening(structure, surface, gap, solver, previous)
     else:
         solved = _solve_straight(structure, surface, gap, solver, previous)
-    contact_points, found, extents, kept = solved
+    contact_points, found, _, kept = solved
     sliding = flattening and not round_
     # Of corners, which sliding tubes fold over.
     contact = turn_at_corners(contact_points, found, surface) if sliding else found
@@ -125,16 +123,14 @@ def analyze_grasp(
         solution=HeldFast(
             structure=structure,
             body=body,
-            points=contact_points,
-            kept=kept,
-            contact=found,
+            solved=solved,
             turned=contact,
             sliding=sliding,
             margin=margin,
             friction=mu,
             wrench=wrench,
         ),
-        **assess_members(structure, contact_points, contact, extents),
+        **assess_members(structure, solved._replace(contact=contact)),
     )
 
 
@@ -148,7 +144,9 @@ def _solve_flattening(
     """Return the contact of tubes that flatten."""
     sliding = solver is solve_sliding_contact
     kernel = flattening_of(structure.config.robot, structure.pressures)
-    budget, before = BUDGET if sliding else None, _contact_before(previous)
+    budget, before = BUDGET if sliding else None, None
+    if previous is not None and previous.contact_spans:
+        before = previous.solution.solved._replace(contact=previous.solution.turned)
     return refine_contact(structure, surface, spacing, kernel, solver, before, budget)
 
 
@@ -161,10 +159,10 @@ def _solve_straight(
 ) -> SolvedContact:
     """Return the contact of tubes whose sections stay round."""
     points = find_contact_points(structure, surface, spacing)
-    count, start = len(points.points), None
+    count, forces = len(points.points), None
     if previous is not None and len(previous.normal_forces) == count:
-        start = ContactGuess(previous.normal_forces)
-    contact = solver(points, surface, start)
+        forces = previous.normal_forces
+    contact = solver(points, surface, forces, None)
     extents = contact_extents(points, contact, len(structure.config.robot.member_names))
     return SolvedContact(points, contact, extents, np.arange(count))
 
@@ -201,14 +199,6 @@ def _solver(method: str, sliding: bool) -> ContactSolver:
             'flattening=False'
         )
     return solvers[method]
-
-
-def _contact_before(previous: GraspAnalysis | None) -> PreviousContact | None:
-    """Return where the search begins: the contact of a similar grasp."""
-    if previous is None or not previous.contact_spans:
-        return None
-    normals = previous.normals @ np.array([1.0, 1.0j])
-    return PreviousContact(previous.contact_spans, previous.members, previous.places, normals)
 
 
 def _pressed(

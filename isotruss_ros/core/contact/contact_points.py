@@ -145,18 +145,6 @@ class ContactState:
     push: Points
 
 
-class ContactGuess(NamedTuple):
-    """
-    Where a search for the contact begins.
-
-    :ivar forces: (c,) normal forces of a similar problem [N]; points with one are taken to touch.
-    :ivar normals: (c,) unit normals of one, x + iy; None for those of the undeformed tubes.
-    """
-
-    forces: Array
-    normals: Points | None = None
-
-
 def find_contact_points(
     structure: Structure,
     surface: Surface,

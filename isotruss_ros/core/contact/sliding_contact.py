@@ -24,7 +24,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from isotruss_ros.core.contact.contact import face_tubes, guess_contact, open_gaps
-from isotruss_ros.core.contact.contact_points import ContactGuess, ContactPoints, ContactState
+from isotruss_ros.core.contact.contact_points import ContactPoints, ContactState
 from isotruss_ros.core.contact.surfaces import Surface
 from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
@@ -45,20 +45,22 @@ RESOLVED_ARC = 2.0
 
 
 def solve_sliding_contact(
-    contact_points: ContactPoints, surface: Surface, start: ContactGuess | None = None
+    contact_points: ContactPoints,
+    surface: Surface,
+    forces: Array | None = None,
+    normals: Points | None = None,
 ) -> ContactState:
     """
     Solve (8) for tubes that slide along themselves.
 
     :param contact_points: points that the object could touch.
     :param surface: what the points meet, see `find_contact_points`.
-    :param start: what to begin with; found out if None.
+    :param forces: see `solve_contact`.
+    :param normals: see `solve_contact`.
     :raises SolverError: the normals do not settle.
     """
     away, axis = contact_points.skin - surface.center, contact_points.axis
-    active = normals = None
-    if start is not None:
-        active, normals = start.forces > 0.0, start.normals
+    active = None if forces is None else forces > 0.0
     if normals is None:
         normals = face_tubes(contact_points, surface)
     side = np.where((normals * axis.conj()).imag < 0.0, -1.0, 1.0)

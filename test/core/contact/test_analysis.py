@@ -14,7 +14,6 @@ import math
 from hypothesis import given, strategies
 from isotruss_ros.core import analyze_grasp, ConvexObject, load_robot
 from isotruss_ros.core.contact.contact_points import find_contact_points
-from isotruss_ros.core.contact.surfaces import RoundSurface
 from isotruss_ros.core.errors import GraspError, IsotrussError
 from isotruss_ros.core.model.presets import find_robot_file
 from isotruss_ros.core.statics.structure import structure_of
@@ -22,6 +21,7 @@ import numpy as np
 import pytest
 import robots
 from ruamel.yaml import YAML
+from shapes import circle
 import tubes
 
 TUBE = 0.102
@@ -147,7 +147,7 @@ def test_stiffness_is_what_a_robot_with_nodes_there_answers(rng):
     center = cylinder.center
     radius = 0.5 * (cylinder.shape.diameter + config.robot.description.tube_diameter)
     touching = np.flatnonzero(analysis.normal_forces > 0.0)
-    found = find_contact_points(structure_of(config), RoundSurface(center, radius), 0.01)
+    found = find_contact_points(structure_of(config), circle(center, radius), 0.01)
     frame, nodes = tubes.robot_with_nodes(structure_of(config), found.points[touching])
     compliance = tubes.node_compliance(frame, nodes).reshape(2 * len(nodes), -1)
     arms = (analysis.points[touching] @ [1.0, 1.0j]) - center

@@ -20,12 +20,12 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.contact.contact_points import find_contact_points
 from isotruss_ros.core.contact.flattening import flattening, flattening_of
-from isotruss_ros.core.contact.surfaces import RoundSurface
 from isotruss_ros.core.statics.structure import structure_of
 from isotruss_ros.core.statics.tube_stiffness import Fabric
 import numpy as np
 import pytest
 import robots
+from shapes import circle
 
 RADIUS, PRESSURE = 0.051, 34.5e3
 FABRIC = Fabric(6e4, 1e4)
@@ -126,9 +126,7 @@ def test_a_guide_ring_does_not_part_a_dent():
     ring = ROBOT.description.module.guide_ring_distance
     for foot, member in ((b + ring * axis, 'north/Z-R'), (b_end - ring * axis, 'north/Z-R')):
         center = foot - (RADIUS + 0.1 - 0.005) * inward  # from outside
-        found = find_contact_points(
-            structure_of(ROBOT.home), RoundSurface(center, 0.1), 0.005, KERNEL
-        )
+        found = find_contact_points(structure_of(ROBOT.home), circle(center, 0.1), 0.005, KERNEL)
         here = np.flatnonzero(found.member == ROBOT.member_names.index(member))
         order = here[np.argsort(found.place[here])]
         assert len(set(found.piece[order])) == 2

@@ -22,11 +22,11 @@ from isotruss_ros.core.contact.dents import (
     SkinIndentation,
 )
 from isotruss_ros.core.contact.flattening import flattening_of
-from isotruss_ros.core.contact.surfaces import RoundSurface
 import numpy as np
 import pytest
 import robots
 from scipy.interpolate import CubicSpline
+from shapes import circle
 import tubes
 
 ROBOT = load_robot('nine_member')
@@ -142,7 +142,7 @@ def test_a_tube_that_does_not_bend_is_dented_as_the_table_says(radius):
     tube = 0.5 * ROBOT.description.tube_diameter
     table, kernel = skin_indentation(ROBOT, 0, radius), flattening_of(ROBOT, None)
     for depth in (0.002, 0.01, 0.02):
-        surface = RoundSurface(0.4 + 1j * (tube + radius - depth), radius)
+        surface = circle(0.4 + 1j * (tube + radius - depth), radius)
         points = find_contact_points(stiff, surface, 1e-3, kernel)
         push = solve_contact(points, surface).push.sum()
         assert abs(push.real) < 1e-6 * abs(push)

@@ -22,17 +22,16 @@ from isotruss_ros.core.contact import refinement
 from isotruss_ros.core.contact.flattening import flattening_of
 from isotruss_ros.core.contact.refinement import (
     DIVISIONS,
-    PreviousContact,
     refine_contact,
     REGION_POINTS,
 )
 from isotruss_ros.core.contact.sliding_contact import solve_sliding_contact
-from isotruss_ros.core.contact.surfaces import RoundSurface, surface_of
+from isotruss_ros.core.contact.surfaces import surface_of
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
 import robots
-from shapes import regular_polygon
+from shapes import circle, regular_polygon
 
 ROBOT = load_robot('nine_member')
 SPACING = 0.005
@@ -130,7 +129,7 @@ def test_the_answer_has_all_points_from_a_spacing_before_contact_to_one_behind()
     structure = structure_of(config)
     points, _, extents, kept = refine_contact(
         structure,
-        RoundSurface(cylinder.center, 0.5 * cylinder.shape.diameter),
+        circle(cylinder.center, 0.5 * cylinder.shape.diameter),
         SPACING,
         flattening_of(ROBOT, structure.pressures),
         solve_sliding_contact,
@@ -174,12 +173,10 @@ def test_a_contact_that_is_known_is_solved_once():
         calls.append(arguments)
         return solve_sliding_contact(*arguments)
 
-    surface = RoundSurface(cylinder.center, 0.5 * cylinder.shape.diameter)
+    surface = circle(cylinder.center, 0.5 * cylinder.shape.diameter)
     given_to = (structure, surface, SPACING, flattening_of(ROBOT, structure.pressures), solver)
-    points, contact, extents, kept = refine_contact(*given_to)
-    spans = dict(zip(ROBOT.member_names, extents.spans.tolist(), strict=True))
-    previous = PreviousContact(spans, points.member, points.place, contact.normals)
+    found = refine_contact(*given_to)
     calls.clear()
-    again, _, _, same = refine_contact(*given_to, previous=previous)
+    again = refine_contact(*given_to, previous=found)
     assert len(calls) == 1
-    assert again.place[same] == pytest.approx(points.place[kept])
+    assert again.points.place[again.kept] == pytest.approx(found.points.place[found.kept])

@@ -28,7 +28,6 @@ from isotruss_ros.core import (
 from isotruss_ros.core.contact.contact import solve_contact
 from isotruss_ros.core.contact.contact_points import find_contact_points
 from isotruss_ros.core.contact.force_closure import check_force_closure
-from isotruss_ros.core.contact.surfaces import RoundSurface
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding import attach_grip as attach_grip_module
 from isotruss_ros.core.holding import settle_grasp as settle_grasp_module
@@ -41,6 +40,7 @@ from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
 from robots import random_robot, random_state
+from shapes import circle
 
 HOME = load_robot('nine_member').home
 CONFIG, CYLINDER = gripped(35.0, squeeze=0.08)
@@ -101,14 +101,14 @@ def test_with_friction_in_the_structure_the_contact_solver_and_closure_agree(wre
     grasp = attach_grip(config, cylinder, None, np.array(wrench), TubeModel(flattening=False))
     statics, state = grasp.statics, grasp.state
     radius = statics.arm + statics.tube_radius
-    points = find_contact_points(structure_of(config), RoundSurface(state.center, radius), 0.002)
+    points = find_contact_points(structure_of(config), circle(state.center, radius), 0.002)
     feet = statics.compliance.start + state.feet * statics.compliance.axis
     rubbing = np.zeros(len(points.points), dtype=complex)
     for foot, force in zip(feet, 1j * state.friction_forces * state.normals, strict=True):
         rubbing[np.abs(points.points - foot).argmin()] += force
     loaded = points.displacements(rubbing)
     shifted = dataclasses.replace(points, points=points.points + loaded, skin=points.skin + loaded)
-    contact = solve_contact(shifted, RoundSurface(state.center, radius))
+    contact = solve_contact(shifted, circle(state.center, radius))
     found = [contact.forces[points.member == i].sum() for i in grasp.members]
     # The solver leaves out that friction at the skin turns the tube.
     assert found == pytest.approx(state.normal_forces, rel=0.08)

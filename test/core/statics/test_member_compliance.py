@@ -11,11 +11,11 @@
 
 from grips import gripped
 from isotruss_ros.core.contact.contact_points import find_contact_points
-from isotruss_ros.core.contact.surfaces import RoundSurface
 from isotruss_ros.core.statics.member_compliance import MemberCompliance
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
+from shapes import circle
 
 CONFIG, CYLINDER = gripped()
 STRUCTURE = structure_of(CONFIG)
@@ -55,7 +55,7 @@ def test_places_are_on_pieces_of_their_members(members):
 
 def test_displacements_are_those_of_the_contact_points(members):
     center = CYLINDER.center
-    points = find_contact_points(STRUCTURE, RoundSurface(center, 0.5), 0.02)
+    points = find_contact_points(STRUCTURE, circle(center, 0.5), 0.02)
     rng = np.random.default_rng(0)
     for _ in range(30):
         pair = [int(rng.choice(np.flatnonzero(points.member == i))) for i in MEMBERS]
@@ -70,7 +70,7 @@ def test_displacements_are_those_of_the_contact_points(members):
 
 
 def test_slope_is_the_mean_of_both_sides_of_the_kink(members):
-    points = find_contact_points(STRUCTURE, RoundSurface(CYLINDER.center, 0.25), 1e-3)
+    points = find_contact_points(STRUCTURE, circle(CYLINDER.center, 0.25), 1e-3)
     place = int(np.flatnonzero(points.member == MEMBERS[0])[200])
     force = 1j * members.axis[0] * 5.0
     forces = np.zeros(len(points.points), dtype=complex)
@@ -130,7 +130,7 @@ def test_a_softer_structure_gives_more_in_proportion(numbers):
 @pytest.mark.parametrize('pinned_piece', [False, True])
 def test_two_places_on_one_member_are_those_of_the_contact_points(pinned_piece):
     center = CYLINDER.center
-    points = find_contact_points(STRUCTURE, RoundSurface(center, 0.9), 0.01)
+    points = find_contact_points(STRUCTURE, circle(center, 0.9), 0.01)
     rng = np.random.default_rng(1)
     for number in MEMBERS:
         members = MemberCompliance(STRUCTURE, [number, number])
