@@ -12,7 +12,8 @@
 from types import SimpleNamespace
 
 from isotruss_ros.core.statics.beam import local_stiffness
-from isotruss_ros.core.statics.frame import Frame, Members
+from isotruss_ros.core.statics.frame import Frame
+from isotruss_ros.core.statics.frame_pattern import Members
 import numpy as np
 
 

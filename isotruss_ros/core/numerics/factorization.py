@@ -11,31 +11,13 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Any
 
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 from scipy.linalg import lapack
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import LinearOperator, onenormest, splu
-
-
-class Factor(Protocol):
-    """A factored square matrix."""
-
-    def solve(self, right: Array) -> Array:
-        """
-        Return x with A x = right.
-
-        :param right: (n,) or (n, k) right-hand sides.
-        """
-
-    def solve_transposed(self, right: Array) -> Array:
-        """
-        Return x with A^T x = right.
-
-        :param right: (n,) or (n, k) right-hand sides.
-        """
 
 
 class DenseFactor:
@@ -52,16 +34,24 @@ class DenseFactor:
             raise np.linalg.LinAlgError(f'singular: pivot {info} is zero')
 
     def solve(self, right: Array) -> Array:
-        """Return x with A x = right; see `Factor.solve`."""
+        """
+        Return x with A x = right.
+
+        :param right: (n,) or (n, k) right-hand sides.
+        """
         return lapack.dgetrs(self._lu, self._pivots, right, trans=1)[0]
 
     def solve_transposed(self, right: Array) -> Array:
-        """Return x with A^T x = right; see `Factor.solve_transposed`."""
+        """
+        Return x with A^T x = right.
+
+        :param right: (n,) or (n, k) right-hand sides.
+        """
         return lapack.dgetrs(self._lu, self._pivots, right, trans=0)[0]
 
     def condition(self, norm: float) -> float:
         """
-        Return an estimate of the condition number; `norm` is the 1-norm of the matrix.
+        Return an estimate of the condition number in the 1-norm.
 
         :param norm: 1-norm of the matrix.
         """
@@ -84,12 +74,16 @@ class SparseFactor:
             raise np.linalg.LinAlgError(str(error)) from error
 
     def solve(self, right: Array) -> Array:
-        """Return x with A x = right; see `Factor.solve`."""
+        """Return x with A x = right; see `DenseFactor.solve`."""
         return self._lu.solve(right)
 
     def solve_transposed(self, right: Array) -> Array:
-        """Return x with A^T x = right; see `Factor.solve_transposed`."""
+        """Return x with A^T x = right; see `DenseFactor.solve_transposed`."""
         return self._lu.solve(right, trans='T')
+
+
+#: A factored square matrix.
+Factor = DenseFactor | SparseFactor
 
 
 def factorize(matrix: Array | csc_matrix) -> Factor:

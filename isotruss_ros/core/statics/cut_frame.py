@@ -19,7 +19,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
-from isotruss_ros.core.statics.frame import Frame, FrameState, Members
+from isotruss_ros.core.statics.frame import Frame, FrameState
+from isotruss_ros.core.statics.frame_pattern import Members
 from isotruss_ros.core.statics.structure import (
     bisection_entries,
     bisection_spans,
@@ -59,20 +60,14 @@ class CutFrame(Frame):
     """
 
     def __init__(self, frame: Frame, piece: Indices, within: Array) -> None:
-        own, count, parts = frame.members, len(piece), len(frame.members.start)
+        count, parts = len(piece), len(frame.members.start)
         self.whole = np.concatenate([np.arange(parts), piece])
-        values = [
-            np.append(each, each[piece])
-            for each in (own.start, own.end, own.axial, own.flexural, own.shear)
-        ]
-        pinned_start, pinned_end = (
-            np.append(pins, np.zeros(count, dtype=bool))
-            for pins in (own.pinned_start, own.pinned_end)
-        )
+        members = Members(*(each[self.whole] for each in frame.members))
+        start, end, *_, pinned_start, pinned_end = members
+        pinned_start[parts:] = pinned_end[parts:] = False
         self.nodes = len(frame.points) + np.arange(count)
         self.behind = parts + np.arange(count)
         self.before = self.behind.copy()
-        start, end = values[:2]
         # From the far ends of the members: what is left of each is its part from its start.
         for i in np.argsort(-within).tolist():
             cut, part = piece[i], self.behind[i]
@@ -80,11 +75,11 @@ class CutFrame(Frame):
             end[cut], pinned_end[cut] = self.nodes[i], False
         for i, node in enumerate(self.nodes.tolist()):
             self.before[i] = np.flatnonzero(end == node)[0]
-        points = frame.points[own.start[piece]] + within * frame.axis[piece]
+        points = frame.points[frame.members.start[piece]] + within * frame.axis[piece]
         held = np.append(frame._held.reshape(-1, 3), np.zeros((count, 3), dtype=bool), axis=0)
         super().__init__(
             np.append(frame.points, points),
-            Members(*values, pinned_start, pinned_end),
+            members,
             held,
             [*frame._names, *map(str, self.nodes)],
             frame._rows,

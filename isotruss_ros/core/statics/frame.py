@@ -20,35 +20,12 @@ from isotruss_ros.core.kinematics.constraints import DENSE_UP_TO
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
 from isotruss_ros.core.numerics.factorization import Factor, factorize_with_condition
 from isotruss_ros.core.statics.beam import directions, local_stiffness, with_pins
-from isotruss_ros.core.statics.frame_pattern import FramePattern, LinearRows, NO_ROWS
+from isotruss_ros.core.statics.frame_pattern import FramePattern, LinearRows, Members, NO_ROWS
 import numpy as np
 from scipy.sparse import coo_matrix, csc_matrix
 
 #: A frame that is worse conditioned than this, in its own units, is a mechanism.
 MAX_CONDITION = 1e12
-
-
-@dataclass(frozen=True, eq=False)
-class Members:
-    """
-    Straight members between nodes, arrays of one length k.
-
-    :ivar start: (k,) node numbers.
-    :ivar end: (k,) node numbers.
-    :ivar axial: (k,) EA [N].
-    :ivar flexural: (k,) EI [N m^2].
-    :ivar shear: (k,) GA [N]; infinite for no shear deformation.
-    :ivar pinned_start: (k,) whether the start transmits no moment.
-    :ivar pinned_end: (k,) whether the end transmits no moment.
-    """
-
-    start: Indices
-    end: Indices
-    axial: Array
-    flexural: Array
-    shear: Array
-    pinned_start: Flags
-    pinned_end: Flags
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,11 +86,7 @@ class Frame:
             members.pinned_end,
         )
         self._loaded: dict[bytes, tuple[Array, Array]] = {}
-        if pattern is None:
-            pattern = FramePattern(
-                members.start, members.end, members.pinned_start, members.pinned_end, held, rows
-            )
-        self._pattern = pattern
+        self._pattern = pattern or FramePattern(members, held, rows)
 
     @cached_property
     def _matrices(self) -> Array:
@@ -150,12 +123,7 @@ class Frame:
             norms = np.bincount(pattern.multiplier, scaled**2, minlength=size)[free:]
             scale[free:] = 1.0 / np.sqrt(np.where(norms > 0.0, norms, 1.0))
             values = np.concatenate([values, weight, weight])
-        matrix = assemble(
-            values,
-            pattern.matrix_rows,
-            pattern.matrix_columns,
-            scale,
-        )
+        matrix = _assemble(values, pattern.matrix_rows, pattern.matrix_columns, scale)
         factor, condition = factorize_with_condition(matrix)
         if not condition < MAX_CONDITION:
             moving = ', '.join(self._what_moves(matrix, scale))
@@ -278,16 +246,8 @@ class Frame:
         return (self._local @ (self._turn @ ends[:, :, None]))[:, :, 0]
 
 
-def assemble(values: Array, rows: Indices, columns: Indices, scale: Array) -> Array | csc_matrix:
-    """
-    Return the matrix with the sum of all values in each place, scaled from both sides.
-
-    :param values: (e,) entries.
-    :param rows: (e,) row of each.
-    :param columns: (e,) column of each.
-    :param scale: (n,) factors of rows and columns.
-    :return: (n, n), dense if it is small.
-    """
+def _assemble(values: Array, rows: Indices, columns: Indices, scale: Array) -> Array | csc_matrix:
+    """Return the matrix with the sum of all values in each place, scaled; dense if it is small."""
     size = len(scale)
     values = values * scale[rows] * scale[columns]
     if size <= DENSE_UP_TO:
