@@ -33,7 +33,7 @@ from isotruss_ros.core.holding.held_grip import (
     HoldStatus,
     MOST,
     scaled_wrench,
-    travel_into,
+    travel_rates,
 )
 from isotruss_ros.core.holding.pressed_contacts import find_pressed, PressedContacts
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -123,7 +123,7 @@ def _find_rest(
     if state is None:
         return None
     angles = np.angle(state.normals * np.exp(-1j * state.unknowns[2]))
-    travel = travel_into(config, contacts.members)
+    travel = travel_rates(config, contacts.members) @ config.roller_positions
     return HeldGrip(
         config=config,
         body=body.moved_to(state.unknowns[:3]),

@@ -24,13 +24,7 @@ from isotruss_ros.core.contact.analysis_gradient import GraspParameters
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.contact_forces import forces_of, slip_conditions
 from isotruss_ros.core.holding.held_grip import HeldGrip
-from isotruss_ros.core.holding.loaded_tubes import (
-    ContactRates,
-    dent_rates,
-    equation_rates,
-    LoadedTubes,
-    TubeRates,
-)
+from isotruss_ros.core.holding.loaded_tubes import ContactRates, LoadedTubes, TubeRates
 from isotruss_ros.core.holding.settled_grasp import SettledGrasp
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
@@ -93,26 +87,13 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
     parameters = GraspParameters.of(grip.config)
     # Three columns more, for the response to a wrench.
     chosen = np.eye(parameters.size, parameters.size + 3)
-    nodes = grip.config.node_jacobian.T.copy().view(np.complex128).T
-    moved = nodes @ chosen[parameters.rollers]
-    tubes = LoadedTubes(grip, moved, chosen[parameters.pressures])
-    dents, softened = dent_rates(grip, chosen, parameters)
-    state, statics, places = grip.state, grip.statics, grip.state.places
-    left = equation_rates(grip, tubes, dents, chosen, parameters)
-    tangent = state.jacobian_with(statics.rolling_rows(state.unknowns, state.normals))
-    change = -np.linalg.solve(state.jacobian, left)
-    change[:, -3:] = -np.linalg.inv(tangent)[:, places.balance]
-    normal, friction = change[places.normal], change[places.friction]
-    soft = statics.indentation(state.normal_forces)[1]
-    contacts = ContactRates(
-        change[places.feet],
-        tubes.spins + change[places.inclinations],
-        normal + 1j * friction,
-        dents + soft[:, None] * normal,
-    )
+    tubes = LoadedTubes(grip, chosen, parameters)
+    state, places = grip.state, grip.state.places
+    change = -np.linalg.solve(state.jacobian, tubes.equation_rates())
+    change[:, -3:] = -np.linalg.inv(grip.tangent)[:, places.balance]
+    contacts = tubes.contact_rates(change)
     rates = tubes.respond(contacts)
-    softer = -chosen[parameters.stiffness] / grip.tubes.stiffness_scale
-    answer = _response_rates(grip, tubes, contacts, rates, change, (softened, softer))
+    answer = _response_rates(grip, tubes, contacts, rates, change)
     used, utilisation = tubes.utilisation(rates.ends)
     change = change[:, :-3]
     margin, gives_way = _slip_margin_rates(settled, change, answer, parameters)
@@ -149,7 +130,6 @@ def _response_rates(
     contacts: ContactRates,
     rates: TubeRates,
     change: Array,
-    softened: tuple[Array, Array],
 ) -> Array:
     """
     Return how the response to a unit wrench changes, (3 + 4k, n, 3).
@@ -160,8 +140,6 @@ def _response_rates(
         unit wrench (fx, fy, m / arm) acts while they stick.
     :param rates: how the tubes do.
     :param change: (3 + 4k, n + 3) how the unknowns do.
-    :param softened: (k, n + 3) how the dents' derivatives by the normal forces change at forces
-        that stay, and (n + 3,) how the compliance of the tubes does, as a share.
     """
     statics, state, places = grip.statics, grip.state, grip.state.places
     normals, turn = state.normals[:, None], grip.body.turn
@@ -177,19 +155,18 @@ def _response_rates(
     # How arms and forces change, in the plane.
     swung = 1j * (angles * arms + radii * normals * (turns - angles))
     pushed = (contacts.forces + 1j * turns * push) * normals
-    tangent = state.jacobian_with(statics.rolling_rows(state.unknowns, state.normals))
     left = np.empty((places.size, change.shape[1] - 3, 3))
     for i, j in enumerate(range(-3, 0)):
         turned, angle = turns[:, j, None], angles[j]
-        dents = (curves * contacts.forces.real + softened[0]) * contacts.forces[:, j, None].real
+        dents = (curves * contacts.forces.real + tubes.softened) * contacts.forces[:, j, None].real
         forces = contacts.forces * turned + contacts.forces[:, j, None] * turns
         forces = (1j * forces - turns * turned * push) * normals
         couples = dents * rubs + contacts.dents * contacts.forces[:, j, None].imag
         couples += contacts.dents[:, j, None] * contacts.forces.imag
         give, slope = tubes.respond_again(rates, j, forces, couples)
         give, slope = give / scale, slope / scale
-        give += softened[1] * rates.give[:, j, None] / scale
-        slope += softened[1] * rates.slope[:, j, None] / scale
+        give += tubes.softer * rates.give[:, j, None] / scale
+        slope += tubes.softer * rates.slope[:, j, None] / scale
         # The point that touches moves on the surface, whose radius there changes.
         grown = radius_rates * (turns - angles)
         arm_rates = 1j * grown * (turned - angle) * normals - angles * angle * arms
@@ -206,7 +183,7 @@ def _response_rates(
         balance = np.stack([forces.real, forces.imag, torque.imag / statics.arm]).sum(axis=1)
         closure = grown * (angle - turned)
         left[..., i] = np.concatenate([gap.real, gap.imag, slope, -balance, closure])[:, :-3]
-    return -np.linalg.solve(tangent, left.reshape(places.size, -1)).reshape(left.shape)
+    return -np.linalg.solve(grip.tangent, left.reshape(places.size, -1)).reshape(left.shape)
 
 
 def _stiffness_rates(grip: HeldGrip, answer: Array) -> Array:

@@ -68,8 +68,7 @@ class JointCompliance:
         right[places.balance, :3] = -np.eye(3)
         given = self.by_contacts.T.reshape(count, 3, size)
         right[: 3 * count, 3:] = -given.transpose(1, 0, 2).reshape(3 * count, size)
-        rolling = statics.rolling_rows(state.unknowns, state.normals)
-        change = np.linalg.solve(state.jacobian_with(rolling), right)
+        change = np.linalg.solve(grip.tangent, right)
         normal, friction = state.normal_forces[:, None], state.friction_forces[:, None]
         local = (statics.compliance.axis.conj() * state.normals)[:, None]
         force = (change[places.normal] + 1j * change[places.friction]) * local

@@ -12,7 +12,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -79,17 +79,6 @@ class PressedContacts:
             (self.cuts, others.cuts),
         )
         return PressedContacts(*(np.concatenate(pair)[order] for pair in pairs)), order
-
-    def with_corner(self, k: int, corner: int) -> PressedContacts:
-        """
-        Return the contacts with another corner at one of them, to which the object has rolled.
-
-        :param k: number of the contact.
-        :param corner: number of the corner.
-        """
-        corners = self.corners.copy()
-        corners[k] = corner
-        return replace(self, corners=corners)
 
     def with_face(self, k: int, face: Face) -> tuple[PressedContacts, int]:
         """

@@ -19,7 +19,7 @@ import pytest
 
 def response_of(*to_wrenches):
     """Return a response to wrenches, of which members that move change nothing."""
-    return GripResponse(*to_wrenches, np.zeros(2), np.zeros((2, 2)))
+    return GripResponse(*to_wrenches, squeeze_stiffness=0.0)
 
 
 @pytest.mark.parametrize('arm', [0.2, 1.0])

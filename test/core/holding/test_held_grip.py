@@ -36,7 +36,7 @@ from isotruss_ros.core.holding.attach_grip import attach_grip, rest
 from isotruss_ros.core.holding.build_statics import build_statics
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.pressed_contacts import find_pressed
-from isotruss_ros.core.holding.roll_grip import lay_down, roll_contacts, roll_grip, stick
+from isotruss_ros.core.holding.roll_grip import _lay_down, roll_contacts, roll_grip, stick
 from isotruss_ros.core.kinematics.depths import member_depths
 import numpy as np
 import pytest
@@ -178,10 +178,10 @@ def rolled_over_corners():
 @pytest.mark.parametrize('changes', [0, 1, 2])
 def test_short_faces_follow_each_other_as_often_as_they_may(changes):
     grip = rolled_over_corners()
-    laid = lay_down(grip, changes)
+    laid = _lay_down(grip, changes)
     passed = (laid.contacts.corners - grip.contacts.corners + 48) % 96 - 48
     assert np.abs(passed).sum() == 1 + changes
-    assert np.abs(lay_down(grip).contacts.corners - grip.contacts.corners).sum() > 3
+    assert np.abs(_lay_down(grip).contacts.corners - grip.contacts.corners).sum() > 3
 
 
 def test_a_face_that_would_not_press_does_not_lie_down(monkeypatch):
@@ -192,8 +192,8 @@ def test_a_face_that_would_not_press_does_not_lie_down(monkeypatch):
         tried.append(arguments)
         return SimpleNamespace(presses=False)
 
-    monkeypatch.setattr(roll_grip_module, '_with_corner', pulled)
-    assert lay_down(grip) is grip
+    monkeypatch.setattr(roll_grip_module, '_lay', pulled)
+    assert _lay_down(grip) is grip
     assert tried
 
 
@@ -271,13 +271,9 @@ def changed_forces(grip, moving):
 @pytest.mark.parametrize(
     ('shape', 'angle', 'members'), [*(case[:3] for case in CASES), (Disc(0.5), 0.0, LOOP)]
 )
-def test_openings_are_those_of_members_that_move_apart(shape, angle, members):
+def test_the_squeeze_falls_as_that_of_members_that_move_apart(shape, angle, members):
     grip = held(shape, angle, members)
-    owners, normals, response = grip.contacts.owners, grip.state.normals, grip.response
-    for number in range(len(members)):
-        change = changed_forces(grip, np.where(owners == number, normals, 0.0))
-        by_member = np.bincount(owners, change)
-        assert by_member == pytest.approx(response.openings[:, number], rel=1e-3, abs=1.0)
+    owners, normals = grip.contacts.owners, grip.state.normals
     if len(members) > 2:
         moving = 0.5 * normals
     else:

@@ -14,7 +14,7 @@ from dataclasses import replace
 from held_grips import held, HOME, LOOP, numbers
 from isotruss_ros.core import Disc
 from isotruss_ros.core.holding import roll_grip as roll_grip_module
-from isotruss_ros.core.holding.roll_grip import _depth_in, join, roll_grip
+from isotruss_ros.core.holding.roll_grip import _depth_in, _join, roll_grip
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.model.convex_object import segment_gaps
 from isotruss_ros.core.statics.member_compliance import MemberCompliance
@@ -73,7 +73,7 @@ def test_a_third_member_joins_as_soon_as_it_presses():
 @pytest.mark.parametrize('force', [None, -0.1])
 def test_a_third_member_that_would_not_press_stays_away(force, monkeypatch):
     grip = held(Disc(0.65), 0.0, LOOP[:2], 0.012)
-    assert len(join(grip).members) == 3
+    assert len(_join(grip).members) == 3
     rolled = roll_grip_module.roll_contacts
 
     def pulled(*arguments):
@@ -86,4 +86,4 @@ def test_a_third_member_that_would_not_press_stays_away(force, monkeypatch):
         return replace(found, state=replace(found.state, unknowns=unknowns))
 
     monkeypatch.setattr(roll_grip_module, 'roll_contacts', pulled)
-    assert join(grip) is grip
+    assert _join(grip) is grip
