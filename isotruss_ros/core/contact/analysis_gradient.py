@@ -163,8 +163,7 @@ def _contact_rates(
     surface = x + 1j * y + 1j * spin * (reached - body.center)
     radii, chords = contact.radii[touching, None], np.ones((count, 1))
     if fast.sliding:
-        depths = points.dents @ (contact.push * points.axis.conj()).imag
-        bent = (points.points + contact.displacements - 1j * points.axis * depths)[used]
+        bent = points.bend(contact.displacements, contact.push)[used]
         chords = (bent[after] - bent[before])[:, None]
 
     def turns(skins: Points, lines: Points, spin: Array | float) -> Array:

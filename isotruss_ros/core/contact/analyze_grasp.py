@@ -85,18 +85,25 @@ def analyze_grasp(
         laws are contradictory.
     :raises SolverError: the contact problem was not solved.
     """
-    mu, gap, wrench = _checked(body, friction, spacing, external_wrench)
+    mu, wrench = check_load(body, friction, external_wrench)
+    (gap,) = finite_array([spacing], 1, 'spacing [m]', GraspError).tolist()
+    if not SPACINGS[0] <= gap <= SPACINGS[1]:
+        raise GraspError(f'spacing {spacing!r} m: must be from {SPACINGS[0]} to {SPACINGS[1]} m')
     round_ = body.shape.is_round
-    solver = _solver(method, flattening and not round_)
+    sliding = flattening and not round_
+    solver = _solver(method, sliding)
     structure = structure_of(config, pressure)
     margin = 0.0 if flattening else 0.5 * config.robot.description.tube_diameter
     surface = surface_of(body, margin)
     if flattening:
-        solved = _solve_flattening(structure, surface, gap, solver, previous)
+        kernel, before = flattening_of(config.robot, structure.pressures), None
+        if previous is not None and previous.contact_spans:
+            before = previous.solution.solved._replace(contact=previous.solution.turned)
+        budget = BUDGET if sliding else None
+        solved = refine_contact(structure, surface, gap, kernel, solver, before, budget)
     else:
         solved = _solve_straight(structure, surface, gap, solver, previous)
     contact_points, found, _, kept = solved
-    sliding = flattening and not round_
     # Of corners, which sliding tubes fold over.
     contact = turn_at_corners(contact_points, found, surface) if sliding else found
     normals = contact.normals.view(np.float64).reshape(-1, 2)
@@ -134,22 +141,6 @@ def analyze_grasp(
     )
 
 
-def _solve_flattening(
-    structure: Structure,
-    surface: Surface,
-    spacing: float,
-    solver: ContactSolver,
-    previous: GraspAnalysis | None,
-) -> SolvedContact:
-    """Return the contact of tubes that flatten."""
-    sliding = solver is solve_sliding_contact
-    kernel = flattening_of(structure.config.robot, structure.pressures)
-    budget, before = BUDGET if sliding else None, None
-    if previous is not None and previous.contact_spans:
-        before = previous.solution.solved._replace(contact=previous.solution.turned)
-    return refine_contact(structure, surface, spacing, kernel, solver, before, budget)
-
-
 def _solve_straight(
     structure: Structure,
     surface: Surface,
@@ -167,18 +158,23 @@ def _solve_straight(
     return SolvedContact(points, contact, extents, np.arange(count))
 
 
-def _checked(
-    body: ConvexObject, friction: float | None, spacing: float, external_wrench: ArrayLike
-) -> tuple[float, float, Array]:
-    """Return friction, spacing [m] and wrench as numbers that can be used."""
+def check_load(
+    body: ConvexObject, friction: float | None, external_wrench: ArrayLike
+) -> tuple[float, Array]:
+    """
+    Return the coefficient of friction, and (fx, fy, m) on the object [N, N m], as numbers.
+
+    :param body: the object.
+    :param friction: between tube and object; if None the object's own, 0.5 where it has none.
+    :param external_wrench: (fx, fy, m) about the origin of the object's frame [N, N m].
+    :raises GraspError: one of them is not usable.
+    """
     if friction is None:
         friction = FRICTION if body.friction is None else body.friction
-    mu, gap = finite_array([friction, spacing], 2, 'friction and spacing [m]', GraspError).tolist()
+    (mu,) = finite_array([friction], 1, 'friction', GraspError).tolist()
     if mu < 0.0:
         raise GraspError(f'friction {friction!r}: must not be negative')
-    if not SPACINGS[0] <= gap <= SPACINGS[1]:
-        raise GraspError(f'spacing {spacing!r} m: must be from {SPACINGS[0]} to {SPACINGS[1]} m')
-    return mu, gap, finite_array(external_wrench, 3, 'the external wrench (fx, fy, m)', GraspError)
+    return mu, finite_array(external_wrench, 3, 'the external wrench (fx, fy, m)', GraspError)
 
 
 def _solver(method: str, sliding: bool) -> ContactSolver:

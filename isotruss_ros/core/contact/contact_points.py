@@ -11,7 +11,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
@@ -63,6 +63,7 @@ class ContactPoints:
     spread: Array
     ends: Array
     dents: Array
+    _kept: dict[bytes, Array] = field(default_factory=dict, init=False, repr=False)
 
     @cached_property
     def across(self) -> Array:
@@ -98,11 +99,6 @@ class ContactPoints:
         moved[1] += self.across @ local.imag
         return self.axis * (moved[0] + 1j * moved[1])
 
-    @cached_property
-    def _compliances(self) -> dict[bytes, Array]:
-        """Return what `compliance` has found, by the bytes of the places."""
-        return {}
-
     def compliance(self, places: Indices) -> Array:
         """
         Return displacements (2, a) along and across the tube for unit forces (2, a), [m/N]; kept.
@@ -110,18 +106,24 @@ class ContactPoints:
         :param places: (a,) of which points.
         """
         key = places.tobytes()
-        if key not in self._compliances:
-            self._compliances[key] = self._compliance(places)
-        return self._compliances[key]
+        if key not in self._kept:
+            count, square = len(places), np.ix_(places, places)
+            spread = self.spread[:, places].reshape(2 * count, len(self.ends))
+            matrix = (spread @ self.ends @ spread.T).reshape(2, count, 2, count)
+            matrix[0, :, 0] += self.inside[0][square]
+            matrix[1, :, 1] += self.across[square]
+            self._kept[key] = matrix
+        return self._kept[key]
 
-    def _compliance(self, places: Indices) -> Array:
-        """Compute what `compliance` returns."""
-        count, square = len(places), np.ix_(places, places)
-        spread = self.spread[:, places].reshape(2 * count, len(self.ends))
-        matrix = (spread @ self.ends @ spread.T).reshape(2, count, 2, count)
-        matrix[0, :, 0] += self.inside[0][square]
-        matrix[1, :, 1] += self.across[square]
-        return matrix
+    def bend(self, displacements: Points, push: Points) -> Points:
+        """
+        Return where the centre lines are, (c,) x + iy [m]: dents move the skin alone.
+
+        :param displacements: (c,) of the skin, x + iy [m].
+        :param push: (c,) forces on the tubes, x + iy [N].
+        """
+        depths = self.dents @ (push * self.axis.conj()).imag
+        return self.points + displacements - 1j * self.axis * depths
 
 
 @dataclass(frozen=True, eq=False)

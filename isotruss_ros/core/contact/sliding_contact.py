@@ -64,7 +64,7 @@ def solve_sliding_contact(
     if normals is None:
         normals = face_tubes(contact_points, surface)
     side = np.where((normals * axis.conj()).imag < 0.0, -1.0, 1.0)
-    lattice = _Lattice(contact_points)
+    neighbours = find_neighbours(contact_points)
     displacements, bent = np.zeros_like(away), axis
     normals, _ = _limit(normals, bent, side)
     still = open_gaps(away, normals, surface)
@@ -90,7 +90,7 @@ def solve_sliding_contact(
         displacements = contact_points.displacements(push)
         moved = away + displacements
         gaps, turned, radii = surface.nearest(moved)  # (5)
-        bent = lattice.bend(displacements, push)
+        bent = _bend(contact_points, neighbours, displacements, push)
         normals, steep = _limit(turned, bent, side)
         if steep.any():
             at = np.flatnonzero(steep)
@@ -150,29 +150,17 @@ def _limit(normals: Points, bent: Points, side: Array) -> tuple[Points, Flags]:
     return np.where(steep, bent * (along + 1j * side * STEEPEST.real), normals), steep
 
 
-class _Lattice:
-    """
-    The points in their order along the members.
-
-    :param contact_points: the points.
-    """
-
-    def __init__(self, contact_points: ContactPoints) -> None:
-        self._points = contact_points
-        self._before, self._after = find_neighbours(contact_points)
-
-    def bend(self, displacements: Points, push: Points) -> Points:
-        """Return the directions of the bent centre lines at the points, (c,)."""
-        points = self._points
-        # Without the dents, which move the skin alone.
-        across = 1j * points.axis * (points.dents @ (push * points.axis.conj()).imag)
-        moved = points.points + displacements - across
-        ahead = moved[self._after] - moved[self._before]
-        straight = points.points[self._after] - points.points[self._before]
-        turned = ahead * straight.conj()
-        size: Array = np.abs(turned)
-        turned = np.divide(turned, size, out=np.ones_like(turned), where=size > 0.0)
-        return turned * points.axis
+def _bend(
+    points: ContactPoints, neighbours: Indices, displacements: Points, push: Points
+) -> Points:
+    """Return the directions of the bent centre lines at points with neighbours (2, c), (c,)."""
+    before, after = neighbours
+    moved = points.bend(displacements, push)
+    straight = points.points[after] - points.points[before]
+    turned = (moved[after] - moved[before]) * straight.conj()
+    size: Array = np.abs(turned)
+    turned = np.divide(turned, size, out=np.ones_like(turned), where=size > 0.0)
+    return turned * points.axis
 
 
 def find_neighbours(contact_points: ContactPoints) -> Indices:

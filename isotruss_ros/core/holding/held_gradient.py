@@ -70,9 +70,8 @@ def held_gradient(grip: HeldGrip) -> HeldGradient:
     # What stays as contacts roll, see `stick`: normals turn with the members.
     rolling = statics.rolling_rows(state.unknowns, state.normals)
     left[places.closure] = rolling[:, places.inclinations] @ tubes.spins
-    left[places.closure, :rollers] += statics.sides[:, None] * travel_rates(
-        config, grip.contacts.members
-    )
+    travel = travel_rates(config, grip.contacts.members)
+    left[places.closure, :rollers] += statics.sides[:, None] * travel
     left[places.closure, anchors] -= np.eye(count)
     change = -np.linalg.solve(grip.tangent, left)
     given = tubes.respond(tubes.contact_rates(change))

@@ -155,7 +155,7 @@ def stick(
 
 
 def _lift_ends(grip: HeldGrip) -> HeldGrip | None:
-    """Return the grip without the ends of faces, or the third member, that pull, if there is one."""
+    """Return the grip without the ends of faces, or the third member, that pull."""
     found: HeldGrip | None = grip
     for _ in range(MAX_CHANGES):
         if found is None:

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 import math
 
-from isotruss_ros.core.contact.analyze_grasp import FRICTION
+from isotruss_ros.core.contact.analyze_grasp import check_load
 from isotruss_ros.core.errors import GraspError, quote
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_statics import TubeModel
@@ -24,7 +24,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
-from isotruss_ros.core.numerics.arrays import finite_array, Indices
+from isotruss_ros.core.numerics.arrays import Indices
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.statics.section import Pressure
 import numpy as np
@@ -66,16 +66,11 @@ def settle_grasp(
     :raises StructureError: a pressure is not usable, the robot is a mechanism, or its stiffness
         laws are contradictory.
     """
-    if friction is None:
-        friction = FRICTION if body.friction is None else body.friction
-    (mu,) = finite_array([friction], 1, 'friction', GraspError)
-    if mu < 0.0:
-        raise GraspError(f'friction {friction!r}: must not be negative')
-    wrench = finite_array(external_wrench, 3, 'the external wrench (fx, fy, m)', GraspError)
+    mu, wrench = check_load(body, friction, external_wrench)
     numbers = None if members is None else _numbers(config, members)
     before = None if previous is None else previous.equilibrium
     found = attach_grip(config, body, numbers, wrench, TubeModel(pressure=pressure), before)
-    return assess_equilibrium(body.pose, found, float(mu))
+    return assess_equilibrium(body.pose, found, mu)
 
 
 def _numbers(config: Configuration, members: Sequence[str]) -> Indices:
