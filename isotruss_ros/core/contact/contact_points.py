@@ -249,8 +249,8 @@ def _reach(
     off = np.abs(tubes.away.imag) - width
     chord = np.sqrt(np.maximum(0.0, reach**2 - np.maximum(off, 0.0) ** 2))
     low, high = np.maximum(0.0, foot - chord), np.minimum(tubes.length, foot + chord)
-    normals, distances = surface.tangents
-    if len(normals):
+    if not surface.shape.is_round:
+        normals, distances = surface.tangents
         start, room = tubes.start - surface.center, distances + 2.0 * spacing
         first, last = _clip(start, tubes.axis, normals, room, width)
         low, high = np.maximum(low, first), np.minimum(high, last)

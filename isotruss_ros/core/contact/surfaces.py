@@ -37,21 +37,15 @@ class Surface:
     :ivar body: the object in its place.
     :ivar margin: how far out the surface is [m].
     :ivar shape: of the object, its corners rounded off as points can tell them.
+    :ivar center: the centroid of the object's area, x + iy [m].
+    :ivar reach: a distance from there beyond which there is no surface [m].
     """
 
     body: ConvexObject
     margin: float
     shape: Shape
-
-    @cached_property
-    def center(self) -> complex:
-        """Return the centroid of the object's area, x + iy [m]."""
-        return self.body.middle
-
-    @cached_property
-    def reach(self) -> float:
-        """Return a distance from the centre beyond which there is no surface [m]."""
-        return self.body.shape.reach + abs(self._inside) + self.margin
+    center: complex
+    reach: float
 
     @cached_property
     def _inside(self) -> complex:
@@ -67,6 +61,8 @@ class Surface:
 
         :param normals: (c,) outward unit normals, x + iy.
         """
+        if self.shape.is_round:
+            return np.full(len(normals), self.reach)
         own = normals * self._back
         return self.shape.support(own) - (self._inside * own.conj()).real + self.margin
 
@@ -76,6 +72,12 @@ class Surface:
 
         :param away: (c,) x + iy, from the centre [m].
         """
+        if self.shape.is_round:
+            sizes = np.abs(away)
+            # That of a point at the very centre is any, say upward.
+            upward = np.full(len(away), 1j)
+            normals = np.divide(away, sizes, out=upward, where=sizes > 0.0)
+            return SurfacePoints(sizes - self.reach, normals, np.full(len(away), self.reach))
         gaps, normals, radii = self.shape.nearest(away * self._back + self._inside)
         return SurfacePoints(gaps - self.margin, normals * self.body.turn, radii + self.margin)
 
@@ -99,8 +101,6 @@ class Surface:
     def tangents(self) -> tuple[Points, Array]:
         """Return normals (k,) and distances (k,) [m] of tangents that bound it besides `reach`."""
         normals = self.body.shape.bounding_normals * self.body.turn
-        if self.shape.is_round:
-            normals = normals[:0]
         return normals, self.support(normals)
 
     def resolved(self, spacing: float) -> Surface:
@@ -109,6 +109,8 @@ class Surface:
 
         :param spacing: of the points along a tube [m].
         """
+        if self.shape.is_round:
+            return self
         return replace(self, shape=self.body.shape.rounded(spacing))
 
 
@@ -120,4 +122,5 @@ def surface_of(body: ConvexObject, margin: float = 0.0) -> Surface:
     :param margin: how far out the surface is: 0 for its own, the radius of the tube for what
         centre lines meet where tubes stay round [m].
     """
-    return Surface(body, margin, body.shape)
+    reach = body.shape.reach + abs(body.shape.centroid) + margin
+    return Surface(body, margin, body.shape, body.middle, reach)

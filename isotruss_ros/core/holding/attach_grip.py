@@ -113,7 +113,7 @@ def _find_rest(
             motion = travel, state.unknowns - before.state.unknowns
     if state is None:
         state = statics.solve(start_at(statics, body), wrench, closure, steps)
-    if state is not None and tubes.flattening and contacts.has_faces:
+    if state is not None and tubes.flattening and len(contacts.owners) > len(contacts.ends):
         # How deep a face's ends dent the skin rests on how the tube is bent over them, and on how
         # the object has turned.
         turned = body.moved_to(state.unknowns[:3])

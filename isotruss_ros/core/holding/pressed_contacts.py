@@ -49,11 +49,6 @@ class PressedContacts:
         """Return which contacts each of the grasping members has: one, or both ends of a face."""
         return [np.flatnonzero(self.owners == i) for i in range(int(self.owners[-1]) + 1)]
 
-    @cached_property
-    def has_faces(self) -> bool:
-        """Return whether a face lies on a member."""
-        return len(self.owners) > len(self.ends)
-
     def without(self, dropped: int) -> PressedContacts:
         """
         Return the others; what was one end of a face reaches all along it now.

@@ -105,6 +105,15 @@ class ClampedBeam:
         found[DEFLECTION][0] += 1.0
         return found
 
+    def at(self, x: float) -> tuple[list[list[float]], list[float]]:
+        """
+        Return how a place moves with the ends, and by loads at the place itself.
+
+        :param x: from the start [m].
+        :return: see `shapes` and `influence`.
+        """
+        return self.shapes(x), self.influence(x, x)
+
     def _held_back(
         self, x: Number, rows: int = 4
     ) -> tuple[list[tuple[Number, ...]], list[tuple[Number, ...]]]:

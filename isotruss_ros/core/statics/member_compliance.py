@@ -181,8 +181,7 @@ class MemberCompliance:
     def _of_place(self, i: int, number: int, x: float) -> list[float]:
         """Return the numbers of a place on a piece of one of the members."""
         part, rate = x / self._beams[i][number][0], 1.0 / self._beams[i][number][0]
-        beam = self._beam(i, number)
-        shapes, influence = beam.shapes(x), beam.influence(x, x)
+        shapes, influence = self._beam(i, number).at(x)
         values = [1.0 - part, part, -rate, rate, *itertools.chain(*shapes), *influence]
         return values if number < 2 else list(map(operator.mul, BACKWARD, values))
 

@@ -56,10 +56,10 @@ class Structure:
 
     def __init__(self, config: Configuration, pressures: tuple[float, ...]) -> None:
         self.config = config
-        self.tube = tube_stiffness(config.robot.description)
         self.pressures = pressures
         self._layout = layout = frame_layout(config.robot)
-        self.node_names, self.pieces, self.owners = layout.node_names, layout.pieces, layout.owners
+        self.tube, self.node_names = layout.tube, layout.node_names
+        self.pieces, self.owners = layout.pieces, layout.owners
         points = _frame_points(config.robot, config.points)
         sections = _section_values(config.robot, self.tube, pressures, config.member_lengths)
         axial, flexural, shear = sections
@@ -141,6 +141,7 @@ class FrameLayout(NamedTuple):
     """
     What does not change with the configuration of a robot.
 
+    :ivar tube: how stiff the tube is.
     :ivar node_names: joints first, then B, C, D, E of module after module.
     :ivar places: number of each node by its name.
     :ivar b: (m,) numbers of the nodes B; C, D and E follow.
@@ -152,6 +153,7 @@ class FrameLayout(NamedTuple):
     :ivar owners: (3, m) the members of the robot that these are part of.
     """
 
+    tube: TubeStiffness
     node_names: tuple[str, ...]
     places: dict[str, int]
     b: Indices
@@ -194,6 +196,7 @@ def frame_layout(robot: Mechanism) -> FrameLayout:
     )
     pieces, own = np.arange(3 * m, 6 * m).reshape(3, -1), np.arange(m)
     return FrameLayout(
+        tube=tube_stiffness(robot.description),
         node_names=names,
         places={name: i for i, name in enumerate(names)},
         b=b,

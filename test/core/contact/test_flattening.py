@@ -39,12 +39,14 @@ def kernel(count, spacing, pressure=PRESSURE, fabric=FABRIC, modes=8):
 
 
 @pytest.mark.parametrize('fabric', [FABRIC, None])
-@pytest.mark.parametrize('modes', [2, 8, 100])
-def test_an_even_load_from_one_side_meets_four_thirds_of_pi_p(fabric, modes):
+@pytest.mark.parametrize(
+    ('modes', 'spacing'), [(2, 0.005), (100, 0.005), (8, 0.001), (8, 0.0025), (8, 0.1)]
+)
+def test_an_even_load_from_one_side_meets_four_thirds_of_pi_p(fabric, modes, spacing):
     # Sum over n >= 2 of 1 / (pi p (n^2 - 1)) is 3 / (4 pi p).
-    spacing = 0.005
-    matrix = kernel(801, spacing, fabric=fabric, modes=modes)
-    dent = matrix[400].sum() * spacing  # of one newton per metre
+    half = int(0.8 / spacing) + 1
+    matrix = kernel(2 * half + 1, spacing, fabric=fabric, modes=modes)
+    dent = matrix[half].sum() * spacing  # of one newton per metre
     assert 1.0 / dent == pytest.approx(4.0 / 3.0 * np.pi * PRESSURE, rel=1e-6)
 
 
@@ -56,13 +58,6 @@ def test_two_plates_meet_pi_p():
     assert 1.0 / delta == pytest.approx(np.pi * PRESSURE, rel=1e-5)
     found = flattening(RADIUS, PRESSURE, FABRIC, modes=8)
     assert found.stiffness[0, ::2] == pytest.approx(np.pi * PRESSURE * (orders[:4] ** 2 - 1.0))
-
-
-@pytest.mark.parametrize('spacing', [0.001, 0.0025, 0.005, 0.1])
-def test_the_integral_of_the_kernel_is_the_same_for_all_spacings(spacing):
-    half = int(0.8 / spacing) + 1
-    matrix = kernel(2 * half + 1, spacing)
-    assert matrix[half].sum() * spacing == pytest.approx(0.75 / np.pi / PRESSURE, rel=1e-6)
 
 
 def test_modes_are_strings_on_a_foundation():
@@ -154,7 +149,6 @@ def test_force_grows_with_diameter_and_pressure_where_tubes_flatten(flattening):
         assert list(analysis.contact_forces) == ['north/Z-R']
         forces.append(analysis.contact_forces['north/Z-R'])
     growth = np.diff(forces) / forces[0]
-    print(growth)
     assert (growth > 0.0).all() if flattening else (np.abs(growth) < 0.001).all()
 
 

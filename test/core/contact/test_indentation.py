@@ -41,15 +41,6 @@ def test_between_its_depths_the_table_is_the_contact(diameter):
         assert table(force)[0] == pytest.approx(depth, rel=0.02)
 
 
-@pytest.mark.parametrize('force', [1e-3, 0.3, 5.0, 40.0, 1e3, 1e4])
-def test_the_derivative_is_that_of_the_depth(force):
-    table, step = skin_indentation(ROBOT, 0, 0.15), 1e-6 * force
-    slope = (table(force + step)[0] - table(force - step)[0]) / (2.0 * step)
-    assert table(force)[1] == pytest.approx(slope, rel=1e-5)
-    assert slope > 0.0
-    assert table(-force) == pytest.approx((-table(force)[0], table(force)[1]))
-
-
 @robots.examples(60)
 @given(robots.generators(), strategies.integers(1, 6), strategies.integers(2, 30))
 def test_dents_are_those_of_the_librarys_spline(rng, count, size):

@@ -124,22 +124,6 @@ def test_a_small_object_that_the_search_alone_touches_is_not_touched():
     assert analysis.gaps.min() > 0.001
 
 
-def test_the_answer_has_all_points_from_a_spacing_before_contact_to_one_behind():
-    config, cylinder = pressed(1)
-    structure = structure_of(config)
-    points, _, extents, kept = refine_contact(
-        structure,
-        circle(cylinder.center, 0.5 * cylinder.shape.diameter),
-        SPACING,
-        flattening_of(ROBOT, structure.pressures),
-        solve_sliding_contact,
-    )
-    first, last = extents.spans[points.member].T + SPACING * np.array([[-1.0], [1.0]])
-    within = (points.place >= first) & (points.place <= last)
-    assert kept.tolist() == np.flatnonzero(within).tolist()
-    assert 0 < len(kept) < len(points.points)
-
-
 def test_regions_that_do_not_settle_have_points_everywhere(monkeypatch):
     config, cylinder = pressed(1)
     settled = analyze_grasp(config, cylinder)

@@ -147,12 +147,7 @@ def test_a_face_comes_to_lie_on_a_member_and_lifts_at_its_other_end_and_back():
 @pytest.mark.parametrize(('farthest', 'steps', 'turned'), [(0.4, 20, 0.35), (0.16, 1, 0.15)])
 def test_a_polygon_of_many_sides_rolls_as_a_disc(farthest, steps, turned):
     # In one step as well, over five faces, which is as many as there may be.
-    number = 96
-    sector = 2.0 * np.pi / number
-    vertices = 0.15 * np.sqrt(sector / np.sin(sector)) * np.exp(1j * sector * np.arange(number))
-    polygon = ConvexObject(
-        Polygon([(z.real, z.imag) for z in vertices]), (*CYLINDER.pose[:2], 0.1)
-    )
+    polygon = ConvexObject(regular_polygon(96, 0.15), (*CYLINDER.pose[:2], 0.1))
     disc, grip = attach_grip(CONFIG, turned_disc(0.1)), attach_grip(CONFIG, polygon)
     assert grip.squeeze == pytest.approx(disc.squeeze, rel=0.02)
     held_there = Grip(CORNER, CYLINDER)
@@ -229,7 +224,7 @@ def test_an_object_that_rolls_there_and_back_is_where_it_was(shape, angle, membe
 
 
 @pytest.mark.parametrize(('shape', 'angle', 'members', 'count'), CASES)
-def test_the_response_is_that_of_small_wrenches_and_openings(shape, angle, members, count):
+def test_the_response_is_that_of_small_wrenches(shape, angle, members, count):
     grip = held(shape, angle, members)
     response = grip.response
     assert response.stable
@@ -244,15 +239,6 @@ def test_the_response_is_that_of_small_wrenches_and_openings(shape, angle, membe
         )
         gained = moved[places.normal].sum() / len(members) / 2e-3
         assert gained == pytest.approx(response.squeeze[i], rel=2e-4, abs=1e-5)
-    if count > 2:
-        return  # a member that turns as it closes leaves one end of a face
-    command = solve_twist(
-        HOME, Grip(members, grip.body), np.zeros(3), opening_rate=-1e-4, limits=()
-    )
-    ahead = roll_grip(grip, HOME.moved_to(HOME.roller_positions + command.roller_velocities))
-    gained = (ahead.squeeze - grip.squeeze) / -1e-4
-    # The members also turn as they close.
-    assert gained == pytest.approx(grip.squeeze_stiffness(), rel=0.15)
 
 
 def changed_forces(grip, moving):
@@ -430,8 +416,6 @@ def test_a_face_dents_less_than_a_corner_and_a_disc_as_in_its_own_table():
 
 
 def test_what_is_not_held_says_why():
-    far = ConvexObject(BOX, (3.0, 3.0, 0.0))
-    assert settle_grasp(HOME, far, 0.5).hold is HoldStatus.NO_CONTACT
     grip = place_between(HOME, APART, BOX, angle=0.2, indentation=0.01)
     slips = settle_grasp(HOME, grip.body, 0.3)
     assert slips.hold is HoldStatus.SLIPS

@@ -69,23 +69,6 @@ def test_displacements_are_those_of_the_contact_points(members):
         assert moved == pytest.approx(points.displacements(forces)[pair], rel=1e-9, abs=1e-12)
 
 
-def test_slope_is_the_mean_of_both_sides_of_the_kink(members):
-    points = find_contact_points(STRUCTURE, circle(CYLINDER.center, 0.25), 1e-3)
-    place = int(np.flatnonzero(points.member == MEMBERS[0])[200])
-    force = 1j * members.axis[0] * 5.0
-    forces = np.zeros(len(points.points), dtype=complex)
-    forces[place] = force
-    moved = points.displacements(forces) * members.axis[0].conj()
-    at = ((points.points[place] - members.start[0]) * members.axis[0].conj()).real
-    found = members.at(np.array([at, 0.5])).respond(np.array([[0.0, 5.0, 0.0], [0.0] * 3]))
-    assert found[0, 2] == pytest.approx(
-        (moved[place + 1] - moved[place - 1]).imag / 2e-3, rel=1e-3
-    )
-    kink = (moved[place + 1] - 2.0 * moved[place] + moved[place - 1]).imag / 1e-3
-    shear = STRUCTURE.frame.members.shear[-len(CONFIG.robot.member_names)]
-    assert kink == pytest.approx(-5.0 / shear, rel=3e-2)
-
-
 @pytest.mark.parametrize('numbers', [MEMBERS, MEMBERS[:1] * 2])
 def test_a_moment_does_elsewhere_what_the_rotation_of_the_section_does_here(numbers):
     """Betti: by a force elsewhere the section turns by theta = w' + EI w''' / GA."""
