@@ -99,7 +99,7 @@ def _contact_points(
     """Return points inside one member whose ends turn, if they are pinned, or stand still."""
     only, length = np.zeros(len(places), dtype=np.intp), np.array([tube.length])
     section = tube.stiffness.section_stiffness(length, pressure)
-    inside = points_on_beams(only, places, length, *section, np.array([False]))
+    shapes, inside = points_on_beams(only, places, length, *section, np.array([False]))
     ends = np.zeros((6, 6))
     if tube.pinned:
         turns = np.ix_([2, 5], [2, 5])
@@ -121,8 +121,8 @@ def _contact_points(
         piece=only,
         spacing=SPACING,
         axis=np.ones(len(places), dtype=np.complex128),
-        inside=inside.compliance,
-        spread=inside.shapes.swapaxes(0, 1),
+        inside=inside,
+        spread=shapes.swapaxes(0, 1),
         ends=ends,
         dents=dents,
     )

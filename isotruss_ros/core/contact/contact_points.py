@@ -176,9 +176,9 @@ def find_contact_points(
     tubes = tubes.take(near)
     piece, place = _place_points(tubes, low[near], high[near], spacing)
     at = tubes.take(piece)
-    inside = interior_points(frame, tubes.number, piece, place)
+    shapes, inside = interior_points(frame, tubes.number, piece, place)
     spread = np.zeros((2, len(place), len(near), 6))
-    spread[:, np.arange(len(place)), piece] = inside.shapes.swapaxes(0, 1)
+    spread[:, np.arange(len(place)), piece] = shapes.swapaxes(0, 1)
     points = at.start + place * at.axis
     # All on one line: places along the member, from those along its pieces.
     in_line = at.base + at.ahead * place
@@ -199,7 +199,7 @@ def find_contact_points(
         piece,
         spacing,
         at.axis,
-        inside.compliance,
+        inside,
         spread.reshape(2, len(place), 6 * len(near)),
         frame.compliance(tubes.number),
         dents,

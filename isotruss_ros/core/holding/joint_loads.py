@@ -94,7 +94,7 @@ def joint_compliance(grip: HeldGrip) -> JointCompliance:
     # A force on a joint is one on the end of a member that is there.
     ends = np.concatenate([frame.members.start, frame.members.end])
     side, member = np.divmod(np.unique(ends, return_index=True)[1][:count], len(frame.length))
-    own, turn = np.arange(count), frame.to_member_frame(member)
+    own, turn = np.arange(count), frame.turn[member]
     loads = np.zeros((count, 6, count, 2))
     for axis in range(2):
         loads[own, :, own, axis] = turn[own, :, 3 * side + axis]

@@ -19,6 +19,7 @@ from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.statics.cut_frame import CutFrame, FrameRates, structure_rates
 from isotruss_ros.core.statics.frame import FrameState
+from isotruss_ros.core.statics.wrinkling import find_most_used
 import numpy as np
 
 
@@ -226,7 +227,7 @@ class LoadedTubes:
         :param ends: (c, 6, p) changes of the end forces, see `respond`.
         """
         robot = self._grip.config.robot
-        topology, m = robot.topology, robot.topology.n_modules
+        topology = robot.topology
         radius = 0.5 * robot.description.tube_diameter
         first, owners = self._structure.pieces[0, 0], self._structure.owners.ravel()
         pieces = np.flatnonzero(self._frame.whole >= first)
@@ -241,7 +242,6 @@ class LoadedTubes:
         used = np.full(len(moment), np.inf)
         np.divide(2.0 * np.abs(moment), radius * left, out=used, where=left > 0.0)
         member = np.tile(member, 2)
-        order = np.lexsort((used, member))
-        last = order[np.searchsorted(member[order], np.arange(m), side='right') - 1]
+        last = find_most_used(used, member)
         rates = (2.0 / radius * bent - used[:, None] * slack) / left[:, None]
         return used[last], rates[last]

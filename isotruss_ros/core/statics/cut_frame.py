@@ -110,7 +110,7 @@ class CutFrame(Frame):
             turned[:, at + 2] = changed[:, at + 2]
         left = loads.reshape(-1, count).copy()
         places = pattern.places.ravel()
-        np.subtract.at(left, places, (self._turn.transpose(0, 2, 1) @ turned).reshape(-1, count))
+        np.subtract.at(left, places, (self.turn.transpose(0, 2, 1) @ turned).reshape(-1, count))
         right = np.zeros((len(scale), count))
         pushed = rates.rows * state.multipliers[rows.row][:, None]
         np.subtract.at(left, rows.column, pushed)
@@ -121,7 +121,7 @@ class CutFrame(Frame):
         found = scale[:, None] * factor.solve(scale[:, None] * right)
         displacements = np.zeros_like(left)
         displacements[pattern.solved] = found[:free]
-        changed += self._local @ (self._turn @ displacements[pattern.places])
+        changed += self._local @ (self.turn @ displacements[pattern.places])
         return displacements.reshape(-1, 3, count), changed, found[free:]
 
     def mixed_rates(
@@ -160,7 +160,7 @@ class CutFrame(Frame):
 
     def _sways(self, ends: Array) -> tuple[Array, Array]:
         """Return how far ends (k, 6, p) move apart, along members and across them, (k, p)."""
-        ends = self._turn @ ends
+        ends = self.turn @ ends
         return ends[:, 3] - ends[:, 0], ends[:, 4] - ends[:, 1]
 
     def _still_rates(self, state: FrameState, rates: FrameRates) -> tuple[Array, Array]:

@@ -21,7 +21,7 @@ for the few places at which an object is held, the latter for the many that it c
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices
 from isotruss_ros.core.statics.frame import Frame
@@ -181,25 +181,11 @@ class ClampedBeam:
         return [along, *across[:4], stretch * by_x, *across[4:8], stretch * by_y, *across[8:]]
 
 
-class InteriorPoints(NamedTuple):
-    """
-    How c points on members move.
-
-    :ivar shapes: (c, 2, 6) along and across the member, by (ux, uy, theta) at start and end: the
-        shape functions.
-    :ivar compliance: (2, c, c) along the members, across them, under unit forces at points while
-        the ends are held [m/N]; zero between members.
-    """
-
-    shapes: Array
-    compliance: Array
-
-
 def interior_points(
     frame: Frame, pieces: Indices, member: Indices, place: Array
-) -> InteriorPoints:
+) -> tuple[Array, Array]:
     """
-    Return how points on members of a frame move.
+    Return how points on members of a frame move, see `points_on_beams`.
 
     :param frame: the frame.
     :param pieces: (p,) numbers of the members.
@@ -219,7 +205,7 @@ def points_on_beams(
     flexural: Array,
     shear: Array,
     pinned: Flags,
-) -> InteriorPoints:
+) -> tuple[Array, Array]:
     """
     Return how points on beams move.
 
@@ -230,6 +216,9 @@ def points_on_beams(
     :param flexural: (p,) EI [N m^2].
     :param shear: (p,) GA [N].
     :param pinned: (p,) whether the start transmits no moment.
+    :return: the shape functions (c, 2, 6): along and across the member, by (ux, uy, theta) at
+        start and end; and the compliance (2, c, c) along the members, and across them, under unit
+        forces at points while the ends are held [m/N], zero between members.
     """
     beams = length, axial, flexural, shear, pinned
     beam = ClampedBeam(*(values[member] for values in beams))
@@ -237,4 +226,4 @@ def points_on_beams(
     shapes = np.zeros((len(part), 2, 6))
     shapes[:, 0, 0], shapes[:, 0, 3] = 1.0 - part, part
     shapes[:, 1, [1, 2, 4, 5]] = np.transpose(beam.shapes(place, 1)[DEFLECTION])
-    return InteriorPoints(shapes, beam.give(place) * (member[:, None] == member))
+    return shapes, beam.give(place) * (member[:, None] == member)

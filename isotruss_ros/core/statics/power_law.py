@@ -27,7 +27,6 @@ from isotruss_ros.core.model.stiffness_law import (
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.statics.section import (
     broadcast_members,
-    FlexibilityRates,
     SectionStiffness,
 )
 import numpy as np
@@ -116,7 +115,7 @@ class PowerLaw:
         np.divide(12.0 * flexural, phi * between**2, out=shear, where=phi > 0.0)
         return SectionStiffness(axial * length, flexural, shear)
 
-    def flexibility_rates(self, length: Array, pressure: Array) -> FlexibilityRates:
+    def flexibility_rates(self, length: Array, pressure: Array) -> tuple[Array, Array]:
         """Return how 1 / EA, 1 / EI, 1 / GA change; see `TubeStiffness.flexibility_rates`."""
         axial, flexural, shear = self.section_stiffness(length, pressure)
         between = length - 2.0 * self.guide_ring_distance
@@ -136,7 +135,7 @@ class PowerLaw:
         bend = push + 3.0 * wider + steeper / (1.0 + phi)
         sheared = (steeper + phi * (2.0 * wider - bend)) * between**2 / (12.0 * flexural)
         rates = np.array([-(pull + longer) / axial, -bend / flexural, sheared])
-        return FlexibilityRates(rates[:, 0], rates[:, 1])
+        return rates[:, 0], rates[:, 1]
 
     @classmethod
     def of_block(cls, block: Mapping[str, Any], description: RobotDescription) -> Self:

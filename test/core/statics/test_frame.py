@@ -286,7 +286,7 @@ def test_compliance_is_the_response_to_unit_loads_on_the_ends_of_members(rng):
     chosen = rng.choice(len(found.start), min(2, len(found.start)), replace=False)
     compliance = frame.compliance(chosen)
     assert frame.compliance(chosen) is compliance
-    turn = frame.to_member_frame(chosen)
+    turn = frame.turn[chosen]
     size = 6 * len(chosen)
     expected = np.zeros((size, size))
     for column in range(size):
@@ -312,7 +312,7 @@ def test_end_forces_are_those_of_the_nodes_less_what_members_carry_inside(rng):
     chosen = rng.choice(len(found.start), 3)
     carried = rng.normal(size=(3, 6))
     loads = np.zeros((len(points), 3))
-    pushed = (frame.to_member_frame(chosen).transpose(0, 2, 1) @ carried[:, :, None])[:, :, 0]
+    pushed = (frame.turn[chosen].transpose(0, 2, 1) @ carried[:, :, None])[:, :, 0]
     np.add.at(loads, found.start[chosen], pushed[:, :3])
     np.add.at(loads, found.end[chosen], pushed[:, 3:])
     # Where all is pinned, no moment acts on anything.
