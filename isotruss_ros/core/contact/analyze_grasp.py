@@ -178,11 +178,7 @@ def check_load(
 
 
 def _solver(method: str, sliding: bool) -> ContactSolver:
-    """
-    Return what solves (8).
-
-    :param sliding: whether the tubes flatten on an object that is not round.
-    """
+    """Return what solves (8), tubes sliding on an object that is not round or not."""
     solvers: dict[str, ContactSolver] = {
         'exact': solve_sliding_contact if sliding else solve_contact,
         'relaxation': relax_contact,
@@ -204,12 +200,7 @@ def _pressed(
     margin: float,
     round_: bool,
 ) -> tuple[Array, Array | None]:
-    """
-    Return the wrench (3,) of the tubes on the object, and the levers of friction.
-
-    :param margin: how far the surface that the points meet is from the object's own [m].
-    :return: levers (k,) of forces along the tangents over half of the mean width; None for a disc.
-    """
+    """Return the wrench (3,) on the object, and the levers of friction; None for a disc."""
     if round_:
         force = contact.forces @ contact.normals
         return np.array([-force.real, -force.imag, 0.0]), None

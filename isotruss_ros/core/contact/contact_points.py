@@ -239,11 +239,7 @@ def _tube_pieces(structure: Structure, center: complex) -> _TubePieces:
 def _reach(
     tubes: _TubePieces, surface: Surface, spacing: float, width: float
 ) -> tuple[Array, Array]:
-    """
-    Return between which distances from their starts pieces come within reach of an object.
-
-    :param width: half of that of the tubes [m].
-    """
+    """Return between which distances from their starts pieces are within reach."""
     # A tube that gives elsewhere may come into contact beyond the chord of the object.
     reach, foot = surface.reach + 2.0 * spacing, tubes.away.real
     off = np.abs(tubes.away.imag) - width
@@ -277,12 +273,7 @@ def _place_points(
 def _clip(
     start: Points, axis: Points, normals: Points, distances: Array, width: float
 ) -> tuple[Array, Array]:
-    """
-    Return between which distances from their starts strips (p,) are within all of some tangents.
-
-    :param start: (p,) relative to the point that the tangents' distances are measured from [m].
-    :param width: half of that of the strips [m].
-    """
+    """Return between which distances from their starts strips are within all tangents."""
     # Of the two edges of a strip, the one that is farther inside.
     slope = (axis[:, None] * normals.conj()).real
     lean = np.abs((axis[:, None] * normals.conj()).imag)

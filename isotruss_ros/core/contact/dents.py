@@ -247,11 +247,7 @@ def corner_dents(
 
 
 def _profile(shape: Shape, angle: float, point: complex) -> tuple[Array, Array]:
-    """
-    Return places along a tube and heights of the surface above a point of it, (p,) each [m].
-
-    Places rise counter-clockwise around the object.
-    """
+    """Return places counter-clockwise along a tube, and heights of the surface there."""
     inward = -np.exp(1j * angle)
     seen = (shape.outline(OUTLINE) - point) * inward.conjugate()
     # Along the tube counter-clockwise, and into the object.

@@ -112,14 +112,7 @@ def _slide(
     push: Points,
     still: Array,
 ) -> Array | None:
-    """
-    Return the forces (c,) that close gaps while the tubes slide by what these forces take.
-
-    :param places: (a,) the points that are closed.
-    :param push: (c,) directions of the forces.
-    :param still: (c,) gaps without displacements [m].
-    :return: None if some would pull, or there are none.
-    """
+    """Return the forces (c,) that close gaps while tubes slide by them; None if one pulls."""
     count, inward = len(places), contact_points.axis[places].conj()
     if count == 0:
         return None
@@ -136,12 +129,7 @@ def _slide(
 
 
 def _limit(normals: Points, bent: Points, side: Array) -> tuple[Points, Flags]:
-    """
-    Return normals (c,) that lean no more than is admitted, and which of them did.
-
-    :param bent: (c,) directions of the tubes.
-    :param side: (c,) of the tubes that is away from the object: 1 left, -1 right.
-    """
+    """Return normals (c,) that lean no more than is admitted, and which of them did."""
     local = normals * bent.conj()
     steep = side * local.imag < STEEPEST.real
     if not steep.any():

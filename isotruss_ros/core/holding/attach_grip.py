@@ -209,8 +209,8 @@ def rest(statics: ContactStatics, center: complex, angle: float) -> Closure:
             left[number] = _along(statics, unknowns, normals, ends, center, derivative[number])
             number += 1
         if not faces:
-            left[number] = statics.arm * (unknowns[ANGLE] - angle)
-            derivative[number, ANGLE] = statics.arm
+            left[number] = statics.body.arm * (unknowns[ANGLE] - angle)
+            derivative[number, ANGLE] = statics.body.arm
             number += 1
         if not across:
             friction = unknowns[places.friction]

@@ -131,16 +131,8 @@ def _response_rates(
     rates: TubeRates,
     change: Array,
 ) -> Array:
-    """
-    Return how the response to a unit wrench changes, (3 + 4k, n, 3).
-
-    :param grip: how the object is held.
-    :param tubes: under its forces.
-    :param contacts: how the contacts change, with n parameters and, in three columns more, as a
-        unit wrench (fx, fy, m / arm) acts while they stick.
-    :param rates: how the tubes do.
-    :param change: (3 + 4k, n + 3) how the unknowns do.
-    """
+    """Return how the response to a unit wrench changes, (3 + 4k, n, 3)."""
+    # Columns are those of n parameters and, three more, of a unit wrench (fx, fy, m / arm).
     statics, state, places = grip.statics, grip.state, grip.state.places
     normals, turn = state.normals[:, None], grip.body.turn
     points, radii = grip.body.shape.surface_at(statics.contacts.corners, state.normals / turn)
@@ -180,19 +172,14 @@ def _response_rates(
         slope -= 2.0 * slopes * (1.0 + slopes**2) * bends * bends[:, j, None]
         torque = arm_rates.conj() * push * normals + swung.conj() * pushed[:, j, None]
         torque += swung[:, j, None].conj() * pushed + arms.conj() * forces
-        balance = np.stack([forces.real, forces.imag, torque.imag / statics.arm]).sum(axis=1)
+        balance = np.stack([forces.real, forces.imag, torque.imag / statics.body.arm]).sum(axis=1)
         closure = grown * (angle - turned)
         left[..., i] = np.concatenate([gap.real, gap.imag, slope, -balance, closure])[:, :-3]
     return -np.linalg.solve(grip.tangent, left.reshape(places.size, -1)).reshape(left.shape)
 
 
 def _stiffness_rates(grip: HeldGrip, answer: Array) -> Array:
-    """
-    Return how the stiffness changes, (3, 3, p), see `GripResponse.stiffness`.
-
-    :param grip: how the object is held.
-    :param answer: (3 + 4k, p, 3) how the response to a wrench does, see `_response_rates`.
-    """
+    """Return how the stiffness changes, (3, 3, p), as the response does."""
     inverse = np.linalg.inv(grip.response.pose)
     rates = -np.einsum('ia,apb,bj->ijp', inverse, answer[:3], inverse)
     rates[2] *= grip.arm
@@ -202,14 +189,7 @@ def _stiffness_rates(grip: HeldGrip, answer: Array) -> Array:
 def _slip_margin_rates(
     settled: SettledGrasp, change: Array, answer: Array, parameters: GraspParameters
 ) -> tuple[Array, str]:
-    """
-    Return how the slip margin changes, (p,) [N], and the name of the member that gives way.
-
-    :param settled: where the object rests.
-    :param change: (3 + 4k, p) how the unknowns change.
-    :param answer: (3 + 4k, p, 3) how their response to a wrench does, see `_response_rates`.
-    :param parameters: places of the p parameters.
-    """
+    """Return how the slip margin changes, (p,) [N], and which member gives way."""
     grip = settled.equilibrium
     owners, response, begin = grip.contacts.owners, grip.response, grip.state.places.normal.start
     rows = slip_conditions(owners, settled.friction)

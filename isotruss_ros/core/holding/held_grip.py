@@ -99,7 +99,7 @@ class HeldGrip:
     @property
     def arm(self) -> float:
         """Return the arm by which moments compare with forces, see `ConvexObject.arm` [m]."""
-        return self.statics.arm
+        return self.statics.body.arm
 
     @functools.cached_property
     def member_names(self) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from isotruss_ros.core.holding.held_grip import HeldGrip
-from isotruss_ros.core.holding.loaded_frame import held_joints
+from isotruss_ros.core.holding.loaded_frame import displace_nodes, held_joints
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
@@ -98,14 +98,10 @@ def joint_compliance(grip: HeldGrip) -> JointCompliance:
     loads = np.zeros((count, 6, count, 2))
     for axis in range(2):
         loads[own, :, own, axis] = turn[own, :, 3 * side + axis]
-    at_feet = grip.statics.compliance.at(grip.state.feet)
-    units = np.eye(3 * len(grip.anchors))
-    carried = np.column_stack([at_feet.carried(unit.reshape(-1, 3)).ravel() for unit in units])
-    piece = grip.statics.compliance.locate(grip.state.feet)[0]
-    scale = 1.0 / grip.tubes.stiffness_scale
     own_moved = frame.displacements(member, loads.reshape(6 * count, 2 * count))
-    moved = frame.displacements(piece, carried)
+    size = 3 * len(grip.anchors)
+    moved = displace_nodes(grip, np.eye(size).reshape(-1, 3, size))
     return JointCompliance(
-        scale * own_moved[:count, :2].reshape(2 * count, -1),
-        scale * moved[:count, :2].reshape(2 * count, -1),
+        own_moved[:count, :2].reshape(2 * count, -1) / grip.tubes.stiffness_scale,
+        moved[:count, :2].reshape(2 * count, -1),
     )

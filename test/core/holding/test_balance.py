@@ -23,7 +23,7 @@ START = np.zeros(PLACES.size)
 
 def solve_balance(equations, arm):
     """Solve made-up equations of one contact."""
-    statics = SimpleNamespace(places=PLACES, sides=np.ones(1), arm=arm)
+    statics = SimpleNamespace(places=PLACES, sides=np.ones(1), body=SimpleNamespace(arm=arm))
     statics.equations = lambda unknowns, _wrench, _closure: equations(unknowns)
     return ContactStatics.solve(statics, START, None, None)
 

@@ -59,7 +59,7 @@ def test_the_equilibrium_balances_and_touches(statics, indentation):
         state.feet + given[:, 0] + 1j * given[:, 1]
     )
     away = points - state.center
-    assert np.abs(away) == pytest.approx(statics.arm + arms, abs=1e-10)
+    assert np.abs(away) == pytest.approx(statics.body.arm + arms, abs=1e-10)
     along = statics.compliance.axis * (1.0 + 1j * given[:, 2])
     assert (away.conj() * along).real == pytest.approx(0.0, abs=1e-10)
 
@@ -82,7 +82,7 @@ def test_rolling_from_where_it_is_stays_there_and_follows_the_tube(statics):
     along = 0.02
     closure = stick(statics, anchors, travel - along * statics.sides, angles, NOTHING)
     turned = statics.solve(state.unknowns, UNLOADED, closure)
-    assert turned.unknowns[ANGLE] == pytest.approx(0.3 + along / statics.arm, abs=1e-9)
+    assert turned.unknowns[ANGLE] == pytest.approx(0.3 + along / statics.body.arm, abs=1e-9)
     places = state.places
     for part in (CENTER, slice(places.feet.start, None)):
         assert turned.unknowns[part] == pytest.approx(state.unknowns[part], abs=1e-8)

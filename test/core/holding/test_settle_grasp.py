@@ -100,7 +100,7 @@ def test_with_friction_in_the_structure_the_contact_solver_and_closure_agree(wre
     config, cylinder = gripped(33.0, squeeze=squeeze)
     grasp = attach_grip(config, cylinder, None, np.array(wrench), TubeModel(flattening=False))
     statics, state = grasp.statics, grasp.state
-    radius = statics.arm + statics.tube_radius
+    radius = statics.body.arm + statics.tube_radius
     points = find_contact_points(structure_of(config), circle(state.center, radius), 0.002)
     feet = statics.compliance.start + state.feet * statics.compliance.axis
     rubbing = np.zeros(len(points.points), dtype=complex)
@@ -114,7 +114,7 @@ def test_with_friction_in_the_structure_the_contact_solver_and_closure_agree(wre
     assert found == pytest.approx(state.normal_forces, rel=0.08)
     tangents = as_xy(1j * state.normals)
     load = as_xy(-(state.normal_forces * state.normals).sum().reshape(1))[0]
-    load = np.append(load + wrench[:2], wrench[2] / statics.arm)
+    load = np.append(load + wrench[:2], wrench[2] / statics.body.arm)
     closure = check_force_closure(tangents, state.normal_forces, load, FRICTION)
     required = float(np.max(np.abs(state.friction_forces) / state.normal_forces))
     assert closure.closed == (required <= FRICTION)
