@@ -14,7 +14,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.contact_forces import slip_margin
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, travel_rates
 from isotruss_ros.core.holding.roll_grip import roll_contacts
@@ -67,7 +66,7 @@ def sensitivity(grasp: HeldGrip, friction: float) -> Sensitivity | None:
     response = grasp.response
     if response is None:
         return None
-    margin = slip_margin(grasp.state, response, friction)
+    margin = grasp.slip_margin(friction)
     return Sensitivity(response.pose, response.squeeze, grasp.squeeze_stiffness(), margin)
 
 

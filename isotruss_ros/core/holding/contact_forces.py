@@ -105,6 +105,11 @@ class ContactForces:
         """Return (k,) on the tubes, counter-clockwise around the object [N]."""
         return self.unknowns[self.places.friction]
 
+    @property
+    def forces(self) -> Array:
+        """Return normal and friction forces, (2k,) [N]."""
+        return np.concatenate([self.normal_forces, self.friction_forces])
+
 
 @dataclass(frozen=True, eq=False)
 class GripResponse:
@@ -149,61 +154,6 @@ class GripResponse:
     def squeeze(self) -> Array:
         """Return the change of the mean normal force of the members, (3,) [-]."""
         return self.normal.sum(axis=0) / (int(self.owners[-1]) + 1)
-
-
-def slip_margin(
-    state: ContactForces, response: GripResponse, friction: float, more: Array | None = None
-) -> float:
-    """
-    Return the smallest wrench at which a member slips or a contact lets go [N].
-
-    Moments count over the arm. A member slips where the friction of all its contacts,
-    |T| = mu N of their sums, is used; each end of a face lets go at N = 0. Forces change linearly
-    with the wrench, so that each condition is a plane in the space of wrenches, and the margin the
-    distance of the nearest one.
-
-    :param state: the equilibrium.
-    :param response: how its forces change with the wrench.
-    :param friction: coefficient mu.
-    :param more: (3,) wrench (fx, fy, m / arm) that is added to that of the equilibrium [N].
-    :return: negative where a member slips or a contact pulls already.
-    """
-    reserve, slope, size = _conditions(state, response, friction)
-    if more is not None:
-        reserve = reserve + slope @ more
-    return float((reserve / size).min())
-
-
-def weakest_direction(state: ContactForces, response: GripResponse, friction: float) -> Array:
-    """
-    Return the unit wrench (fx, fy, m / arm) along which the slip margin is the least, (3,).
-
-    :param state: the equilibrium.
-    :param response: how its forces change with the wrench.
-    :param friction: coefficient mu.
-    """
-    reserve, slope, size = _conditions(state, response, friction)
-    nearest = int((reserve / size).argmin())
-    return -slope[nearest] / size[nearest]
-
-
-def _conditions(
-    state: ContactForces, response: GripResponse, friction: float
-) -> tuple[Array, Array, Array]:
-    """Return what is left of each of `slip_conditions`, its slope by a wrench, and the size."""
-    rows = slip_conditions(response.owners, friction)
-    slope = rows @ response.forces
-    # Of any friction, squares may overflow.
-    return rows @ forces_of(state), slope, np.hypot.reduce(slope, axis=1)
-
-
-def forces_of(state: ContactForces) -> Array:
-    """
-    Return normal and friction forces, (2k,) [N].
-
-    :param state: the equilibrium.
-    """
-    return np.concatenate([state.normal_forces, state.friction_forces])
 
 
 def slip_conditions(owners: Indices, friction: float) -> Array:

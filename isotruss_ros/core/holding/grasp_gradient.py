@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 from isotruss_ros.core.contact.analysis_gradient import GraspParameters
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.holding.contact_forces import forces_of, slip_conditions
+from isotruss_ros.core.holding.contact_forces import slip_conditions
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.loaded_tubes import ContactRates, LoadedTubes, TubeRates
 from isotruss_ros.core.holding.settled_grasp import SettledGrasp
@@ -193,14 +193,13 @@ def _slip_margin_rates(
     grip = settled.equilibrium
     owners, response, begin = grip.contacts.owners, grip.response, grip.state.places.normal.start
     rows = slip_conditions(owners, settled.friction)
-    reserve, slope = rows @ forces_of(grip.state), rows @ response.forces
-    size = np.hypot.reduce(slope, axis=1)
+    reserve, slope, size = grip.slip_reserves(settled.friction)
     nearest = int((reserve / size).argmin())
     row, way = rows[nearest], slope[nearest] / size[nearest]
     # With friction the conditions change, but not those of contacts that let go.
     presses = slip_conditions(owners, 1.0)[nearest] - slip_conditions(owners, 0.0)[nearest]
     left, longer = row @ change[begin:], np.einsum('a,apw,w->p', row, answer[begin:], way)
-    left[parameters.friction] += presses @ forces_of(grip.state)
+    left[parameters.friction] += presses @ grip.state.forces
     longer[parameters.friction] += presses @ response.forces @ way
     names = [*2 * grip.member_names, *(grip.member_names[i] for i in owners)]
     return (left - reserve[nearest] / size[nearest] * longer) / size[nearest], names[nearest]

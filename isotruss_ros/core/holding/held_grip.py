@@ -17,7 +17,7 @@ import enum
 import functools
 import math
 
-from isotruss_ros.core.holding.contact_forces import ContactForces, GripResponse, slip_margin
+from isotruss_ros.core.holding.contact_forces import ContactForces, GripResponse, slip_conditions
 from isotruss_ros.core.holding.contact_statics import ContactStatics, TubeModel
 from isotruss_ros.core.holding.pressed_contacts import PressedContacts
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -145,14 +145,46 @@ class HeldGrip:
 
     def slip_margin(self, friction: float, more: Array | None = None) -> float:
         """
-        Return the smallest extra wrench at which a contact slips or lets go, see `slip_margin`.
+        Return the smallest extra wrench at which a member slips or a contact lets go [N].
+
+        Moments count over the arm. A member slips where the friction of all its contacts,
+        |T| = mu N of their sums, is used; each end of a face lets go at N = 0. Forces change
+        linearly with the wrench, so that each condition is a plane in the space of wrenches, and
+        the margin the distance of the nearest one.
 
         :param friction: coefficient between tube and object.
         :param more: (3,) wrench (fx, fy, m / arm) that is added to `wrench` [N].
-        :return: [N], moments over the arm; zero where the equilibrium is indifferent.
+        :return: negative where a member slips or a contact pulls already; zero where the
+            equilibrium is indifferent.
         """
-        response = self.response
-        return 0.0 if response is None else slip_margin(self.state, response, friction, more)
+        if self.response is None:
+            return 0.0
+        reserve, slope, size = self.slip_reserves(friction)
+        if more is not None:
+            reserve = reserve + slope @ more
+        return float((reserve / size).min())
+
+    def weakest_direction(self, friction: float) -> Array:
+        """
+        Return the unit wrench (fx, fy, m / arm) along which the slip margin is the least, (3,).
+
+        :param friction: coefficient between tube and object.
+        """
+        reserve, slope, size = self.slip_reserves(friction)
+        nearest = int((reserve / size).argmin())
+        return -slope[nearest] / size[nearest]
+
+    def slip_reserves(self, friction: float) -> tuple[Array, Array, Array]:
+        """
+        Return what is left of each of `slip_conditions`, (c,) [N], and its slope by a wrench.
+
+        :param friction: coefficient between tube and object.
+        :return: besides, the slopes (c, 3) and their sizes (c,).
+        """
+        rows = slip_conditions(self.response.owners, friction)
+        slope = rows @ self.response.forces
+        # Of any friction, squares may overflow.
+        return rows @ self.state.forces, slope, np.hypot.reduce(slope, axis=1)
 
     @functools.cached_property
     def members(self) -> Indices:

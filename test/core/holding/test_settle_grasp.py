@@ -32,7 +32,6 @@ from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding import attach_grip as attach_grip_module
 from isotruss_ros.core.holding import settle_grasp as settle_grasp_module
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.contact_forces import weakest_direction
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.numerics.arrays import as_xy
@@ -134,7 +133,7 @@ def test_the_margin_is_the_smallest_wrench_of_all_directions():
     settled = settle_grasp(CONFIG, CYLINDER, FRICTION)
     assert settled.slip_margin == pytest.approx(margin)
     # Along the weakest direction it is used up.
-    along = weakest_direction(state, response, FRICTION)
+    along = grasp.weakest_direction(FRICTION)
     assert np.linalg.norm(along) == pytest.approx(1.0)
     normal = state.normal_forces + response.normal @ along * margin
     friction = state.friction_forces + response.friction @ along * margin
