@@ -153,7 +153,7 @@ def _solve_straight(
     count, forces = len(points.points), None
     if previous is not None and len(previous.normal_forces) == count:
         forces = previous.normal_forces
-    contact = solver(points, surface, forces, None)
+    contact = solver(points, surface, forces)
     extents = contact_extents(points, contact, len(structure.config.robot.member_names))
     return SolvedContact(points, contact, extents, np.arange(count))
 

@@ -45,8 +45,8 @@ LENGTH_SPREAD = 0.02
 MAX_STEPS = 3
 EVERYWHERE = np.array([-np.inf, np.inf])
 
-#: Solves (8) at points that meet a surface, to begin with forces and normals or without.
-ContactSolver = Callable[[ContactPoints, Surface, Array | None, Points | None], ContactState]
+#: Solves (8) at points that meet a surface; to begin with forces and normals if there are any.
+ContactSolver = Callable[..., ContactState]
 
 
 def refine_contact(
@@ -79,9 +79,9 @@ def refine_contact(
         found, fits = search.solve(previous, limited=True)
         settled = fits and (budget is not None or _is_division_clear(found.extents.spans, spacing))
     if not settled:
-        found = search.estimate()
+        found = search.find(SEARCH * spacing, None, estimate_contact)
         if not _touched(found.extents.spans).any():
-            return search.solve_everywhere()
+            return search.find(spacing, None, solver)
     for step in range(MAX_STEPS):
         if settled:
             break
@@ -89,7 +89,7 @@ def refine_contact(
         # The search goes by tangents, which may be touched where the surface is not.
         touches = budget is None or _touched(found.extents.spans).any()
         if not len(found.points.points) or not touches:
-            return search.solve_everywhere()
+            return search.find(spacing, None, solver)
     # Whatever the search began with, the answer is the same.
     within = _within(found.points, found.extents.spans + search.room)
     return found._replace(kept=np.flatnonzero(within))
@@ -111,16 +111,6 @@ class _Search:
         """Return how far points go beyond a region of contact, (2,) [m]."""
         return self.spacing * np.array([-1.0, 1.0])
 
-    def estimate(self) -> SolvedContact:
-        """Find regions with few points."""
-        return self._found(SEARCH * self.spacing, None, estimate_contact)
-
-    def solve_everywhere(self) -> SolvedContact:
-        """Solve with points of all tubes within reach."""
-        return self._found(
-            self.spacing, None, lambda points, surface: self.solver(points, surface, None, None)
-        )
-
     def solve(self, before: SolvedContact, limited: bool) -> tuple[SolvedContact, bool]:
         """Solve with points around regions of contact, and return whether they are enough."""
         regions = before.extents.spans
@@ -132,7 +122,7 @@ class _Search:
         division = _division(regions, self.spacing, self.budget)
         within = limited & _touched(regions)
         windows = np.where(within, regions + SEARCH * self.room, EVERYWHERE)
-        solved = self._found(self.spacing / division, windows, begin)
+        solved = self.find(self.spacing / division, windows, begin)
         found = solved.extents.spans
         # A member whose contact has left its window may be touched elsewhere.
         inside = ((found + self.room - windows) * self.room <= 0.0).all()
@@ -140,11 +130,11 @@ class _Search:
         divided = self.budget is not None or division == _division(found, self.spacing)
         return solved, bool(fits) and divided
 
-    def _found(
+    def find(
         self,
         distance: float,
         windows: Array | None,
-        solve: Callable[[ContactPoints, Surface], ContactState],
+        solve: ContactSolver,
     ) -> SolvedContact:
         """Place points so far apart, and solve with what such points can tell of the surface."""
         points = find_contact_points(

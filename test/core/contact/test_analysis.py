@@ -11,6 +11,7 @@
 
 import math
 
+from grips import pressed_between, random_pressed
 from hypothesis import given, strategies
 from isotruss_ros.core import analyze_grasp, ConvexObject, load_robot
 from isotruss_ros.core.contact.contact_points import find_contact_points
@@ -29,36 +30,10 @@ TUBE = 0.102
 generators = robots.generators()
 
 
-def between(robot, module, share, deep, config=None):
-    """Return a configuration, and a cylinder pressed by `deep` into both sides of a module."""
-    config = config or robot.home
-    b, b_end, c, c_end = robots.side_ends(config, module)
-    one, other = (b_end - b) / abs(b_end - b), (c_end - c) / abs(c_end - c)
-    middle = (one + other) / abs(one + other)
-    center = 0.5 * (b + c) + share * min(abs(b_end - b), abs(c_end - c)) * middle
-    clear = min(abs(((center - b) * one.conj()).imag), abs(((center - c) * other.conj()).imag))
-    diameter = 2.0 * (clear + deep) - robot.description.tube_diameter
-    return config, ConvexObject.disc((center.real, center.imag), diameter)
-
-
-def random_case(rng):
-    """Return a configuration and a cylinder that is pressed in somewhere."""
-    while True:
-        kind = rng.choice([*robots.PRESETS, ''])
-        robot = load_robot(kind) if kind else robots.random_robot(int(rng.integers(2**32)))
-        module = robot.module_names[rng.integers(len(robot.module_names))]
-        share, deep = rng.uniform(0.35, 0.6), 10.0 ** rng.uniform(-4.0, -2.0)
-        try:
-            return between(robot, module, share, deep, robots.random_state(robot, rng))
-        except GraspError:
-            # The sides are closer than the tubes are thick.
-            continue
-
-
 @pytest.fixture(scope='module')
 def gripped():
     """Return a grasp of the nine-member robot whose two sides press by 10 mm."""
-    return between(load_robot('nine_member'), 'north/Z', 0.5, 0.01)
+    return pressed_between(load_robot('nine_member'), 'north/Z', 0.5, 0.01)
 
 
 @pytest.mark.parametrize('flattening', [True, False])
@@ -104,7 +79,7 @@ def test_measured_pressures_act_as_those_of_a_robot_file(gripped):
 @robots.examples(40)
 @given(generators, strategies.floats(0.0, 1.5))
 def test_parts_fit_together(rng, friction):
-    config, cylinder = random_case(rng)
+    config, cylinder = random_pressed(rng)
     size = 20.0 * 10.0 ** rng.uniform(-2.0, 0.0)
     external = rng.normal(size=3) * [size, size, size * cylinder.shape.diameter]
     analysis = analyze_grasp(config, cylinder, friction, external)
@@ -139,7 +114,7 @@ def test_parts_fit_together(rng, friction):
 @robots.examples(30)
 @given(generators)
 def test_stiffness_is_what_a_robot_with_nodes_there_answers(rng):
-    config, cylinder = random_case(rng)
+    config, cylinder = random_pressed(rng)
     analysis = analyze_grasp(config, cylinder, spacing=0.01, flattening=False)
     stiffness = analysis.stiffness
     assert (stiffness == stiffness.T).all()
@@ -200,7 +175,7 @@ def test_turning_robot_object_and_wrench_turns_the_result(which, turns):
         document = turned(document)
     rolled = 0.02 * np.cos(np.arange(len(robot.roller_names)))
     module = robot.module_names[-1]
-    config, cylinder = between(robot, module, 0.45, 0.008, robot.configuration(rolled))
+    config, cylinder = pressed_between(robot, module, 0.45, 0.008, robot.configuration(rolled))
     other = robots.load(document).configuration(rolled)
     place = cylinder.center * 1j**turns
     assert other.points == pytest.approx(config.points * 1j**turns, abs=1e-9)
@@ -277,7 +252,7 @@ def test_a_wedge_of_a_robot_needs_the_tangent_of_half_its_angle(degrees):
     assert np.degrees(opening) == pytest.approx(degrees, abs=6.0)
     errors = []
     for deep in (1e-3, 1e-4, 1e-5):
-        config, cylinder = between(robot, 'south/X', 0.5, deep)
+        config, cylinder = pressed_between(robot, 'south/X', 0.5, deep)
         analysis = analyze_grasp(config, cylinder, friction=1.0)
         forces = analysis.normal_forces
         # Both sides press alike, downward.

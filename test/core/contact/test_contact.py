@@ -11,6 +11,7 @@
 
 from types import SimpleNamespace
 
+from grips import pressed_between, random_pressed
 from hypothesis import given, strategies
 from isotruss_ros.core import ConvexObject, Disc, Ellipse, load_robot, Polygon
 from isotruss_ros.core.contact import contact
@@ -341,69 +342,41 @@ def check_state(contact_points, state, center, radius, share=1e-5):
     assert np.abs(push - state.displacements).max(initial=0.0) <= slack
 
 
-def pressed(rng, robot=None):
-    """Return a configuration, and a disc between the sides of a module, pressed in by some mm."""
-    while True:
-        robot = robot or robots.random_robot(int(rng.integers(2**32)))
-        config = robots.random_state(robot, rng)
-        module = robot.module_names[rng.integers(len(robot.module_names))]
-        b, b_end, c, c_end = robots.side_ends(config, module)
-        one, other = (b_end - b) / abs(b_end - b), (c_end - c) / abs(c_end - c)
-        middle = (one + other) / abs(one + other)
-        way = rng.uniform(0.35, 0.6) * min(abs(b_end - b), abs(c_end - c))
-        center = 0.5 * (b + c) + way * middle
-        radius = abs(((center - b) * one.conjugate()).imag) + 10.0 ** rng.uniform(-4.0, -2.0)
-        if radius > 0.06:
-            return config, center, radius
-        robot = None
+def pressed_surface(config, body):
+    """Return contact points of tubes that stay round, and the surface that they meet."""
+    surface = surface_of(body, 0.5 * config.robot.description.tube_diameter)
+    return find_contact_points(structure_of(config), surface, 0.005), surface
 
 
 @robots.examples(60)
 @given(generators)
 def test_grasps_of_robots_are_complementary(rng):
-    preset = rng.integers(3)
-    config, center, radius = pressed(
-        rng, load_robot(robots.PRESETS[preset]) if preset < 2 else None
-    )
-    found = find_contact_points(structure_of(config), circle(center, radius), 0.005)
-    state = solve_contact(found, circle(center, radius))
+    found, surface = pressed_surface(*random_pressed(rng))
+    state = solve_contact(found, surface)
     assert (state.forces > 0.0).any()
-    check_state(found, state, center, radius)
+    check_state(found, state, surface.center, surface.reach)
 
 
 @robots.examples(20)
 @given(generators)
 def test_warm_starts_lead_to_the_same_forces(rng):
     # Pressed in by a decimetre or more, a tube may lie on either side of an object: two answers.
-    config, center, radius = pressed(rng)
-    found = find_contact_points(structure_of(config), circle(center, radius), 0.005)
-    cold = solve_contact(found, circle(center, radius))
+    found, surface = pressed_surface(*random_pressed(rng))
+    cold = solve_contact(found, surface)
     for start in (cold.forces, np.zeros(len(cold.forces)), rng.random(len(cold.forces))):
-        warm = solve_contact(found, circle(center, radius), start)
+        warm = solve_contact(found, surface, start)
         slack = 1e-5 * cold.forces.sum()
         assert warm.forces == pytest.approx(cold.forces, abs=slack)
         assert warm.gaps == pytest.approx(cold.gaps, abs=1e-7)
 
 
-def between(share, deep):
-    """Return the nine-member robot, and a disc between two sides, pressed into both of them."""
-    config = load_robot('nine_member').home
-    b, b_end, c, c_end = robots.side_ends(config, 'north/Z')
-    one, other = (b_end - b) / abs(b_end - b), (c_end - c) / abs(c_end - c)
-    middle = (one + other) / abs(one + other)
-    center = 0.5 * (b + c) + share * abs(b_end - b) * middle
-    return config, center, abs(((center - b) * one.conjugate()).imag) + deep
-
-
 @pytest.mark.parametrize('deep', [1e-4, 1e-3, 5e-3])
 @pytest.mark.parametrize('share', [0.35, 0.5, 0.65])
 def test_relaxation_agrees_with_pivoting(share, deep):
-    config, center, radius = between(share, deep)
-    found = find_contact_points(structure_of(config), circle(center, radius), 0.01)
-    exact, relaxed = (
-        solve(found, circle(center, radius)) for solve in (solve_contact, relax_contact)
-    )
-    check_state(found, exact, center, radius)
+    grasp = pressed_between(load_robot('nine_member'), 'north/Z', share, deep)
+    found, surface = pressed_surface(*grasp)
+    exact, relaxed = (solve(found, surface) for solve in (solve_contact, relax_contact))
+    check_state(found, exact, surface.center, surface.reach)
     total = exact.forces.sum()
     assert relaxed.forces == pytest.approx(exact.forces, abs=1e-4 * total)
     assert relaxed.gaps == pytest.approx(exact.gaps, abs=1e-8)
@@ -442,9 +415,8 @@ def test_relaxation_finds_what_touches_by_the_force_at_another_point():
 
 def test_relaxation_lets_small_forces_fade_where_nothing_touches(monkeypatch):
     monkeypatch.setattr(contact, 'MAX_RELAXATIONS', 100 * contact.STEPS_BETWEEN_LOOKS)
-    config, center, radius = between(0.5, 2e-3)
-    surface = circle(center, radius)
-    points = find_contact_points(structure_of(config), surface, 0.02)
+    grasp = pressed_between(load_robot('nine_member'), 'north/Z', 0.5, 2e-3)
+    points, surface = pressed_surface(*grasp)
     exact = solve_contact(points, surface)
     assert (exact.forces == 0.0).sum() > 5
     relaxed = relax_contact(points, surface, np.full(len(exact.forces), 0.05))

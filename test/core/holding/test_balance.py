@@ -47,15 +47,6 @@ def goal_of(**parts):
     return goal
 
 
-def test_linear_equations_take_one_step():
-    rng, tried = np.random.default_rng(0), []
-    goal = goal_of(center=(0.05, -0.08), angle=0.2, feet=0.09, inclinations=-0.1, friction=-1e3)
-    matrix = rng.normal(size=(PLACES.size, PLACES.size)) + 5.0 * np.eye(PLACES.size)
-    found = solve_balance(linear(goal, matrix, tried), 2.0 * ARM)
-    assert found.unknowns == pytest.approx(goal, rel=1e-9, abs=1e-12)
-    assert len(tried) == 2
-
-
 @pytest.mark.parametrize(
     ('parts', 'steps'),
     [

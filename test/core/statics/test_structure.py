@@ -9,11 +9,9 @@
 
 """The robot as a frame against the system of equation (4), written down here from the paper."""
 
-from dataclasses import replace
-
 import frames
 from hypothesis import given, strategies
-from isotruss_ros.core import deform, load_robot, Robot
+from isotruss_ros.core import deform, load_robot
 from isotruss_ros.core.errors import IsotrussError, StructureError
 from isotruss_ros.core.statics.section import tube_pressures
 from isotruss_ros.core.statics.structure import structure_of
@@ -177,75 +175,6 @@ def test_agrees_with_the_system_of_the_paper(case):
     assert tuple(deformation.end_forces) == config.robot.member_names
     for pushed, expected in zip(deformation.end_forces.values(), forces[5::6], strict=True):
         np.testing.assert_allclose(pushed.ravel(), expected, atol=1e-7 * largest)
-
-
-# -- Guide rings --
-
-STIFFNESSES = {
-    'inflatable_beam': {'model': 'inflatable_beam'},
-    'section': {
-        'model': 'section',
-        'axial_rigidity': 1.9e4,
-        'flexural_rigidity': 25.0,
-        'shear_rigidity': 1.9e3,
-    },
-    'power_law': {
-        'model': 'power_law',
-        'axial': {'C': 8.0, 'a': 0.6, 'b': -0.1},
-        'transverse': {'C': 1.0, 'a': 0.6, 'b': -2.4},
-        'rotary': {'C': 0.6, 'a': 0.6, 'b': -0.3},
-    },
-}
-
-
-def equilateral(length, stiffness):
-    """Return the preset `triangle` with members of a length, and one of the stiffness models."""
-    file = load_robot('triangle').description
-    side = length + abs(complex(*file.joints['R'])) - 1.02
-    corners = {'L': 0j, 'R': side + 0j, 'T': side * np.exp(1j * np.pi / 3.0)}
-    joints = {name: (z.real, z.imag) for name, z in corners.items()}
-    return Robot(
-        replace(file, joints=joints, stiffness=stiffness, min_length=0.24, max_length=3.1)
-    )
-
-
-@pytest.mark.parametrize('model', STIFFNESSES)
-@pytest.mark.parametrize('length', [0.25, 1.13, 3.0])
-def test_guide_rings_leave_the_axial_stiffness_of_a_member_as_it_is(model, length):
-    """A module that moves along a member meets the member's axial stiffness and no more."""
-    robot = equilateral(length, STIFFNESSES[model])
-    (pressure,) = robot.description.pressures.values()
-    structure = structure_of(robot.home)
-    frame, topology = structure.frame, robot.topology
-    member, ahead = 1, int(topology.following[1])
-    module, next_module = topology.module_names[member], topology.module_names[ahead]
-    joint = topology.joint_names[topology.joint[member]]
-    moving = [structure.node(name) for name in (joint, *(f'{module}/{n}' for n in 'BCE'))]
-    rings = [structure.node(f'{module}/D'), structure.node(f'{next_module}/E')]
-    free = np.concatenate([3 * node + np.arange(3) for node in rings])
-    piece = structure.pieces[2, member]
-    span = frame.points[frame.members.end[piece]] - frame.points[frame.members.start[piece]]
-    along = np.array([span.real, span.imag]) / abs(span)
-    moved = np.zeros(3 * len(structure.node_names))
-    for node in moving:
-        moved[[3 * node, 3 * node + 1]] = along
-    # The rings go where the tube, and the bisection of both modules, let them.
-    matrix = frame.stiffness.toarray()
-    rows = frames.dense(frame._rows, len(structure.node_names))[[member, ahead]]
-    size = len(free)
-    system = np.zeros((size + 2, size + 2))
-    system[:size, :size] = matrix[np.ix_(free, free)]
-    system[size:, :size], system[:size, size:] = rows[:, free], rows[:, free].T
-    right = -np.concatenate([matrix[free] @ moved, rows @ moved])
-    moved[free] = np.linalg.solve(system, right)[:size]
-    start, end = ([3 * node, 3 * node + 1] for node in rings)
-    shorter = (moved[start] - moved[end]) @ along
-    force = frame.members.axial[piece] / abs(span) * shorter
-    section = structure.tube.section_stiffness([length], pressure)
-    assert force == pytest.approx(section.axial[0] / length, rel=1e-9)
-    if model == 'power_law':
-        law = STIFFNESSES[model]['axial']
-        assert force == pytest.approx(law['C'] * pressure ** law['a'] * length ** law['b'])
 
 
 # -- Pressures --
