@@ -16,7 +16,6 @@ from isotruss_ros.core import (
     analyze_grasp,
     ConvexObject,
     load_robot,
-    tangent_center,
 )
 from isotruss_ros.core.contact.contact_points import find_contact_points
 from isotruss_ros.core.contact.flattening import flattening, flattening_of
@@ -99,12 +98,6 @@ ROBOT = load_robot('nine_member')
 KERNEL = flattening_of(ROBOT)
 
 
-def squeezed(diameter, pressed=0.01, robot=ROBOT, **options):
-    """Return the analysis of an object pressed into the top corner."""
-    center = tangent_center(robot.home, 'north/Z', diameter, pressed)
-    return analyze_grasp(robot.home, ConvexObject.disc(center, diameter), **options)
-
-
 def test_the_kernel_of_a_robot_is_that_of_its_file():
     found = flattening_of(ROBOT)
     alone = flattening(RADIUS, [PRESSURE] * 3, FABRIC)
@@ -150,22 +143,6 @@ def test_force_grows_with_diameter_and_pressure_where_tubes_flatten(flattening):
         forces.append(analysis.contact_forces['north/Z-R'])
     growth = np.diff(forces) / forces[0]
     assert (growth > 0.0).all() if flattening else (np.abs(growth) < 0.001).all()
-
-
-@pytest.mark.parametrize('spacing', [0.0025, 0.00125])
-def test_answers_do_not_depend_on_the_spacing(spacing):
-    for diameter in (0.15, 0.3, 0.5):
-        coarse, fine = squeezed(diameter), squeezed(diameter, spacing=spacing)
-        size = fine.normal_forces.sum()
-        assert coarse.normal_forces.sum() == pytest.approx(size, rel=0.01)
-        assert coarse.contact_lengths == pytest.approx(fine.contact_lengths, rel=0.02)
-        assert coarse.contact_pressures == pytest.approx(fine.contact_pressures, rel=0.01)
-        assert coarse.contact_areas == pytest.approx(fine.contact_areas, rel=0.02)
-        assert coarse.utilisation == pytest.approx(fine.utilisation, rel=0.02)
-        assert coarse.closure_residual == pytest.approx(fine.closure_residual, abs=0.01 * size)
-        for name, (start, end) in coarse.contact_spans.items():
-            assert fine.contact_spans[name] == pytest.approx((start, end), abs=1e-3)
-            assert end - start == pytest.approx(coarse.contact_lengths[name])
 
 
 def test_a_measured_factor_scales_all_of_the_compliance():

@@ -76,6 +76,8 @@ def test_all_figures_are_converged_at_the_default_spacing(seed):
     size = fine.normal_forces.sum()
     assert coarse.contact_forces == pytest.approx(fine.contact_forces, rel=0.02)
     assert coarse.contact_lengths == pytest.approx(fine.contact_lengths, rel=0.02)
+    assert coarse.contact_pressures == pytest.approx(fine.contact_pressures, rel=0.02)
+    assert coarse.utilisation == pytest.approx(fine.utilisation, rel=0.02)
     assert coarse.required_friction == pytest.approx(fine.required_friction, rel=0.02)
     assert coarse.closure_margin == pytest.approx(fine.closure_margin, abs=0.02 * size)
     assert coarse.closure_residual == pytest.approx(fine.closure_residual, abs=0.02 * size)
