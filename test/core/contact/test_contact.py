@@ -342,10 +342,10 @@ def check_state(contact_points, state, center, radius, share=1e-5):
     assert np.abs(push - state.displacements).max(initial=0.0) <= slack
 
 
-def pressed_surface(config, body):
+def pressed_surface(config, body, spacing=0.005):
     """Return contact points of tubes that stay round, and the surface that they meet."""
     surface = surface_of(body, 0.5 * config.robot.description.tube_diameter)
-    return find_contact_points(structure_of(config), surface, 0.005), surface
+    return find_contact_points(structure_of(config), surface, spacing), surface
 
 
 @robots.examples(60)
@@ -374,7 +374,7 @@ def test_warm_starts_lead_to_the_same_forces(rng):
 @pytest.mark.parametrize('share', [0.35, 0.5, 0.65])
 def test_relaxation_agrees_with_pivoting(share, deep):
     grasp = pressed_between(load_robot('nine_member'), 'north/Z', share, deep)
-    found, surface = pressed_surface(*grasp)
+    found, surface = pressed_surface(*grasp, 0.01)
     exact, relaxed = (solve(found, surface) for solve in (solve_contact, relax_contact))
     check_state(found, exact, surface.center, surface.reach)
     total = exact.forces.sum()
@@ -416,7 +416,7 @@ def test_relaxation_finds_what_touches_by_the_force_at_another_point():
 def test_relaxation_lets_small_forces_fade_where_nothing_touches(monkeypatch):
     monkeypatch.setattr(contact, 'MAX_RELAXATIONS', 100 * contact.STEPS_BETWEEN_LOOKS)
     grasp = pressed_between(load_robot('nine_member'), 'north/Z', 0.5, 2e-3)
-    points, surface = pressed_surface(*grasp)
+    points, surface = pressed_surface(*grasp, 0.02)
     exact = solve_contact(points, surface)
     assert (exact.forces == 0.0).sum() > 5
     relaxed = relax_contact(points, surface, np.full(len(exact.forces), 0.05))
