@@ -31,7 +31,7 @@ from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.lcp import solve_complementarity
 import numpy as np
-from scipy.interpolate import CubicSpline, PPoly
+import scipy
 
 #: Depths of the table of a disc as shares of the tube's or its own radius, whichever is smaller;
 #: of a corner of any shape, as shares of the tube's radius.
@@ -63,7 +63,9 @@ class SkinIndentation:
         tube: int,
     ) -> None:
         places = np.append(0.0, np.array([forces.sum() for _, forces in presses]) ** POWER)
-        self._spline = spline = CubicSpline(places, np.append(0.0, depths), bc_type='natural')
+        self._spline = spline = scipy.interpolate.CubicSpline(
+            places, np.append(0.0, depths), bc_type='natural'
+        )
         # In place of calling the spline and its derivative: single numbers of Python are several
         # times quicker, in each state of a search.
         self._places: list[float] = places.tolist()
@@ -124,17 +126,17 @@ class SkinIndentation:
         return np.array(rates)
 
     @functools.cached_property
-    def _spline_rate(self) -> PPoly:
+    def _spline_rate(self) -> scipy.interpolate.PPoly:
         """Return how the spline changes with the pressure: its places move, the depths stay."""
         spline, moved = self._spline, self._place_rates
         third = 6.0 * spline.c[0]
         # Where a place moves by m, the spline changes by -m times its slope, and the curvature of
         # the change jumps by -m times what the third derivative does.
         jumps = np.append(0.0, -np.diff(third) * moved[1:-1]).cumsum()
-        bent = PPoly(jumps[None], spline.x).antiderivative(2)
+        bent = scipy.interpolate.PPoly(jumps[None], spline.x).antiderivative(2)
         values = -spline(spline.x, 1) * moved - bent(spline.x)
         ends = (2, 0.0), (2, -third[-1] * moved[-1] - jumps[-1])
-        found = CubicSpline(spline.x, values, bc_type=ends)
+        found = scipy.interpolate.CubicSpline(spline.x, values, bc_type=ends)
         found.c[1:] += bent.c
         return found
 

@@ -64,7 +64,7 @@ class Structure:
         sections = _section_values(config.robot, self.tube, pressures, config.member_lengths)
         axial, flexural, shear = sections
         members = layout.members._replace(axial=axial, flexural=flexural, shear=shear)
-        # (3): the rod turns half as much as both arms.
+        # The rod turns half as much as both arms.
         turns = 1j / bisection_spans(config.robot, points).conj()
         rows = layout.bisection._replace(value=bisection_entries(turns))
         self.frame = Frame(points, members, layout.held, self.node_names, rows, layout.pattern)
