@@ -49,12 +49,8 @@ class DenseFactor:
         """
         return lapack.dgetrs(self._lu, self._pivots, right, trans=0)[0]
 
-    def condition(self, norm: float) -> float:
-        """
-        Return an estimate of the condition number in the 1-norm.
-
-        :param norm: 1-norm of the matrix.
-        """
+    def _condition(self, norm: float) -> float:
+        """Return an estimate of the condition number by the 1-norm of the matrix."""
         # What was factored is the transpose, whose infinity norm that is.
         inverse, _ = lapack.dgecon(self._lu, norm, norm='I')
         return 1.0 / inverse if inverse > 0.0 else float('inf')
@@ -107,7 +103,7 @@ def factorize_with_condition(matrix: Array | csc_matrix) -> tuple[Factor | None,
     try:
         if isinstance(matrix, np.ndarray):
             dense = DenseFactor(matrix.copy())
-            return dense, dense.condition(norm)
+            return dense, dense._condition(norm)
         factor = SparseFactor(matrix)
     except np.linalg.LinAlgError:
         return None, float('inf')

@@ -52,15 +52,8 @@ class PowerLaw:
     guide_ring_distance: float
     fabric: ClassVar[None] = None
 
-    def end_stiffnesses(self, length: Array, pressure: Array) -> tuple[Array, Array, Array]:
-        """
-        Return k_axial, k_transverse and k_rotary, each (k,).
-
-        :param length: (k,) of whole members, pinch to pinch [m].
-        :param pressure: (k,) gauge [Pa].
-        :raises StructureError: a member does not hold its guide rings, or a law gives no stiffness
-            of a tube; names length and pressure.
-        """
+    def _end_stiffnesses(self, length: Array, pressure: Array) -> tuple[Array, Array, Array]:
+        """Return k_axial, k_transverse and k_rotary of whole members, each (k,)."""
         between = length - 2.0 * self.guide_ring_distance
         if (between <= 0.0).any():
             raise StructureError(
@@ -92,10 +85,11 @@ class PowerLaw:
 
         :param length: (k,) of whole members, pinch to pinch [m].
         :param pressure: (k,) or one for all, gauge [Pa].
-        :raises StructureError: no beam has such stiffnesses; names length and pressure.
+        :raises StructureError: a member does not hold its guide rings, a law gives no stiffness,
+            or no beam has such stiffnesses; names length and pressure.
         """
         length, pressure = broadcast_members(length, pressure)
-        axial, transverse, rotary = self.end_stiffnesses(length, pressure)
+        axial, transverse, rotary = self._end_stiffnesses(length, pressure)
         between = length - 2.0 * self.guide_ring_distance
         ratio = 12.0 * rotary / (transverse * between**2)
         wrong = ratio < 4.0 * (1.0 - RATIO_TOLERANCE)

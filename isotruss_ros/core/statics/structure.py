@@ -253,17 +253,6 @@ class Deformation:
             for joint in self.structure.config.robot.description.supports
         }
 
-    @cached_property
-    def end_forces(self) -> dict[str, Array]:
-        """
-        Return the forces on each member's long tube piece, DE', by member name.
-
-        :return: (2, 3) at D and at E': along the member, across it [N], moment [N m].
-        """
-        names = self.structure.config.robot.member_names
-        _, forces = np.split(self.state.end_forces, [-len(names)])
-        return dict(zip(names, forces.reshape(-1, 2, 3), strict=True))
-
 
 @single_threaded
 def deform(
