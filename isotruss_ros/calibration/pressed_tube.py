@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 from isotruss_ros.core.contact.contact import solve_contact
 from isotruss_ros.core.contact.contact_points import ContactPoints
-from isotruss_ros.core.contact.contact_regions import contact_extents
+from isotruss_ros.core.contact.contact_regions import measure_contact
 from isotruss_ros.core.contact.flattening import flattening
 from isotruss_ros.core.contact.surfaces import surface_of
 from isotruss_ros.core.model.convex_object import ConvexObject
@@ -90,7 +90,7 @@ def press(
     points = _contact_points(tube, pressure, places, flattens)
     contact = solve_contact(points, surface)
     force = -float((contact.forces * contact.normals).imag.sum())
-    return Pressed(force / depth, float(contact_extents(points, contact, 1).length[0]))
+    return Pressed(force / depth, float(measure_contact(points, contact, 1).length[0]))
 
 
 def _contact_points(

@@ -101,7 +101,7 @@ def analysis_gradient(analysis: GraspAnalysis) -> AnalysisGradient:
     :raises GraspError: fewer than two points touch the object, or friction is along one line.
     """
     fast = analysis.solution
-    (points, contact, _, kept), body = fast.solved, fast.body
+    (points, contact, *_, kept), body = fast.solved, fast.body
     touching = np.flatnonzero(contact.forces > 0.0)
     if len(touching) < 2:
         raise GraspError(f'{len(touching)} points of contact: a gradient takes two or more')

@@ -21,7 +21,7 @@ from isotruss_ros.core.contact.contact_points import (
 )
 from isotruss_ros.core.contact.contact_regions import (
     assess_members,
-    contact_extents,
+    measure_contact,
     SolvedContact,
 )
 from isotruss_ros.core.contact.flattening import flattening_of
@@ -103,7 +103,7 @@ def analyze_grasp(
         solved = refine_contact(structure, surface, gap, kernel, solver, before, budget)
     else:
         solved = _solve_straight(structure, surface, gap, solver, previous)
-    contact_points, found, _, kept = solved
+    contact_points, found, *_, kept = solved
     # Of corners, which sliding tubes fold over.
     contact = turn_at_corners(contact_points, found, surface) if sliding else found
     normals = contact.normals.view(np.float64).reshape(-1, 2)
@@ -154,8 +154,7 @@ def _solve_straight(
     if previous is not None and len(previous.normal_forces) == count:
         forces = previous.normal_forces
     contact = solver(points, surface, forces)
-    extents = contact_extents(points, contact, len(structure.config.robot.member_names))
-    return SolvedContact(points, contact, extents, np.arange(count))
+    return measure_contact(points, contact, len(structure.config.robot.member_names))
 
 
 def check_load(

@@ -28,40 +28,30 @@ from isotruss_ros.core.statics.wrinkling import load_sections, SectionLoads, Sec
 import numpy as np
 
 
-class ContactExtents(NamedTuple):
-    """
-    How far contact goes on each of the m members.
-
-    :ivar length: (m,) of tube in contact, zero where there is none [m].
-    :ivar spans: (m, 2) where contact begins and ends, from the member's start; inf, -inf without
-        [m].
-    """
-
-    length: Array
-    spans: Array
-
-
 class SolvedContact(NamedTuple):
     """
-    Points of the tubes, and the contact there.
+    Points of the tubes, and the contact there; how far it goes on each of the m members.
 
     :ivar points: points that the object could touch.
     :ivar contact: where it does, and with what force.
-    :ivar extents: how far it goes.
+    :ivar length: (m,) of tube in contact, zero where there is none [m].
+    :ivar spans: (m, 2) where contact begins and ends, from the member's start; inf, -inf without
+        [m].
     :ivar kept: (k,) which of the points are the answer; the others only served to find it.
     """
 
     points: ContactPoints
     contact: ContactState
-    extents: ContactExtents
+    length: Array
+    spans: Array
     kept: Indices
 
 
-def contact_extents(
+def measure_contact(
     contact_points: ContactPoints, contact: ContactState, count: int
-) -> ContactExtents:
+) -> SolvedContact:
     """
-    Return how far contact goes on each member.
+    Return a contact with how far it goes on each member; all points are kept.
 
     :param contact_points: points that the object could touch.
     :param contact: where it does.
@@ -76,22 +66,18 @@ def contact_extents(
     depth = (contact_points.dents.diagonal() * contact.forces - contact.gaps)[order]
     touching = contact.forces[order] > 0.0
     joined = member[1:] == member[:-1]
-    before, after = np.zeros(len(order)), np.zeros(len(order))
     share = np.full(len(joined), 0.5)
     if contact_points.dents.any():
         crossing = joined & (touching[1:] != touching[:-1])
         inner = np.where(touching[1:], depth[1:], depth[:-1])[crossing]
         outer = np.where(touching[1:], depth[:-1], depth[1:])[crossing]
         share[crossing] = inner / (inner - outer)
-    both = joined & touching[1:] & touching[:-1]
-    share[both] = 0.5
-    after[:-1], before[1:] = np.where(joined, share, 0.5), np.where(joined, share, 0.5)
-    before[:1], after[-1:] = 0.5, 0.5
+    before, after = np.append(0.5, share), np.append(share, 0.5)
     length = np.bincount(member, spacing * touching * (before + after), count)
     spans = np.tile([np.inf, -np.inf], (count, 1))
     np.minimum.at(spans[:, 0], member[touching], (place - spacing * before)[touching])
     np.maximum.at(spans[:, 1], member[touching], (place + spacing * after)[touching])
-    return ContactExtents(length, spans)
+    return SolvedContact(contact_points, contact, length, spans, np.arange(len(order)))
 
 
 def find_wrinkling(
@@ -138,7 +124,7 @@ def assess_members(structure: Structure, solved: SolvedContact) -> dict[str, Any
     :param structure: the frame of the robot.
     :param solved: the contact.
     """
-    robot, (points, contact, extents, _) = structure.config.robot, solved
+    robot, (points, contact, length, spans, _) = structure.config.robot, solved
     sections, tension = find_wrinkling(structure, points, contact)
     gauge = np.array(structure.pressures)[robot.topology.tube[points.member]]
     forces, local = contact.forces, gauge + tension / contact.radii
@@ -148,16 +134,15 @@ def assess_members(structure: Structure, solved: SolvedContact) -> dict[str, Any
     np.maximum.at(width, points.member, forces / local / points.spacing)
     np.maximum.at(peak, points.member, np.where(forces > 0.0, local, 0.0))
     mean = np.divide(force, area, out=np.zeros(count), where=area > 0.0)
-    names, spans = robot.member_names, extents.spans.tolist()
-    touching = np.flatnonzero(extents.length).tolist()
+    names, touching = robot.member_names, np.flatnonzero(length).tolist()
     wide = touching if points.dents.any() else []
 
     def named(values: Array, members: Iterable[int] = range(len(names))) -> dict[str, float]:
         return {names[i]: values.item(i) for i in members}
 
     return {
-        'contact_lengths': named(extents.length, touching),
-        'contact_spans': {names[i]: tuple(spans[i]) for i in touching},
+        'contact_lengths': named(length, touching),
+        'contact_spans': {names[i]: tuple(spans[i].tolist()) for i in touching},
         'contact_forces': named(force, touching),
         'contact_widths': named(width, wide),
         'contact_areas': named(area, wide),

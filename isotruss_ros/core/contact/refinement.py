@@ -27,7 +27,7 @@ from isotruss_ros.core.contact.contact_points import (
     ContactState,
     find_contact_points,
 )
-from isotruss_ros.core.contact.contact_regions import contact_extents, SolvedContact
+from isotruss_ros.core.contact.contact_regions import measure_contact, SolvedContact
 from isotruss_ros.core.contact.flattening import Flattening
 from isotruss_ros.core.contact.surfaces import Surface
 from isotruss_ros.core.numerics.arrays import Array, Flags, Points
@@ -77,21 +77,21 @@ def refine_contact(
     settled = False
     if previous is not None:
         found, fits = search.solve(previous, limited=True)
-        settled = fits and (budget is not None or _is_division_clear(found.extents.spans, spacing))
+        settled = fits and (budget is not None or _is_division_clear(found.spans, spacing))
     if not settled:
         found = search.find(SEARCH * spacing, None, estimate_contact)
-        if not _touched(found.extents.spans).any():
+        if not _touched(found.spans).any():
             return search.find(spacing, None, solver)
     for step in range(MAX_STEPS):
         if settled:
             break
         found, settled = search.solve(found, limited=step < MAX_STEPS - 1)
         # The search goes by tangents, which may be touched where the surface is not.
-        touches = budget is None or _touched(found.extents.spans).any()
+        touches = budget is None or _touched(found.spans).any()
         if not len(found.points.points) or not touches:
             return search.find(spacing, None, solver)
     # Whatever the search began with, the answer is the same.
-    within = _within(found.points, found.extents.spans + search.room)
+    within = _within(found.points, found.spans + search.room)
     return found._replace(kept=np.flatnonzero(within))
 
 
@@ -113,7 +113,7 @@ class _Search:
 
     def solve(self, before: SolvedContact, limited: bool) -> tuple[SolvedContact, bool]:
         """Solve with points around regions of contact, and return whether they are enough."""
-        regions = before.extents.spans
+        regions = before.spans
 
         def begin(points: ContactPoints, surface: Surface) -> ContactState:
             forces = _within(points, regions).astype(float)
@@ -123,7 +123,7 @@ class _Search:
         within = limited & _touched(regions)
         windows = np.where(within, regions + SEARCH * self.room, EVERYWHERE)
         solved = self.find(self.spacing / division, windows, begin)
-        found = solved.extents.spans
+        found = solved.spans
         # A member whose contact has left its window may be touched elsewhere.
         inside = ((found + self.room - windows) * self.room <= 0.0).all()
         fits = inside and (_touched(found) >= within).all()
@@ -142,8 +142,7 @@ class _Search:
         )
         contact = solve(points, self.surface.resolved(distance))
         count = len(self.structure.config.robot.member_names)
-        extents = contact_extents(points, contact, count)
-        return SolvedContact(points, contact, extents, np.arange(len(points.points)))
+        return measure_contact(points, contact, count)
 
 
 def _touched(regions: Array) -> Flags:

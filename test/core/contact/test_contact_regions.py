@@ -12,7 +12,7 @@
 from types import SimpleNamespace
 
 from isotruss_ros.core import analyze_grasp, ConvexObject, load_robot, tangent_center
-from isotruss_ros.core.contact.contact_regions import contact_extents, find_wrinkling
+from isotruss_ros.core.contact.contact_regions import find_wrinkling, measure_contact
 import numpy as np
 import pytest
 
@@ -48,7 +48,7 @@ def test_points_at_the_ends_of_members_stand_for_half_a_spacing_to_both_sides(fl
     gaps = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 3e-3, 4e-3, 5e-3, 0.0])[order]
     dents = np.diag(np.full(9, 0.02 if flattening else 0.0))
     points = SimpleNamespace(spacing=0.01, member=member, place=place, dents=dents)
-    found = contact_extents(points, SimpleNamespace(forces=forces, gaps=gaps), 4)
+    found = measure_contact(points, SimpleNamespace(forces=forces, gaps=gaps), 4)
     last = 0.25 if flattening else 0.5
     assert found.length == pytest.approx([0.03, 0.01 * (1.5 + last), 0.01, 0.0])
     assert found.spans[:, 0] == pytest.approx([0.025, -0.005, 0.065, np.inf])
