@@ -34,7 +34,8 @@ from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.numerics.arrays import Array, Points
-from isotruss_ros.core.statics.frame import Frame, Members
+from isotruss_ros.core.statics.frame import Frame
+from isotruss_ros.core.statics.frame_pattern import Members
 from isotruss_ros.core.statics.structure import structure_of
 from large_robots import nested_triangles, SIZES, TOP_JOINT
 from measuring import median_time, print_machine, print_table, timed

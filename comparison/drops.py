@@ -27,7 +27,6 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.errors import ConfigurationError, StructureError
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.contact_forces import weakest_direction
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.loaded_frame import held_utilisation
 from isotruss_ros.core.holding.roll_grip import roll_grip
@@ -198,7 +197,7 @@ def attempt(case: Case) -> Outcome | None:
         return None
     along = case.direction
     if along is None:
-        along = weakest_direction(model.state, response, case.friction)
+        along = model.weakest_direction(case.friction)
     load = margin / (1.0 + ABOVE)
     wrench = load * along * (1.0, 1.0, cylinder.arm)
     expected = _follow(model, travels, wrench)

@@ -140,7 +140,7 @@ def shape(edges: tuple[float, float]) -> Shape:
     radius = 0.5 * file.tube_diameter
     tube = tube_stiffness(file).section_stiffness(config.member_lengths, PRESSURE)
     columns = column_load(tube.flexural, tube.shear, config.member_lengths)
-    forces = np.stack([state.end_forces[name] for name in robot.member_names])
+    forces = state.state.end_forces[state.structure.pieces[2]].reshape(-1, 2, 3)
     compression, moment = forces[:, 0, 0], np.abs(forces[:, :, 2]).max(axis=1)
     pull = pressure_force(PRESSURE, radius)
     onset, collapse = (

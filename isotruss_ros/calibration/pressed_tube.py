@@ -15,9 +15,10 @@ from dataclasses import dataclass
 
 from isotruss_ros.core.contact.contact import solve_contact
 from isotruss_ros.core.contact.contact_points import ContactPoints
-from isotruss_ros.core.contact.contact_regions import contact_extents
+from isotruss_ros.core.contact.contact_regions import measure_contact
 from isotruss_ros.core.contact.flattening import flattening
-from isotruss_ros.core.contact.surfaces import RoundSurface
+from isotruss_ros.core.contact.surfaces import surface_of
+from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.statics.beam import local_stiffness
 from isotruss_ros.core.statics.interior import points_on_beams
@@ -79,15 +80,17 @@ def press(
     :param flattens: whether the tube's section flattens; if not, its centre line meets a disc that
         is wider by the tube, as in the paper.
     """
-    radius = 0.5 * cylinder + (0.0 if flattens else tube.radius)
     center = complex(position, 0.5 * cylinder + tube.radius - depth)
+    body = ConvexObject.disc((center.real, center.imag), cylinder)
+    surface = surface_of(body, 0.0 if flattens else tube.radius)
+    radius = surface.reach
     reach = np.arange(-int(radius / SPACING) - 2, int(radius / SPACING) + 3)
     places = position + SPACING * reach
     places = places[(places > 0.0) & (places < tube.length)]
     points = _contact_points(tube, pressure, places, flattens)
-    contact = solve_contact(points, RoundSurface(center, radius))
+    contact = solve_contact(points, surface)
     force = -float((contact.forces * contact.normals).imag.sum())
-    return Pressed(force / depth, float(contact_extents(points, contact, 1).length[0]))
+    return Pressed(force / depth, float(measure_contact(points, contact, 1).length[0]))
 
 
 def _contact_points(
@@ -96,7 +99,7 @@ def _contact_points(
     """Return points inside one member whose ends turn, if they are pinned, or stand still."""
     only, length = np.zeros(len(places), dtype=np.intp), np.array([tube.length])
     section = tube.stiffness.section_stiffness(length, pressure)
-    inside = points_on_beams(only, places, length, *section, np.array([False]))
+    shapes, inside = points_on_beams(only, places, length, *section, np.array([False]))
     ends = np.zeros((6, 6))
     if tube.pinned:
         turns = np.ix_([2, 5], [2, 5])
@@ -118,8 +121,8 @@ def _contact_points(
         piece=only,
         spacing=SPACING,
         axis=np.ones(len(places), dtype=np.complex128),
-        inside=inside.compliance,
-        spread=inside.shapes.swapaxes(0, 1),
+        inside=inside,
+        spread=shapes.swapaxes(0, 1),
         ends=ends,
         dents=dents,
     )

@@ -14,8 +14,8 @@ Random plane frames for the tests of statics, and other programs and models that
 pinned ends have rotations of their own, constraints are met by a basis of what they allow.
 """
 
-from isotruss_ros.core.statics.frame import Frame, Members
-from isotruss_ros.core.statics.frame_pattern import LinearRows, NO_ROWS
+from isotruss_ros.core.statics.frame import Frame
+from isotruss_ros.core.statics.frame_pattern import LinearRows, Members, NO_ROWS
 import numpy as np
 import pytest
 from scipy.linalg import null_space

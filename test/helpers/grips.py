@@ -12,9 +12,11 @@
 from comparison.wedge import closed_to
 from isotruss_ros.core import ConvexObject, Grip, load_robot, tangent_center
 from isotruss_ros.core.control.load_estimate import LoadSettings
+from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.model.pose import pose_difference
 import numpy as np
+import robots
 
 #: Settings of the squeeze control for the elastic plant, which has no masses, and pulls.
 MASSLESS = {'pose_gain': 20.0, 'force_gain': True, 'load': LoadSettings(size=5.0)}
@@ -46,6 +48,32 @@ def apart(pose, other):
     """Return the distance [m] and the angle [rad] between two poses."""
     x, y, turn = pose_difference(pose, other)
     return float(np.hypot(x, y)), abs(turn)
+
+
+def pressed_between(robot, module, share, deep, config=None):
+    """Return a configuration, and a cylinder pressed by `deep` into both sides of a module."""
+    config = config or robot.home
+    b, b_end, c, c_end = robots.side_ends(config, module)
+    one, other = (b_end - b) / abs(b_end - b), (c_end - c) / abs(c_end - c)
+    middle = (one + other) / abs(one + other)
+    center = 0.5 * (b + c) + share * min(abs(b_end - b), abs(c_end - c)) * middle
+    clear = min(abs(((center - b) * one.conj()).imag), abs(((center - c) * other.conj()).imag))
+    diameter = 2.0 * (clear + deep) - robot.description.tube_diameter
+    return config, ConvexObject.disc((center.real, center.imag), diameter)
+
+
+def random_pressed(rng):
+    """Return a configuration and a cylinder that is pressed in somewhere."""
+    while True:
+        kind = rng.choice([*robots.PRESETS, ''])
+        robot = load_robot(kind) if kind else robots.random_robot(int(rng.integers(2**32)))
+        module = robot.module_names[rng.integers(len(robot.module_names))]
+        share, deep = rng.uniform(0.35, 0.6), 10.0 ** rng.uniform(-4.0, -2.0)
+        try:
+            return pressed_between(robot, module, share, deep, robots.random_state(robot, rng))
+        except GraspError:
+            # The sides are closer than the tubes are thick.
+            continue
 
 
 def backed_off(config, body, distance, module='north/Z', steps=10):

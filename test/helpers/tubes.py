@@ -12,7 +12,8 @@
 from types import SimpleNamespace
 
 from isotruss_ros.core.statics.beam import local_stiffness
-from isotruss_ros.core.statics.frame import Frame, Members
+from isotruss_ros.core.statics.frame import Frame
+from isotruss_ros.core.statics.frame_pattern import Members
 import numpy as np
 
 
@@ -168,28 +169,6 @@ def cut_member(length, axial, flexural, shear, pinned, places):
             matrix -= np.outer(column, column) / column[rotation]
             matrix[rotation] = matrix[:, rotation] = 0.0
     return matrix
-
-
-def joined(structure, first, second):
-    """Return tubes of which the end of one and the start of the other are one node."""
-    frame, m = structure.frame, structure.config.robot.topology.n_modules
-    members = frame.members
-    number = np.arange(len(frame.points))
-    number[second] = m + first
-    held = frame._held.reshape(-1, 3).copy()
-    held[second] = True
-    members = Members(
-        number[members.start],
-        number[members.end],
-        members.axial,
-        members.flexural,
-        members.shear,
-        members.pinned_start,
-        members.pinned_end,
-    )
-    names = [str(i) for i in number]
-    changed = vars(structure) | {'frame': Frame(frame.points, members, held, names)}
-    return SimpleNamespace(**changed)
 
 
 def plane_compliance(contact_points):

@@ -100,15 +100,16 @@ def analysis_gradient(analysis: GraspAnalysis) -> AnalysisGradient:
     :param analysis: of a grasp.
     :raises GraspError: fewer than two points touch the object, or friction is along one line.
     """
-    fast, touching = analysis.solution, np.flatnonzero(analysis.solution.contact.forces > 0.0)
-    points, body = fast.points, fast.body
+    fast = analysis.solution
+    (points, contact, *_, kept), body = fast.solved, fast.body
+    touching = np.flatnonzero(contact.forces > 0.0)
     if len(touching) < 2:
         raise GraspError(f'{len(touching)} points of contact: a gradient takes two or more')
     parameters = GraspParameters.of(fast.structure.config)
     chosen = np.eye(parameters.size)
     x, y, _ = chosen[parameters.place]
     pressed, turned, moved, leant = _contact_rates(fast, touching, chosen, parameters)
-    push, found = fast.contact.push[touching, None], fast.contact.normals[touching, None]
+    push, found = contact.push[touching, None], contact.normals[touching, None]
     # The normals of the answer; those that lean no more turn with the forces.
     normals, forces = fast.turned.normals[touching, None], fast.turned.forces[touching, None]
     leant = np.where(np.isclose(normals, found), leant, turned)
@@ -116,7 +117,7 @@ def analysis_gradient(analysis: GraspAnalysis) -> AnalysisGradient:
     normal_forces = pressed / np.cos(lean) + forces * np.tan(lean) * (leant - turned)
     pushed = push * (pressed / np.abs(push) + 1j * turned)
     # From the origin of the object's frame to where the forces act on its own surface.
-    arms = (points.skin + fast.contact.displacements)[touching, None] - body.center
+    arms = (points.skin + contact.displacements)[touching, None] - body.center
     arms = arms - fast.margin * normals
     swung = moved - x - 1j * y - 1j * fast.margin * leant * normals
     torques = (swung.conj() * push + arms.conj() * pushed).imag.sum(axis=0)
@@ -137,14 +138,14 @@ def analysis_gradient(analysis: GraspAnalysis) -> AnalysisGradient:
     )
     by_point = np.zeros((len(points.points), parameters.size))
     by_point[touching] = normal_forces
-    return AnalysisGradient(parameters, by_point[fast.kept], wrench, margin, opening)
+    return AnalysisGradient(parameters, by_point[kept], wrench, margin, opening)
 
 
 def _contact_rates(
     fast: HeldFast, touching: Indices, chosen: Array, parameters: GraspParameters
 ) -> tuple[Array, Array, Points, Array]:
     """Return how forces grow and turn, skins move, and the surface's normals turn, (a, p) each."""
-    points, contact, body, count = fast.points, fast.contact, fast.body, len(touching)
+    (points, contact, *_), body, count = fast.solved, fast.body, len(touching)
     before, after = find_neighbours(points)[:, touching]
     used = np.unique(np.concatenate([touching, before, after])) if fast.sliding else touching
     own, before, after = (np.searchsorted(used, places) for places in (touching, before, after))
@@ -162,8 +163,7 @@ def _contact_rates(
     surface = x + 1j * y + 1j * spin * (reached - body.center)
     radii, chords = contact.radii[touching, None], np.ones((count, 1))
     if fast.sliding:
-        depths = points.dents @ (contact.push * points.axis.conj()).imag
-        bent = (points.points + contact.displacements - 1j * points.axis * depths)[used]
+        bent = points.bend(contact.displacements, contact.push)[used]
         chords = (bent[after] - bent[before])[:, None]
 
     def turns(skins: Points, lines: Points, spin: Array | float) -> Array:
@@ -186,7 +186,7 @@ def _still_rates(
     fast: HeldFast, used: Indices, chosen: Array, parameters: GraspParameters
 ) -> tuple[Points, Points]:
     """Return how skins and centre lines (u, p) move while the forces stay as they are."""
-    structure, points, contact, body = fast.structure, fast.points, fast.contact, fast.body
+    structure, (points, contact, *_), body = fast.structure, fast.solved, fast.body
     config, frame, topology = structure.config, structure.frame, structure.config.robot.topology
     nodes = config.node_jacobian.T.copy().view(np.complex128).T @ chosen[parameters.rollers]
     inflated, softer = chosen[parameters.pressures], -chosen[parameters.stiffness]

@@ -15,21 +15,19 @@ from typing import Literal
 
 from isotruss_ros.core.contact.contact import relax_contact, solve_contact
 from isotruss_ros.core.contact.contact_points import (
-    ContactGuess,
     ContactPoints,
     ContactState,
     find_contact_points,
 )
-from isotruss_ros.core.contact.contact_regions import assess_members, contact_extents
+from isotruss_ros.core.contact.contact_regions import (
+    assess_members,
+    measure_contact,
+    SolvedContact,
+)
 from isotruss_ros.core.contact.flattening import flattening_of
 from isotruss_ros.core.contact.force_closure import check_force_closure
 from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis, HeldFast
-from isotruss_ros.core.contact.refinement import (
-    ContactSolver,
-    PreviousContact,
-    refine_contact,
-    SolvedContact,
-)
+from isotruss_ros.core.contact.refinement import ContactSolver, refine_contact
 from isotruss_ros.core.contact.sliding_contact import solve_sliding_contact, turn_at_corners
 from isotruss_ros.core.contact.surfaces import Surface, surface_of
 from isotruss_ros.core.errors import GraspError, SolverError
@@ -87,18 +85,25 @@ def analyze_grasp(
         laws are contradictory.
     :raises SolverError: the contact problem was not solved.
     """
-    mu, gap, wrench = _checked(body, friction, spacing, external_wrench)
+    mu, wrench = check_load(body, friction, external_wrench)
+    (gap,) = finite_array([spacing], 1, 'spacing [m]', GraspError).tolist()
+    if not SPACINGS[0] <= gap <= SPACINGS[1]:
+        raise GraspError(f'spacing {spacing!r} m: must be from {SPACINGS[0]} to {SPACINGS[1]} m')
     round_ = body.shape.is_round
-    solver = _solver(method, flattening and not round_)
+    sliding = flattening and not round_
+    solver = _solver(method, sliding)
     structure = structure_of(config, pressure)
     margin = 0.0 if flattening else 0.5 * config.robot.description.tube_diameter
     surface = surface_of(body, margin)
     if flattening:
-        solved = _solve_flattening(structure, surface, gap, solver, previous)
+        kernel, before = flattening_of(config.robot, structure.pressures), None
+        if previous is not None and previous.contact_spans:
+            before = previous.solution.solved._replace(contact=previous.solution.turned)
+        budget = BUDGET if sliding else None
+        solved = refine_contact(structure, surface, gap, kernel, solver, before, budget)
     else:
         solved = _solve_straight(structure, surface, gap, solver, previous)
-    contact_points, found, extents, kept = solved
-    sliding = flattening and not round_
+    contact_points, found, *_, kept = solved
     # Of corners, which sliding tubes fold over.
     contact = turn_at_corners(contact_points, found, surface) if sliding else found
     normals = contact.normals.view(np.float64).reshape(-1, 2)
@@ -125,31 +130,15 @@ def analyze_grasp(
         solution=HeldFast(
             structure=structure,
             body=body,
-            points=contact_points,
-            kept=kept,
-            contact=found,
+            solved=solved,
             turned=contact,
             sliding=sliding,
             margin=margin,
             friction=mu,
             wrench=wrench,
         ),
-        **assess_members(structure, contact_points, contact, extents),
+        **assess_members(structure, solved._replace(contact=contact)),
     )
-
-
-def _solve_flattening(
-    structure: Structure,
-    surface: Surface,
-    spacing: float,
-    solver: ContactSolver,
-    previous: GraspAnalysis | None,
-) -> SolvedContact:
-    """Return the contact of tubes that flatten."""
-    sliding = solver is solve_sliding_contact
-    kernel = flattening_of(structure.config.robot, structure.pressures)
-    budget, before = BUDGET if sliding else None, _contact_before(previous)
-    return refine_contact(structure, surface, spacing, kernel, solver, before, budget)
 
 
 def _solve_straight(
@@ -161,34 +150,34 @@ def _solve_straight(
 ) -> SolvedContact:
     """Return the contact of tubes whose sections stay round."""
     points = find_contact_points(structure, surface, spacing)
-    count, start = len(points.points), None
+    count, forces = len(points.points), None
     if previous is not None and len(previous.normal_forces) == count:
-        start = ContactGuess(previous.normal_forces)
-    contact = solver(points, surface, start)
-    extents = contact_extents(points, contact, len(structure.config.robot.member_names))
-    return SolvedContact(points, contact, extents, np.arange(count))
+        forces = previous.normal_forces
+    contact = solver(points, surface, forces)
+    return measure_contact(points, contact, len(structure.config.robot.member_names))
 
 
-def _checked(
-    body: ConvexObject, friction: float | None, spacing: float, external_wrench: ArrayLike
-) -> tuple[float, float, Array]:
-    """Return friction, spacing [m] and wrench as numbers that can be used."""
+def check_load(
+    body: ConvexObject, friction: float | None, external_wrench: ArrayLike
+) -> tuple[float, Array]:
+    """
+    Return the coefficient of friction, and (fx, fy, m) on the object [N, N m], as numbers.
+
+    :param body: the object.
+    :param friction: between tube and object; if None the object's own, 0.5 where it has none.
+    :param external_wrench: (fx, fy, m) about the origin of the object's frame [N, N m].
+    :raises GraspError: one of them is not usable.
+    """
     if friction is None:
         friction = FRICTION if body.friction is None else body.friction
-    mu, gap = finite_array([friction, spacing], 2, 'friction and spacing [m]', GraspError).tolist()
+    (mu,) = finite_array([friction], 1, 'friction', GraspError).tolist()
     if mu < 0.0:
         raise GraspError(f'friction {friction!r}: must not be negative')
-    if not SPACINGS[0] <= gap <= SPACINGS[1]:
-        raise GraspError(f'spacing {spacing!r} m: must be from {SPACINGS[0]} to {SPACINGS[1]} m')
-    return mu, gap, finite_array(external_wrench, 3, 'the external wrench (fx, fy, m)', GraspError)
+    return mu, finite_array(external_wrench, 3, 'the external wrench (fx, fy, m)', GraspError)
 
 
 def _solver(method: str, sliding: bool) -> ContactSolver:
-    """
-    Return what solves (8).
-
-    :param sliding: whether the tubes flatten on an object that is not round.
-    """
+    """Return what solves (8), tubes sliding on an object that is not round or not."""
     solvers: dict[str, ContactSolver] = {
         'exact': solve_sliding_contact if sliding else solve_contact,
         'relaxation': relax_contact,
@@ -203,14 +192,6 @@ def _solver(method: str, sliding: bool) -> ContactSolver:
     return solvers[method]
 
 
-def _contact_before(previous: GraspAnalysis | None) -> PreviousContact | None:
-    """Return where the search begins: the contact of a similar grasp."""
-    if previous is None or not previous.contact_spans:
-        return None
-    normals = previous.normals @ np.array([1.0, 1.0j])
-    return PreviousContact(previous.contact_spans, previous.members, previous.places, normals)
-
-
 def _pressed(
     body: ConvexObject,
     contact_points: ContactPoints,
@@ -218,12 +199,7 @@ def _pressed(
     margin: float,
     round_: bool,
 ) -> tuple[Array, Array | None]:
-    """
-    Return the wrench (3,) of the tubes on the object, and the levers of friction.
-
-    :param margin: how far the surface that the points meet is from the object's own [m].
-    :return: levers (k,) of forces along the tangents over half of the mean width; None for a disc.
-    """
+    """Return the wrench (3,) on the object, and the levers of friction; None for a disc."""
     if round_:
         force = contact.forces @ contact.normals
         return np.array([-force.real, -force.imag, 0.0]), None

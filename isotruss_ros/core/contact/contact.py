@@ -19,7 +19,7 @@ paper's relaxation of the forces, (9), finds the same, with gains from the compl
 
 from __future__ import annotations
 
-from isotruss_ros.core.contact.contact_points import ContactGuess, ContactPoints, ContactState
+from isotruss_ros.core.contact.contact_points import ContactPoints, ContactState
 from isotruss_ros.core.contact.surfaces import Surface
 from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
@@ -50,22 +50,26 @@ RELAXED = 1e-2 * GAP_TOLERANCE
 
 
 def solve_contact(
-    contact_points: ContactPoints, surface: Surface, start: ContactGuess | None = None
+    contact_points: ContactPoints,
+    surface: Surface,
+    forces: Array | None = None,
+    normals: Points | None = None,
 ) -> ContactState:
     """
     Solve (8): gaps and forces not negative, and one of them zero everywhere.
 
     :param contact_points: points that the object could touch.
     :param surface: what the points meet, see `find_contact_points`.
-    :param start: what to begin with; found out if None.
+    :param forces: (c,) of a similar problem [N]: points with one are taken to touch; if None those
+        that are deep.
+    :param normals: (c,) to begin with, x + iy; those of the undeformed tubes if None.
     :raises SolverError: the normals do not settle.
     """
     away = contact_points.skin - surface.center
-    normals = None if start is None else start.normals
     if normals is None:
         normals = face_tubes(contact_points, surface)
     gaps = open_gaps(away, normals, surface)
-    active = guess_contact(contact_points, gaps) if start is None else start.forces > 0.0
+    active = guess_contact(contact_points, gaps) if forces is None else forces > 0.0
     # Outside of the tangent at a point's foot is outside of the object: what solves the problem
     # for some normals is admissible for the next ones, which can but take less energy. These steps
     # settle therefore, if slowly; following the normals of those in contact makes them few.
@@ -190,7 +194,10 @@ def guess_contact(contact_points: ContactPoints, gaps: Array) -> Flags:
 
 
 def relax_contact(
-    contact_points: ContactPoints, surface: Surface, start: ContactGuess | None = None
+    contact_points: ContactPoints,
+    surface: Surface,
+    forces: Array | None = None,
+    normals: Points | None = None,
 ) -> ContactState:
     """
     Solve (8) by (9): forces grow where the gap is negative and fade where it is positive.
@@ -200,12 +207,14 @@ def relax_contact(
 
     :param contact_points: points that the object could touch.
     :param surface: what the points meet, see `find_contact_points`.
-    :param start: its forces are those to begin with; none if None.
+    :param forces: (c,) to begin with [N]; none if None.
+    :param normals: (c,) to begin with, x + iy; those of the undeformed tubes if None.
     :raises SolverError: no rest within two million steps.
     """
     away = contact_points.skin - surface.center
-    normals = face_tubes(contact_points, surface)
-    forces = np.zeros(len(away)) if start is None else start.forces.copy()
+    if normals is None:
+        normals = face_tubes(contact_points, surface)
+    forces = np.zeros(len(away)) if forces is None else forces.copy()
     for _ in range(MAX_RELAXATIONS // STEPS_BETWEEN_LOOKS):
         gaps = open_gaps(away, normals, surface)
         compliance = contact_points.normal_compliance(normals)

@@ -11,7 +11,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
@@ -63,6 +63,7 @@ class ContactPoints:
     spread: Array
     ends: Array
     dents: Array
+    _kept: dict[bytes, Array] = field(default_factory=dict, init=False, repr=False)
 
     @cached_property
     def across(self) -> Array:
@@ -98,11 +99,6 @@ class ContactPoints:
         moved[1] += self.across @ local.imag
         return self.axis * (moved[0] + 1j * moved[1])
 
-    @cached_property
-    def _compliances(self) -> dict[bytes, Array]:
-        """Return what `compliance` has found, by the bytes of the places."""
-        return {}
-
     def compliance(self, places: Indices) -> Array:
         """
         Return displacements (2, a) along and across the tube for unit forces (2, a), [m/N]; kept.
@@ -110,18 +106,24 @@ class ContactPoints:
         :param places: (a,) of which points.
         """
         key = places.tobytes()
-        if key not in self._compliances:
-            self._compliances[key] = self._compliance(places)
-        return self._compliances[key]
+        if key not in self._kept:
+            count, square = len(places), np.ix_(places, places)
+            spread = self.spread[:, places].reshape(2 * count, len(self.ends))
+            matrix = (spread @ self.ends @ spread.T).reshape(2, count, 2, count)
+            matrix[0, :, 0] += self.inside[0][square]
+            matrix[1, :, 1] += self.across[square]
+            self._kept[key] = matrix
+        return self._kept[key]
 
-    def _compliance(self, places: Indices) -> Array:
-        """Compute what `compliance` returns."""
-        count, square = len(places), np.ix_(places, places)
-        spread = self.spread[:, places].reshape(2 * count, len(self.ends))
-        matrix = (spread @ self.ends @ spread.T).reshape(2, count, 2, count)
-        matrix[0, :, 0] += self.inside[0][square]
-        matrix[1, :, 1] += self.across[square]
-        return matrix
+    def bend(self, displacements: Points, push: Points) -> Points:
+        """
+        Return where the centre lines are, (c,) x + iy [m]: dents move the skin alone.
+
+        :param displacements: (c,) of the skin, x + iy [m].
+        :param push: (c,) forces on the tubes, x + iy [N].
+        """
+        depths = self.dents @ (push * self.axis.conj()).imag
+        return self.points + displacements - 1j * self.axis * depths
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,18 +145,6 @@ class ContactState:
     displacements: Points
     radii: Array
     push: Points
-
-
-class ContactGuess(NamedTuple):
-    """
-    Where a search for the contact begins.
-
-    :ivar forces: (c,) normal forces of a similar problem [N]; points with one are taken to touch.
-    :ivar normals: (c,) unit normals of one, x + iy; None for those of the undeformed tubes.
-    """
-
-    forces: Array
-    normals: Points | None = None
 
 
 def find_contact_points(
@@ -186,9 +176,9 @@ def find_contact_points(
     tubes = tubes.take(near)
     piece, place = _place_points(tubes, low[near], high[near], spacing)
     at = tubes.take(piece)
-    inside = interior_points(frame, tubes.number, piece, place)
+    shapes, inside = interior_points(frame, tubes.number, piece, place)
     spread = np.zeros((2, len(place), len(near), 6))
-    spread[:, np.arange(len(place)), piece] = inside.shapes.swapaxes(0, 1)
+    spread[:, np.arange(len(place)), piece] = shapes.swapaxes(0, 1)
     points = at.start + place * at.axis
     # All on one line: places along the member, from those along its pieces.
     in_line = at.base + at.ahead * place
@@ -209,7 +199,7 @@ def find_contact_points(
         piece,
         spacing,
         at.axis,
-        inside.compliance,
+        inside,
         spread.reshape(2, len(place), 6 * len(near)),
         frame.compliance(tubes.number),
         dents,
@@ -249,18 +239,14 @@ def _tube_pieces(structure: Structure, center: complex) -> _TubePieces:
 def _reach(
     tubes: _TubePieces, surface: Surface, spacing: float, width: float
 ) -> tuple[Array, Array]:
-    """
-    Return between which distances from their starts pieces come within reach of an object.
-
-    :param width: half of that of the tubes [m].
-    """
+    """Return between which distances from their starts pieces are within reach."""
     # A tube that gives elsewhere may come into contact beyond the chord of the object.
     reach, foot = surface.reach + 2.0 * spacing, tubes.away.real
     off = np.abs(tubes.away.imag) - width
     chord = np.sqrt(np.maximum(0.0, reach**2 - np.maximum(off, 0.0) ** 2))
     low, high = np.maximum(0.0, foot - chord), np.minimum(tubes.length, foot + chord)
-    normals, distances = surface.tangents
-    if len(normals):
+    if not surface.shape.is_round:
+        normals, distances = surface.tangents
         start, room = tubes.start - surface.center, distances + 2.0 * spacing
         first, last = _clip(start, tubes.axis, normals, room, width)
         low, high = np.maximum(low, first), np.minimum(high, last)
@@ -287,12 +273,7 @@ def _place_points(
 def _clip(
     start: Points, axis: Points, normals: Points, distances: Array, width: float
 ) -> tuple[Array, Array]:
-    """
-    Return between which distances from their starts strips (p,) are within all of some tangents.
-
-    :param start: (p,) relative to the point that the tangents' distances are measured from [m].
-    :param width: half of that of the strips [m].
-    """
+    """Return between which distances from their starts strips are within all tangents."""
     # Of the two edges of a strip, the one that is farther inside.
     slope = (axis[:, None] * normals.conj()).real
     lean = np.abs((axis[:, None] * normals.conj()).imag)

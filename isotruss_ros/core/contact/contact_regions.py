@@ -22,73 +22,36 @@ from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 from isotruss_ros.core.contact.contact_points import ContactPoints, ContactState
-from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.statics.structure import Structure
 from isotruss_ros.core.statics.wrinkling import load_sections, SectionLoads, SectionPoints
 import numpy as np
 
 
-class ContactRegions(NamedTuple):
+class SolvedContact(NamedTuple):
     """
-    How tubes press on the object; one number for each of the m members, zero where none does.
+    Points of the tubes, and the contact there; how far it goes on each of the m members.
 
-    :ivar force: (m,) sum of the normal forces [N].
-    :ivar width: (m,) the largest, around the tube [m]; zero in the paper's model, as all below.
-    :ivar area: (m,) [m^2].
-    :ivar pressure: (m,) mean [Pa].
-    :ivar peak_pressure: (m,) [Pa].
-    """
-
-    force: Array
-    width: Array
-    area: Array
-    pressure: Array
-    peak_pressure: Array
-
-
-class ContactExtents(NamedTuple):
-    """
-    How far contact goes on each of the m members.
-
+    :ivar points: points that the object could touch.
+    :ivar contact: where it does, and with what force.
     :ivar length: (m,) of tube in contact, zero where there is none [m].
     :ivar spans: (m, 2) where contact begins and ends, from the member's start; inf, -inf without
         [m].
+    :ivar kept: (k,) which of the points are the answer; the others only served to find it.
     """
 
+    points: ContactPoints
+    contact: ContactState
     length: Array
     spans: Array
+    kept: Indices
 
 
-def contact_regions(
-    contact_points: ContactPoints, contact: ContactState, pressure: Array, tension: Array
-) -> ContactRegions:
-    """
-    Return the contact regions of all members.
-
-    :param contact_points: points that the object could touch.
-    :param contact: where it does.
-    :param pressure: (m,) p in each member, gauge [Pa].
-    :param tension: (c,) of the wall along the tube at the points, see `find_wrinkling` [N/m].
-    """
-    count, spacing = len(pressure), contact_points.spacing
-    forces, member = contact.forces, contact_points.member
-    force, zero = np.bincount(member, forces, count), np.zeros(count)
-    if not contact_points.dents.any():
-        return ContactRegions(force, zero, zero, zero, zero)
-    local = pressure[member] + tension / contact.radii
-    area = np.bincount(member, forces / local, count)
-    width, peak = zero.copy(), zero.copy()
-    np.maximum.at(width, member, forces / local / spacing)
-    np.maximum.at(peak, member, np.where(forces > 0.0, local, 0.0))
-    mean = np.divide(force, area, out=zero, where=area > 0.0)
-    return ContactRegions(force, width, area, mean, peak)
-
-
-def contact_extents(
+def measure_contact(
     contact_points: ContactPoints, contact: ContactState, count: int
-) -> ContactExtents:
+) -> SolvedContact:
     """
-    Return how far contact goes on each member.
+    Return a contact with how far it goes on each member; all points are kept.
 
     :param contact_points: points that the object could touch.
     :param contact: where it does.
@@ -103,22 +66,18 @@ def contact_extents(
     depth = (contact_points.dents.diagonal() * contact.forces - contact.gaps)[order]
     touching = contact.forces[order] > 0.0
     joined = member[1:] == member[:-1]
-    before, after = np.zeros(len(order)), np.zeros(len(order))
     share = np.full(len(joined), 0.5)
     if contact_points.dents.any():
         crossing = joined & (touching[1:] != touching[:-1])
         inner = np.where(touching[1:], depth[1:], depth[:-1])[crossing]
         outer = np.where(touching[1:], depth[:-1], depth[1:])[crossing]
         share[crossing] = inner / (inner - outer)
-    both = joined & touching[1:] & touching[:-1]
-    share[both] = 0.5
-    after[:-1], before[1:] = np.where(joined, share, 0.5), np.where(joined, share, 0.5)
-    before[:1], after[-1:] = 0.5, 0.5
+    before, after = np.append(0.5, share), np.append(share, 0.5)
     length = np.bincount(member, spacing * touching * (before + after), count)
     spans = np.tile([np.inf, -np.inf], (count, 1))
     np.minimum.at(spans[:, 0], member[touching], (place - spacing * before)[touching])
     np.maximum.at(spans[:, 1], member[touching], (place + spacing * after)[touching])
-    return ContactExtents(length, spans)
+    return SolvedContact(contact_points, contact, length, spans, np.arange(len(order)))
 
 
 def find_wrinkling(
@@ -158,39 +117,37 @@ def find_wrinkling(
     return sections, np.maximum(tension, 0.0)
 
 
-def assess_members(
-    structure: Structure,
-    contact_points: ContactPoints,
-    contact: ContactState,
-    extents: ContactExtents,
-) -> dict[str, Any]:
+def assess_members(structure: Structure, solved: SolvedContact) -> dict[str, Any]:
     """
     Return the fields of a `GraspAnalysis` that are by member.
 
     :param structure: the frame of the robot.
-    :param contact_points: points that the object could touch.
-    :param contact: where it does, and with what force.
-    :param extents: how far it goes.
+    :param solved: the contact.
     """
-    robot = structure.config.robot
-    gauge = np.array(structure.pressures)[robot.topology.tube]
-    sections, tension = find_wrinkling(structure, contact_points, contact)
-    regions = contact_regions(contact_points, contact, gauge, tension)
-    names, spans = robot.member_names, extents.spans.tolist()
-    touching = np.flatnonzero(extents.length).tolist()
-    wide = touching if contact_points.dents.any() else []
+    robot, (points, contact, length, spans, _) = structure.config.robot, solved
+    sections, tension = find_wrinkling(structure, points, contact)
+    gauge = np.array(structure.pressures)[robot.topology.tube[points.member]]
+    forces, local = contact.forces, gauge + tension / contact.radii
+    count = robot.topology.n_modules
+    force, area = (np.bincount(points.member, each, count) for each in (forces, forces / local))
+    width, peak = np.zeros(count), np.zeros(count)
+    np.maximum.at(width, points.member, forces / local / points.spacing)
+    np.maximum.at(peak, points.member, np.where(forces > 0.0, local, 0.0))
+    mean = np.divide(force, area, out=np.zeros(count), where=area > 0.0)
+    names, touching = robot.member_names, np.flatnonzero(length).tolist()
+    wide = touching if points.dents.any() else []
 
     def named(values: Array, members: Iterable[int] = range(len(names))) -> dict[str, float]:
         return {names[i]: values.item(i) for i in members}
 
     return {
-        'contact_lengths': named(extents.length, touching),
-        'contact_spans': {names[i]: tuple(spans[i]) for i in touching},
-        'contact_forces': named(regions.force, touching),
-        'contact_widths': named(regions.width, wide),
-        'contact_areas': named(regions.area, wide),
-        'contact_pressures': named(regions.pressure, wide),
-        'peak_pressures': named(regions.peak_pressure, wide),
+        'contact_lengths': named(length, touching),
+        'contact_spans': {names[i]: tuple(spans[i].tolist()) for i in touching},
+        'contact_forces': named(force, touching),
+        'contact_widths': named(width, wide),
+        'contact_areas': named(area, wide),
+        'contact_pressures': named(mean, wide),
+        'peak_pressures': named(peak, wide),
         'utilisation': named(sections.utilisation),
         'utilisation_places': named(sections.place),
     }

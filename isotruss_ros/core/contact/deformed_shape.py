@@ -49,8 +49,8 @@ def deformed_lines(config: Configuration, analysis: GraspAnalysis) -> Points:
     piece = np.append(lines.ravel(), loaded)
     place = np.append(np.concatenate(along, axis=1).ravel(), at_loads)
     drawn = lines.size
-    inside = interior_points(frame, piece, np.arange(len(piece)), place)
-    shapes, local = inside.shapes, forces * frame.axis[loaded].conj()
+    shapes, _ = interior_points(frame, piece, np.arange(len(piece)), place)
+    local = forces * frame.axis[loaded].conj()
     # What moves the ends of the pieces as the forces do.
     bearing, which = np.unique(loaded, return_inverse=True)
     pushed = np.zeros((len(bearing), 6))
@@ -60,12 +60,12 @@ def deformed_lines(config: Configuration, analysis: GraspAnalysis) -> Points:
     moved = frame.displacements(bearing, pushed.reshape(-1, 1))[:, :, 0]
     own, drawn_on = frame.members, piece[:drawn]
     ends = np.concatenate([moved[own.start[drawn_on]], moved[own.end[drawn_on]]], axis=1)
-    ends = np.einsum('cij,cj->ci', frame.to_member_frame(drawn_on), ends)
+    ends = np.einsum('cij,cj->ci', frame.turn[drawn_on], ends)
     bent = np.einsum('cie,ce->ci', shapes[:drawn], ends) @ np.array([1.0, 1.0j])
     # What the pieces that carry forces give besides.
     here = np.flatnonzero(np.isin(piece, bearing))
-    places = interior_points(frame, bearing, np.searchsorted(bearing, piece[here]), place[here])
-    pulled, pressed = places.compliance[:, :, here >= drawn]
+    _, inside = interior_points(frame, bearing, np.searchsorted(bearing, piece[here]), place[here])
+    pulled, pressed = inside[:, :, here >= drawn]
     bent[here[here < drawn]] += (pulled @ local.real + 1j * (pressed @ local.imag))[here < drawn]
     start, axis = frame.points[own.start[drawn_on]], frame.axis[drawn_on]
     return (start + axis * (place[:drawn] + bent)).reshape(lines.shape)

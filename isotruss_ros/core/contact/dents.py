@@ -24,7 +24,6 @@ from bisect import bisect_right
 from collections.abc import Sequence
 import functools
 import math
-from typing import NamedTuple
 
 from isotruss_ros.core.contact.flattening import Flattening, flattening_of
 from isotruss_ros.core.kinematics.mechanism import Mechanism
@@ -45,35 +44,28 @@ POWER = 2.0 / 3.0
 OUTLINE, REACH = 1e-3, 4.0
 
 
-class Press(NamedTuple):
-    """
-    How a surface presses on a tube that it dents, see `press_on_skin`.
-
-    :ivar spacing: of the points of the skin [m].
-    :ivar forces: (c,) on these [N].
-    """
-
-    spacing: float
-    forces: Array
-
-
 class SkinIndentation:
     """
     The depth of a dent by the normal force, for one tube and one object.
 
     :param depths: (n,) of dents, rising from above zero [m].
-    :param presses: (n,) how the object presses there.
+    :param presses: for each the spacing of points of the skin [m], and the forces on these (c,)
+        [N], with which the object presses there.
     :param kernel: compliance of the tubes' sections.
     :param tube: number of the tube.
     """
 
     def __init__(
-        self, depths: Array, presses: Sequence[Press], kernel: Flattening, tube: int
+        self,
+        depths: Array,
+        presses: Sequence[tuple[float, Array]],
+        kernel: Flattening,
+        tube: int,
     ) -> None:
-        forces = np.array([press.forces.sum() for press in presses])
-        places = np.append(0.0, forces**POWER)
-        skin = np.append(0.0, depths)
-        spline = scipy.interpolate.CubicSpline(places, skin, bc_type='natural')
+        places = np.append(0.0, np.array([forces.sum() for _, forces in presses]) ** POWER)
+        self._spline = spline = scipy.interpolate.CubicSpline(
+            places, np.append(0.0, depths), bc_type='natural'
+        )
         # In place of calling the spline and its derivative: single numbers of Python are several
         # times quicker, in each state of a search.
         self._places: list[float] = places.tolist()
@@ -108,15 +100,11 @@ class SkinIndentation:
         :return: besides it the derivatives, by the gauge pressure in the tube, of the depth [m/Pa]
             and of its derivative by the force [m/(N Pa)].
         """
-        size = max(abs(force), 1e-9)
+        size, sign = max(abs(force), 1e-9), math.copysign(1.0, force)
         piece, x, beyond, stretch = self._locate(force)
-        moved = self._place_rates[piece]
-        a, b, c, _ = self._pieces[piece]
-        da, db, dc = self._piece_rates[:, piece]
-        slope, bend = (3.0 * a * x + 2.0 * b) * x + c, 6.0 * a * x + 2.0 * b
-        rate = ((da * x + db) * x + dc) * x - moved * slope
-        steeper = (3.0 * da * x + 2.0 * db) * x + dc - moved * bend
-        sign = math.copysign(1.0, force)
+        place = self._places[piece] + x
+        slope, bend = (float(self._spline(place, order)) for order in (1, 2))
+        rate, steeper = (float(self._spline_rate(place, order)) for order in (0, 1))
         # The spline is natural: it does not bend where the table ends.
         curve = bend * stretch**2 + slope * stretch * (POWER - 1.0) / size
         return sign * curve, sign * (rate + steeper * beyond), steeper * stretch
@@ -138,28 +126,19 @@ class SkinIndentation:
         return np.array(rates)
 
     @functools.cached_property
-    def _piece_rates(self) -> Array:
-        """Return how the coefficients of the pieces change, (3, n): the depths stay."""
-        a, b, c, _ = np.transpose(self._pieces)
-        step, moved = np.diff(self._places), np.diff(self._place_rates)
-        rise = (a * step + b) * step + c
-        # Natural splines, by their second derivatives m_i at the places:
-        # h_i-1 m_i-1 + 2 (h_i-1 + h_i) m_i + h_i m_i+1 = 6 (rise_i - rise_i-1).
-        second = np.append(2.0 * b, 0.0)
-        count = len(second)
-        matrix, right = np.eye(count), np.zeros(count)
-        own, before = np.arange(1, count - 1), np.arange(count - 2)
-        matrix[own, before], matrix[own, own + 1] = step[before], step[own]
-        matrix[own, own] = 2.0 * (step[before] + step[own])
-        steeper = -rise * moved / step
-        right[own] = 6.0 * (steeper[own] - steeper[before])
-        right[own] -= moved[before] * (second[before] + 2.0 * second[own])
-        right[own] -= moved[own] * (2.0 * second[own] + second[own + 1])
-        bent = np.linalg.solve(matrix, right)
-        by_a = (np.diff(bent) / 6.0 - a * moved) / step
-        by_c = steeper - moved * (2.0 * second[:-1] + second[1:]) / 6.0
-        by_c -= step * (2.0 * bent[:-1] + bent[1:]) / 6.0
-        return np.array([by_a, 0.5 * bent[:-1], by_c])
+    def _spline_rate(self) -> scipy.interpolate.PPoly:
+        """Return how the spline changes with the pressure: its places move, the depths stay."""
+        spline, moved = self._spline, self._place_rates
+        third = 6.0 * spline.c[0]
+        # Where a place moves by m, the spline changes by -m times its slope, and the curvature of
+        # the change jumps by -m times what the third derivative does.
+        jumps = np.append(0.0, -np.diff(third) * moved[1:-1]).cumsum()
+        bent = scipy.interpolate.PPoly(jumps[None], spline.x).antiderivative(2)
+        values = -spline(spline.x, 1) * moved - bent(spline.x)
+        ends = (2, 0.0), (2, -third[-1] * moved[-1] - jumps[-1])
+        found = scipy.interpolate.CubicSpline(spline.x, values, bc_type=ends)
+        found.c[1:] += bent.c
+        return found
 
 
 class Indentation:
@@ -218,28 +197,21 @@ def skin_indentation(
     return SkinIndentation(depths, presses, kernel, tube)
 
 
-def _press_disc(kernel: Flattening, tube: int, radius: float, depth: float) -> Press:
+def _press_disc(kernel: Flattening, tube: int, radius: float, depth: float) -> tuple[float, Array]:
     """Return how a cylinder presses on a tube that it dents this deep."""
     half = np.sqrt(radius**2 - (radius - depth) ** 2)
     place = half * np.linspace(-1.0, 1.0, POINTS)
     gaps = radius - depth - np.sqrt(radius**2 - place**2)
-    return press_on_skin(kernel, tube, 2.0 * half / (POINTS - 1), gaps)
+    return _press(kernel, tube, 2.0 * half / (POINTS - 1), gaps)
 
 
-def press_on_skin(kernel: Flattening, tube: int, spacing: float, gaps: Array) -> Press:
-    """
-    Return how a surface presses on a tube whose centre line stands still.
-
-    :param kernel: compliance of the tubes' sections.
-    :param tube: number of the tube.
-    :param spacing: of the points of the skin [m].
-    :param gaps: (c,) from these across the tube to the surface, negative within it [m].
-    """
+def _press(kernel: Flattening, tube: int, spacing: float, gaps: Array) -> tuple[float, Array]:
+    """Return spacing and forces of points of the skin with gaps to a surface across the tube."""
     count = len(gaps)
     alike = np.zeros(count, dtype=np.intp)
     dents = kernel.compliance(spacing * np.arange(count), alike, alike + tube, spacing)
     forces, _ = solve_complementarity(dents, gaps, np.ones(count, dtype=bool))
-    return Press(spacing, forces)
+    return spacing, forces
 
 
 @functools.lru_cache(maxsize=256)
@@ -277,11 +249,7 @@ def corner_dents(
 
 
 def _profile(shape: Shape, angle: float, point: complex) -> tuple[Array, Array]:
-    """
-    Return places along a tube and heights of the surface above a point of it, (p,) each [m].
-
-    Places rise counter-clockwise around the object.
-    """
+    """Return places counter-clockwise along a tube, and heights of the surface there."""
     inward = -np.exp(1j * angle)
     seen = (shape.outline(OUTLINE) - point) * inward.conjugate()
     # Along the tube counter-clockwise, and into the object.
@@ -297,23 +265,17 @@ def _profile(shape: Shape, angle: float, point: complex) -> tuple[Array, Array]:
 
 def _press_corner(
     kernel: Flattening, tube: int, places: Array, heights: Array, reach: Array, depth: float
-) -> Press:
+) -> tuple[float, Array]:
     """Return how a surface presses on a tube that it dents this deep."""
     low = np.flatnonzero(heights <= depth)
     first, last = max(low[0] - 1, 0), min(low[-1] + 1, len(places) - 1)
-    begin = _crossing(places, heights, first, low[0], depth)
-    end = _crossing(places, heights, last, low[-1], depth)
+    # Where the surface is as high as the depth, between two of its points.
+    begin, end = (
+        float(np.interp(depth, heights[pair], places[pair]))
+        for pair in ([low[0], first], [low[-1], last])
+    )
     begin, end = max(begin, -float(reach[0])), min(end, float(reach[1]))
     spacing = max(end - begin, 1e-6) / POINTS
     # Points in the middle of pieces, so that these end where the contact may.
     gaps = np.interp(begin + (np.arange(POINTS) + 0.5) * spacing, places, heights) - depth
-    return press_on_skin(kernel, tube, spacing, gaps)
-
-
-def _crossing(places: Array, heights: Array, outside: int, inside: int, depth: float) -> float:
-    """Return where the surface is as high as a depth, between two points of it [m]."""
-    rise = float(heights[outside] - heights[inside])
-    if rise <= 0.0:
-        return float(places[inside])
-    share = (depth - float(heights[inside])) / rise
-    return float(places[inside] + share * (places[outside] - places[inside]))
+    return _press(kernel, tube, spacing, gaps)

@@ -186,11 +186,7 @@ def _smallest(segments: Array, load: Array, friction: float, left: Nearest | Non
 def _extremes(
     facets: tuple[Array, Array], wanted: Array, friction: float, tolerance: float
 ) -> tuple[float, float]:
-    """
-    Return the smallest coefficient with which friction gives a wrench, and how far it is inside.
-
-    :param facets: of what friction can give at coefficient 1.
-    """
+    """Return the smallest coefficient that gives a wrench, and how far inside that is."""
     normals, support = facets
     need = np.abs(normals @ wanted)
     # A flat zonotope, as of two contacts, reaches nothing across its plane.
@@ -204,12 +200,7 @@ def _extremes(
 
 
 def _facets(segments: Array) -> tuple[Array, Array]:
-    """
-    Return unit normals of the facets of a zonotope, and its extent along them from the centre.
-
-    :param segments: (k, 3).
-    :return: (f, 3) and (f,); the extent is 0 across a zonotope that is flat.
-    """
+    """Return unit normals (f, 3) of the facets of a zonotope, and extents (f,) along them."""
     first, second = _pairs(len(segments))
     normals = np.cross(segments[first], segments[second])
     sizes, reach = np.linalg.norm(normals, axis=1), np.linalg.norm(segments, axis=1)
@@ -222,11 +213,7 @@ def _facets(segments: Array) -> tuple[Array, Array]:
 
 
 def _facets_of_cone(segments: Array) -> tuple[Array, Array]:
-    """
-    Return `_facets` of segments on the cone x^2 + y^2 = z^2, z > 0: those of a cylinder.
-
-    :param segments: (k, 3).
-    """
+    """Return `_facets` of segments on the cone x^2 + y^2 = z^2, z > 0: those of a cylinder."""
     k = len(segments)
     # The plane through two lines of the cone parts those between them from the others, around the
     # cone: sums over ranges take the place of sums over all, so that hundreds of contacts are few.
@@ -249,11 +236,7 @@ def _facets_of_cone(segments: Array) -> tuple[Array, Array]:
 
 
 def _flat_facets(segments: Array, plane: bool) -> tuple[Array, Array]:
-    """
-    Return the same of segments, (k, 3), that are all in one plane.
-
-    :param plane: whether they are not all in one line.
-    """
+    """Return the same of segments that are all in one plane, or else in one line."""
     rank = min(len(segments), 1 + plane)
     axes = np.linalg.svd(segments)[2]
     within = np.cross(segments, axes[2]) if rank == 2 else axes[:rank]

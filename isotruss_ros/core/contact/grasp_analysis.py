@@ -15,7 +15,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from isotruss_ros.core.contact.contact_points import ContactPoints, ContactState
+from isotruss_ros.core.contact.contact_points import ContactState
+from isotruss_ros.core.contact.contact_regions import SolvedContact
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.statics.structure import Structure
@@ -27,10 +28,8 @@ class HeldFast(NamedTuple):
 
     :ivar structure: the frame of the robot.
     :ivar body: the object.
-    :ivar points: of the tubes.
-    :ivar kept: (k,) which of them are the answer.
-    :ivar contact: as it was found.
-    :ivar turned: the same with normals at corners as they are assessed, see `turn_at_corners`.
+    :ivar solved: points of the tubes, and the contact as it was found.
+    :ivar turned: the contact with normals at corners as they are assessed, see `turn_at_corners`.
     :ivar sliding: whether the tubes slide, see `sliding_contact`.
     :ivar margin: how far the surface that the points meet is from the object's own [m].
     :ivar friction: coefficient.
@@ -39,9 +38,7 @@ class HeldFast(NamedTuple):
 
     structure: Structure
     body: ConvexObject
-    points: ContactPoints
-    kept: Indices
-    contact: ContactState
+    solved: SolvedContact
     turned: ContactState
     sliding: bool
     margin: float

@@ -18,21 +18,19 @@ of the answer lie there alone, and close enough.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from isotruss_ros.core.contact.contact import estimate_contact
 from isotruss_ros.core.contact.contact_points import (
-    ContactGuess,
     ContactPoints,
     ContactState,
     find_contact_points,
 )
-from isotruss_ros.core.contact.contact_regions import contact_extents, ContactExtents
+from isotruss_ros.core.contact.contact_regions import measure_contact, SolvedContact
 from isotruss_ros.core.contact.flattening import Flattening
 from isotruss_ros.core.contact.surfaces import Surface
-from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
+from isotruss_ros.core.numerics.arrays import Array, Flags, Points
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 
@@ -47,39 +45,8 @@ LENGTH_SPREAD = 0.02
 MAX_STEPS = 3
 EVERYWHERE = np.array([-np.inf, np.inf])
 
-ContactSolver = Callable[[ContactPoints, Surface, ContactGuess | None], ContactState]
-
-
-class PreviousContact(NamedTuple):
-    """
-    The contact of a similar grasp.
-
-    :ivar spans: where members are touched, see `GraspAnalysis.contact_spans` [m].
-    :ivar member: (k,) the member that each point is on.
-    :ivar place: (k,) where on it, from its start [m].
-    :ivar normals: (k,) unit normals there, x + iy.
-    """
-
-    spans: Mapping[str, tuple[float, float]]
-    member: Indices
-    place: Array
-    normals: Points
-
-
-class SolvedContact(NamedTuple):
-    """
-    Points of the tubes, and the contact there.
-
-    :ivar points: points that the object could touch.
-    :ivar contact: where it does, and with what force.
-    :ivar extents: how far it goes.
-    :ivar kept: which of the points are the answer; the others only served to find it.
-    """
-
-    points: ContactPoints
-    contact: ContactState
-    extents: ContactExtents
-    kept: Indices
+#: Solves (8) at points that meet a surface; to begin with forces and normals if there are any.
+ContactSolver = Callable[..., ContactState]
 
 
 def refine_contact(
@@ -88,7 +55,7 @@ def refine_contact(
     spacing: float,
     flattening: Flattening,
     solver: ContactSolver,
-    previous: PreviousContact | None = None,
+    previous: SolvedContact | None = None,
     budget: int | None = None,
 ) -> SolvedContact:
     """
@@ -109,28 +76,22 @@ def refine_contact(
     search = _Search(structure, surface, spacing, flattening, solver, budget)
     settled = False
     if previous is not None:
-        names = structure.config.robot.member_names
-        before = np.array([previous.spans.get(name, -EVERYWHERE) for name in names])
-        found, fits = search.solve(before, previous, limited=True)
-        settled = fits and (budget is not None or _is_division_clear(found.extents.spans, spacing))
+        found, fits = search.solve(previous, limited=True)
+        settled = fits and (budget is not None or _is_division_clear(found.spans, spacing))
     if not settled:
-        found = search.estimate()
-        if not _touched(found.extents.spans).any():
-            return search.solve_everywhere()
+        found = search.find(SEARCH * spacing, None, estimate_contact)
+        if not _touched(found.spans).any():
+            return search.find(spacing, None, solver)
     for step in range(MAX_STEPS):
         if settled:
             break
-        around = PreviousContact(
-            {}, found.points.member, found.points.place, found.contact.normals
-        )
-        limited = step < MAX_STEPS - 1
-        found, settled = search.solve(found.extents.spans, around, limited)
+        found, settled = search.solve(found, limited=step < MAX_STEPS - 1)
         # The search goes by tangents, which may be touched where the surface is not.
-        touches = budget is None or _touched(found.extents.spans).any()
+        touches = budget is None or _touched(found.spans).any()
         if not len(found.points.points) or not touches:
-            return search.solve_everywhere()
+            return search.find(spacing, None, solver)
     # Whatever the search began with, the answer is the same.
-    within = _within(found.points, found.extents.spans + search.room)
+    within = _within(found.points, found.spans + search.room)
     return found._replace(kept=np.flatnonzero(within))
 
 
@@ -150,41 +111,30 @@ class _Search:
         """Return how far points go beyond a region of contact, (2,) [m]."""
         return self.spacing * np.array([-1.0, 1.0])
 
-    def estimate(self) -> SolvedContact:
-        """Find regions with few points."""
-        return self._found(SEARCH * self.spacing, None, estimate_contact)
-
-    def solve_everywhere(self) -> SolvedContact:
-        """Solve with points of all tubes within reach."""
-        return self._found(
-            self.spacing, None, lambda points, surface: self.solver(points, surface, None)
-        )
-
-    def solve(
-        self, regions: Array, around: PreviousContact, limited: bool
-    ) -> tuple[SolvedContact, bool]:
-        """Solve with points around regions, and return whether they are enough."""
+    def solve(self, before: SolvedContact, limited: bool) -> tuple[SolvedContact, bool]:
+        """Solve with points around regions of contact, and return whether they are enough."""
+        regions = before.spans
 
         def begin(points: ContactPoints, surface: Surface) -> ContactState:
             forces = _within(points, regions).astype(float)
-            return self.solver(points, surface, ContactGuess(forces, _carry_over(around, points)))
+            return self.solver(points, surface, forces, _carry_over(before, points))
 
         division = _division(regions, self.spacing, self.budget)
         within = limited & _touched(regions)
         windows = np.where(within, regions + SEARCH * self.room, EVERYWHERE)
-        solved = self._found(self.spacing / division, windows, begin)
-        found = solved.extents.spans
+        solved = self.find(self.spacing / division, windows, begin)
+        found = solved.spans
         # A member whose contact has left its window may be touched elsewhere.
         inside = ((found + self.room - windows) * self.room <= 0.0).all()
         fits = inside and (_touched(found) >= within).all()
         divided = self.budget is not None or division == _division(found, self.spacing)
         return solved, bool(fits) and divided
 
-    def _found(
+    def find(
         self,
         distance: float,
         windows: Array | None,
-        solve: Callable[[ContactPoints, Surface], ContactState],
+        solve: ContactSolver,
     ) -> SolvedContact:
         """Place points so far apart, and solve with what such points can tell of the surface."""
         points = find_contact_points(
@@ -192,8 +142,7 @@ class _Search:
         )
         contact = solve(points, self.surface.resolved(distance))
         count = len(self.structure.config.robot.member_names)
-        extents = contact_extents(points, contact, count)
-        return SolvedContact(points, contact, extents, np.arange(len(points.points)))
+        return measure_contact(points, contact, count)
 
 
 def _touched(regions: Array) -> Flags:
@@ -201,13 +150,14 @@ def _touched(regions: Array) -> Flags:
     return regions[:, 1:] > regions[:, :1]
 
 
-def _carry_over(before: PreviousContact, points: ContactPoints) -> Points:
+def _carry_over(before: SolvedContact, points: ContactPoints) -> Points:
     """Return normals at points, between those of a similar grasp on the same members."""
     # Members one after the other, so far apart that none has points among those of another.
-    apart = 1.0 + max(before.place.max(initial=0.0), points.place.max(initial=0.0))
-    known, wanted = before.place + apart * before.member, points.place + apart * points.member
+    member, place = before.points.member[before.kept], before.points.place[before.kept]
+    apart = 1.0 + max(place.max(initial=0.0), points.place.max(initial=0.0))
+    known, wanted = place + apart * member, points.place + apart * points.member
     order = np.argsort(known)
-    known, normals = known[order], before.normals[order]
+    known, normals = known[order], before.contact.normals[before.kept][order]
     found = np.interp(wanted, known, normals.real) + 1j * np.interp(wanted, known, normals.imag)
     return np.exp(1j * np.angle(found))
 

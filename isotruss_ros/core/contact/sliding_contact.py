@@ -24,7 +24,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from isotruss_ros.core.contact.contact import face_tubes, guess_contact, open_gaps
-from isotruss_ros.core.contact.contact_points import ContactGuess, ContactPoints, ContactState
+from isotruss_ros.core.contact.contact_points import ContactPoints, ContactState
 from isotruss_ros.core.contact.surfaces import Surface
 from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
@@ -45,24 +45,26 @@ RESOLVED_ARC = 2.0
 
 
 def solve_sliding_contact(
-    contact_points: ContactPoints, surface: Surface, start: ContactGuess | None = None
+    contact_points: ContactPoints,
+    surface: Surface,
+    forces: Array | None = None,
+    normals: Points | None = None,
 ) -> ContactState:
     """
     Solve (8) for tubes that slide along themselves.
 
     :param contact_points: points that the object could touch.
     :param surface: what the points meet, see `find_contact_points`.
-    :param start: what to begin with; found out if None.
+    :param forces: see `solve_contact`.
+    :param normals: see `solve_contact`.
     :raises SolverError: the normals do not settle.
     """
     away, axis = contact_points.skin - surface.center, contact_points.axis
-    active = normals = None
-    if start is not None:
-        active, normals = start.forces > 0.0, start.normals
+    active = None if forces is None else forces > 0.0
     if normals is None:
         normals = face_tubes(contact_points, surface)
     side = np.where((normals * axis.conj()).imag < 0.0, -1.0, 1.0)
-    lattice = _Lattice(contact_points)
+    neighbours = find_neighbours(contact_points)
     displacements, bent = np.zeros_like(away), axis
     normals, _ = _limit(normals, bent, side)
     still = open_gaps(away, normals, surface)
@@ -88,7 +90,7 @@ def solve_sliding_contact(
         displacements = contact_points.displacements(push)
         moved = away + displacements
         gaps, turned, radii = surface.nearest(moved)  # (5)
-        bent = lattice.bend(displacements, push)
+        bent = _bend(contact_points, neighbours, displacements, push)
         normals, steep = _limit(turned, bent, side)
         if steep.any():
             at = np.flatnonzero(steep)
@@ -110,14 +112,7 @@ def _slide(
     push: Points,
     still: Array,
 ) -> Array | None:
-    """
-    Return the forces (c,) that close gaps while the tubes slide by what these forces take.
-
-    :param places: (a,) the points that are closed.
-    :param push: (c,) directions of the forces.
-    :param still: (c,) gaps without displacements [m].
-    :return: None if some would pull, or there are none.
-    """
+    """Return the forces (c,) that close gaps while tubes slide by them; None if one pulls."""
     count, inward = len(places), contact_points.axis[places].conj()
     if count == 0:
         return None
@@ -134,12 +129,7 @@ def _slide(
 
 
 def _limit(normals: Points, bent: Points, side: Array) -> tuple[Points, Flags]:
-    """
-    Return normals (c,) that lean no more than is admitted, and which of them did.
-
-    :param bent: (c,) directions of the tubes.
-    :param side: (c,) of the tubes that is away from the object: 1 left, -1 right.
-    """
+    """Return normals (c,) that lean no more than is admitted, and which of them did."""
     local = normals * bent.conj()
     steep = side * local.imag < STEEPEST.real
     if not steep.any():
@@ -148,29 +138,17 @@ def _limit(normals: Points, bent: Points, side: Array) -> tuple[Points, Flags]:
     return np.where(steep, bent * (along + 1j * side * STEEPEST.real), normals), steep
 
 
-class _Lattice:
-    """
-    The points in their order along the members.
-
-    :param contact_points: the points.
-    """
-
-    def __init__(self, contact_points: ContactPoints) -> None:
-        self._points = contact_points
-        self._before, self._after = find_neighbours(contact_points)
-
-    def bend(self, displacements: Points, push: Points) -> Points:
-        """Return the directions of the bent centre lines at the points, (c,)."""
-        points = self._points
-        # Without the dents, which move the skin alone.
-        across = 1j * points.axis * (points.dents @ (push * points.axis.conj()).imag)
-        moved = points.points + displacements - across
-        ahead = moved[self._after] - moved[self._before]
-        straight = points.points[self._after] - points.points[self._before]
-        turned = ahead * straight.conj()
-        size: Array = np.abs(turned)
-        turned = np.divide(turned, size, out=np.ones_like(turned), where=size > 0.0)
-        return turned * points.axis
+def _bend(
+    points: ContactPoints, neighbours: Indices, displacements: Points, push: Points
+) -> Points:
+    """Return the directions of the bent centre lines at points with neighbours (2, c), (c,)."""
+    before, after = neighbours
+    moved = points.bend(displacements, push)
+    straight = points.points[after] - points.points[before]
+    turned = (moved[after] - moved[before]) * straight.conj()
+    size: Array = np.abs(turned)
+    turned = np.divide(turned, size, out=np.ones_like(turned), where=size > 0.0)
+    return turned * points.axis
 
 
 def find_neighbours(contact_points: ContactPoints) -> Indices:

@@ -14,10 +14,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.contact_forces import slip_margin
 from isotruss_ros.core.holding.contact_statics import TubeModel
-from isotruss_ros.core.holding.held_gradient import travel_rates
-from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
+from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, travel_rates
 from isotruss_ros.core.holding.roll_grip import roll_contacts
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import find_members, Grip
@@ -68,7 +66,7 @@ def sensitivity(grasp: HeldGrip, friction: float) -> Sensitivity | None:
     response = grasp.response
     if response is None:
         return None
-    margin = slip_margin(grasp.state, response, friction)
+    margin = grasp.slip_margin(friction)
     return Sensitivity(response.pose, response.squeeze, grasp.squeeze_stiffness(), margin)
 
 
@@ -82,6 +80,7 @@ def move_zeros(grasp: HeldGrip, moved: Array) -> HeldGrip | None:
     :param moved: (r,) by which the positions of the rollers change [m].
     """
     config = grasp.config.moved_to(grasp.config.roller_positions + moved)
-    anchors = grasp.anchors + grasp.statics.sides * (travel_rates(grasp) @ moved)
+    travel = travel_rates(config, grasp.contacts.members) @ moved
+    anchors = grasp.anchors + grasp.statics.sides * travel
     found = roll_contacts(grasp, config, grasp.contacts, anchors, grasp.angles, grasp.wrench)
     return None if found is None else replace(found, motion=grasp.motion)

@@ -33,7 +33,7 @@ from isotruss_ros.core.holding.held_grip import (
     HoldStatus,
     MOST,
     scaled_wrench,
-    travel_into,
+    travel_rates,
 )
 from isotruss_ros.core.holding.pressed_contacts import find_pressed, PressedContacts
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -113,7 +113,7 @@ def _find_rest(
             motion = travel, state.unknowns - before.state.unknowns
     if state is None:
         state = statics.solve(start_at(statics, body), wrench, closure, steps)
-    if state is not None and tubes.flattening and contacts.has_faces:
+    if state is not None and tubes.flattening and len(contacts.owners) > len(contacts.ends):
         # How deep a face's ends dent the skin rests on how the tube is bent over them, and on how
         # the object has turned.
         turned = body.moved_to(state.unknowns[:3])
@@ -123,7 +123,7 @@ def _find_rest(
     if state is None:
         return None
     angles = np.angle(state.normals * np.exp(-1j * state.unknowns[2]))
-    travel = travel_into(config, contacts.members)
+    travel = travel_rates(config, contacts.members) @ config.roller_positions
     return HeldGrip(
         config=config,
         body=body.moved_to(state.unknowns[:3]),
@@ -209,8 +209,8 @@ def rest(statics: ContactStatics, center: complex, angle: float) -> Closure:
             left[number] = _along(statics, unknowns, normals, ends, center, derivative[number])
             number += 1
         if not faces:
-            left[number] = statics.arm * (unknowns[ANGLE] - angle)
-            derivative[number, ANGLE] = statics.arm
+            left[number] = statics.body.arm * (unknowns[ANGLE] - angle)
+            derivative[number, ANGLE] = statics.body.arm
             number += 1
         if not across:
             friction = unknowns[places.friction]

@@ -88,7 +88,7 @@ def start_at(statics: ContactStatics, body: ConvexObject) -> Array:
     local = compliance.axis.conj() * (touched - compliance.start)
     start[places.feet] = np.clip(local.real, 0.0, compliance.length)
     depths = statics.tube_radius + statics.sides * local.imag
-    depths = np.maximum(depths, LEAST_DEPTH * statics.arm)
+    depths = np.maximum(depths, LEAST_DEPTH * statics.body.arm)
     own = np.einsum('iaia->ia', compliance.at(start[places.feet]).matrix)[:, 1]
     _, dent = statics.indentation(depths / own)
     start[places.normal] = depths / (own + dent)

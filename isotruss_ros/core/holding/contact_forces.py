@@ -105,31 +105,24 @@ class ContactForces:
         """Return (k,) on the tubes, counter-clockwise around the object [N]."""
         return self.unknowns[self.places.friction]
 
-    def jacobian_with(self, closing: Array) -> Array:
-        """
-        Return the Jacobian of the equations with another closure, (3 + 4k, 3 + 4k).
-
-        :param closing: (k, 3 + 4k) derivative of what settles the equations that statics leaves
-            open.
-        """
-        jacobian = self.jacobian.copy()
-        jacobian[self.places.closure] = closing
-        return jacobian
+    @property
+    def forces(self) -> Array:
+        """Return normal and friction forces, (2k,) [N]."""
+        return np.concatenate([self.normal_forces, self.friction_forces])
 
 
 @dataclass(frozen=True, eq=False)
 class GripResponse:
     """
-    What a small wrench (fx, fy, m / arm) [N] does to an object at k contacts, and moving members.
+    What a small wrench (fx, fy, m / arm) [N] does to an object at k contacts that stick.
 
     :ivar pose: (3, 3) displacement of (x, y, angle) [m/N, rad/N].
     :ivar normal: (k, 3) change of the normal forces [-].
     :ivar friction: (k, 3) change of the friction forces [-].
     :ivar owners: (k,) to which member of the grip each contact belongs.
     :ivar arm: by which moments compare with forces: of a disc its radius [m].
-    :ivar opening: (k,) change of the normal forces as the members move apart [N/m].
-    :ivar openings: (m, m) change of the members' normal forces as each of them moves away from the
-        object [N/m].
+    :ivar squeeze_stiffness: change of the mean normal force of the members as they move apart
+        [N/m].
     """
 
     pose: Array
@@ -137,8 +130,7 @@ class GripResponse:
     friction: Array
     owners: Indices
     arm: float
-    opening: Array
-    openings: Array
+    squeeze_stiffness: float
 
     @property
     def forces(self) -> Array:
@@ -162,99 +154,6 @@ class GripResponse:
     def squeeze(self) -> Array:
         """Return the change of the mean normal force of the members, (3,) [-]."""
         return self.normal.sum(axis=0) / (int(self.owners[-1]) + 1)
-
-    @property
-    def squeeze_stiffness(self) -> float:
-        """Return the change of the mean normal force of the members as they move apart [N/m]."""
-        return float(self.opening.sum()) / (int(self.owners[-1]) + 1)
-
-
-def find_response(
-    state: ContactForces, rolling: Array, moving: Points, owners: Indices, arm: float
-) -> GripResponse | None:
-    """
-    Return how pose and forces of a held object answer while the contacts stick.
-
-    :param state: the equilibrium.
-    :param rolling: (k, 3 + 4k) see `ContactStatics.rolling_rows`.
-    :param moving: (k, 1 + m) velocities of the contacts, along + i across their members, as the
-        members move apart at 1 m/s, and as each of them moves away from the object.
-    :param owners: (k,) to which member of the grip each contact belongs.
-    :param arm: by which moments compare with forces [m].
-    :return: None where the equilibrium is indifferent: its Jacobian is singular.
-    """
-    places, (count, columns) = state.places, moving.shape
-    right = np.zeros((places.size, 3 + columns))
-    right[places.balance, :3] = -np.eye(3)
-    right[: 2 * count, 3:] = -np.concatenate([moving.real, moving.imag])
-    _, _, change, singular = lapack.dgesv(state.jacobian_with(rolling), right)
-    if singular or lapack.dgetrf(change[:3, :3])[2]:
-        return None
-    normal, friction = change[places.normal], change[places.friction]
-    return GripResponse(
-        pose=change[:3, :3],
-        normal=normal[:, :3],
-        friction=friction[:, :3],
-        owners=owners,
-        arm=arm,
-        opening=normal[:, 3],
-        openings=np.eye(columns - 1)[owners].T @ normal[:, 4:],
-    )
-
-
-def slip_margin(
-    state: ContactForces, response: GripResponse, friction: float, more: Array | None = None
-) -> float:
-    """
-    Return the smallest wrench at which a member slips or a contact lets go [N].
-
-    Moments count over the arm. A member slips where the friction of all its contacts,
-    |T| = mu N of their sums, is used; each end of a face lets go at N = 0. Forces change linearly
-    with the wrench, so that each condition is a plane in the space of wrenches, and the margin the
-    distance of the nearest one.
-
-    :param state: the equilibrium.
-    :param response: how its forces change with the wrench.
-    :param friction: coefficient mu.
-    :param more: (3,) wrench (fx, fy, m / arm) that is added to that of the equilibrium [N].
-    :return: negative where a member slips or a contact pulls already.
-    """
-    reserve, slope, size = _conditions(state, response, friction)
-    if more is not None:
-        reserve = reserve + slope @ more
-    return float((reserve / size).min())
-
-
-def weakest_direction(state: ContactForces, response: GripResponse, friction: float) -> Array:
-    """
-    Return the unit wrench (fx, fy, m / arm) along which the slip margin is the least, (3,).
-
-    :param state: the equilibrium.
-    :param response: how its forces change with the wrench.
-    :param friction: coefficient mu.
-    """
-    reserve, slope, size = _conditions(state, response, friction)
-    nearest = int((reserve / size).argmin())
-    return -slope[nearest] / size[nearest]
-
-
-def _conditions(
-    state: ContactForces, response: GripResponse, friction: float
-) -> tuple[Array, Array, Array]:
-    """Return what is left of each of `slip_conditions`, its slope by a wrench, and the size."""
-    rows = slip_conditions(response.owners, friction)
-    slope = rows @ response.forces
-    # Of any friction, squares may overflow.
-    return rows @ forces_of(state), slope, np.hypot.reduce(slope, axis=1)
-
-
-def forces_of(state: ContactForces) -> Array:
-    """
-    Return normal and friction forces, (2k,) [N].
-
-    :param state: the equilibrium.
-    """
-    return np.concatenate([state.normal_forces, state.friction_forces])
 
 
 def slip_conditions(owners: Indices, friction: float) -> Array:

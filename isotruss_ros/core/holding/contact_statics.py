@@ -101,11 +101,6 @@ class ContactStatics:
         """Return where what is among the unknowns."""
         return Places.of(len(self.contacts.owners))
 
-    @functools.cached_property
-    def arm(self) -> float:
-        """Return the arm by which moments compare with forces, see `ConvexObject.arm` [m]."""
-        return self.body.arm
-
     @property
     def straight_normals(self) -> Points:
         """Return the normals of the tubes as long as they are straight, from the object (k,)."""
@@ -144,7 +139,7 @@ class ContactStatics:
         )
         depths, softs = self.indentation(normal)
         gaps, loads, touch, pushes, balance = [], [], [], [], []
-        total, turning, swing = 0j, 0.0, 0.0
+        total, turning, swing, unit = 0j, 0.0, 0.0, self.body.arm
         # Single numbers of Python are several times quicker than arrays over a few contacts.
         of_tubes = self.compliance.axis, self.compliance.start, local, turned, depths, softs
         of_contacts = *of_tubes, points, radii, feet, normal, friction
@@ -152,20 +147,20 @@ class ContactStatics:
             *(values.tolist() for values in of_contacts), strict=True
         ):
             arm, skin, force = turn * point, self.tube_radius - depth, complex(presses, rubs) * own
-            back, lever, slope = axis.conjugate(), arm.conjugate() / self.arm, math.tan(bent)
+            back, lever, slope = axis.conjugate(), arm.conjugate() / unit, math.tan(bent)
             total, turning = total + axis * force, turning + (lever * axis * force).imag
             gap = back * (start - center - arm) + foot - skin * own
             gaps.append((gap.real, gap.imag, -slope))
             loads.append((force.real, force.imag, -skin * rubs))
             # As the object turns under a tube, the point that touches moves back on its surface.
             swung = 1j * (arm - radius * axis * own)
-            swing += (swung.conjugate() * 1j * axis * force).real / self.arm
+            swing += (swung.conjugate() * 1j * axis * force).real / unit
             inclined = -1j * (radius + skin) * own
             moved = (-back, -1j * back, -back * swung, 1.0 + 0j, inclined, soft * own)
             touch.append((*(z.real for z in moved), *(z.imag for z in moved), -1.0 - slope**2))
             # By inclination, normal force and friction force.
             for change, moment, less in (
-                (1j * force, 0.0, radius * presses / self.arm),
+                (1j * force, 0.0, radius * presses / unit),
                 (own, soft * rubs, 0.0),
                 (1j * own, -skin, 0.0),
             ):
@@ -234,7 +229,7 @@ class ContactStatics:
         :param steps: most states that are looked at.
         """
         places, unknowns = self.places, start.copy()
-        longest = _longest_step(len(self.sides), self.arm)
+        longest = _longest_step(len(self.sides), self.body.arm)
         for _ in range(steps):
             residual, jacobian, normals = self.equations(unknowns, wrench, closure)
             least = np.full(places.size, LENGTH_TOLERANCE)
@@ -276,14 +271,9 @@ def _longest_step(count: int, arm: float) -> Array:
 
 @functools.lru_cache(maxsize=16)
 def _touch_places(count: int) -> Indices:
-    """
-    Return where in the Jacobian, flat, the derivatives of touch and inclination are, (k, 13).
-
-    Rows are along and across the members; columns are x, y, the angle, and foot, inclination and
-    normal force of the contact itself. The last is that of the inclination by itself.
-
-    :param count: k.
-    """
+    """Return where in the flat Jacobian derivatives of touch and inclination are, (k, 13)."""
+    # Rows: along and across the members; columns: x, y, the angle, and foot, inclination and
+    # normal force of the contact itself. The last is that of the inclination by itself.
     places, own = Places.of(count), np.arange(count)
     pose = np.broadcast_to(np.arange(POSE)[:, None], (POSE, count))
     each = [place.start + own for place in (places.feet, places.inclinations, places.normal)]

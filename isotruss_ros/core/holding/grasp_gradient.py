@@ -22,16 +22,10 @@ from dataclasses import dataclass
 
 from isotruss_ros.core.contact.analysis_gradient import GraspParameters
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.holding.contact_forces import forces_of, slip_conditions
+from isotruss_ros.core.holding.contact_forces import slip_conditions
 from isotruss_ros.core.holding.held_grip import HeldGrip
-from isotruss_ros.core.holding.loaded_tubes import (
-    ContactRates,
-    dent_rates,
-    equation_rates,
-    LoadedTubes,
-    TubeRates,
-)
-from isotruss_ros.core.holding.settled_grasp import SettledGrasp
+from isotruss_ros.core.holding.loaded_tubes import ContactRates, LoadedTubes, TubeRates
+from isotruss_ros.core.holding.settle_grasp import SettledGrasp
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 import numpy as np
@@ -93,26 +87,13 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
     parameters = GraspParameters.of(grip.config)
     # Three columns more, for the response to a wrench.
     chosen = np.eye(parameters.size, parameters.size + 3)
-    nodes = grip.config.node_jacobian.T.copy().view(np.complex128).T
-    moved = nodes @ chosen[parameters.rollers]
-    tubes = LoadedTubes(grip, moved, chosen[parameters.pressures])
-    dents, softened = dent_rates(grip, chosen, parameters)
-    state, statics, places = grip.state, grip.statics, grip.state.places
-    left = equation_rates(grip, tubes, dents, chosen, parameters)
-    tangent = state.jacobian_with(statics.rolling_rows(state.unknowns, state.normals))
-    change = -np.linalg.solve(state.jacobian, left)
-    change[:, -3:] = -np.linalg.inv(tangent)[:, places.balance]
-    normal, friction = change[places.normal], change[places.friction]
-    soft = statics.indentation(state.normal_forces)[1]
-    contacts = ContactRates(
-        change[places.feet],
-        tubes.spins + change[places.inclinations],
-        normal + 1j * friction,
-        dents + soft[:, None] * normal,
-    )
+    tubes = LoadedTubes(grip, chosen, parameters)
+    state, places = grip.state, grip.state.places
+    change = -np.linalg.solve(state.jacobian, tubes.equation_rates())
+    change[:, -3:] = -np.linalg.inv(grip.tangent)[:, places.balance]
+    contacts = tubes.contact_rates(change)
     rates = tubes.respond(contacts)
-    softer = -chosen[parameters.stiffness] / grip.tubes.stiffness_scale
-    answer = _response_rates(grip, tubes, contacts, rates, change, (softened, softer))
+    answer = _response_rates(grip, tubes, contacts, rates, change)
     used, utilisation = tubes.utilisation(rates.ends)
     change = change[:, :-3]
     margin, gives_way = _slip_margin_rates(settled, change, answer, parameters)
@@ -149,20 +130,9 @@ def _response_rates(
     contacts: ContactRates,
     rates: TubeRates,
     change: Array,
-    softened: tuple[Array, Array],
 ) -> Array:
-    """
-    Return how the response to a unit wrench changes, (3 + 4k, n, 3).
-
-    :param grip: how the object is held.
-    :param tubes: under its forces.
-    :param contacts: how the contacts change, with n parameters and, in three columns more, as a
-        unit wrench (fx, fy, m / arm) acts while they stick.
-    :param rates: how the tubes do.
-    :param change: (3 + 4k, n + 3) how the unknowns do.
-    :param softened: (k, n + 3) how the dents' derivatives by the normal forces change at forces
-        that stay, and (n + 3,) how the compliance of the tubes does, as a share.
-    """
+    """Return how the response to a unit wrench changes, (3 + 4k, n, 3)."""
+    # Columns are those of n parameters and, three more, of a unit wrench (fx, fy, m / arm).
     statics, state, places = grip.statics, grip.state, grip.state.places
     normals, turn = state.normals[:, None], grip.body.turn
     points, radii = grip.body.shape.surface_at(statics.contacts.corners, state.normals / turn)
@@ -177,19 +147,18 @@ def _response_rates(
     # How arms and forces change, in the plane.
     swung = 1j * (angles * arms + radii * normals * (turns - angles))
     pushed = (contacts.forces + 1j * turns * push) * normals
-    tangent = state.jacobian_with(statics.rolling_rows(state.unknowns, state.normals))
     left = np.empty((places.size, change.shape[1] - 3, 3))
     for i, j in enumerate(range(-3, 0)):
         turned, angle = turns[:, j, None], angles[j]
-        dents = (curves * contacts.forces.real + softened[0]) * contacts.forces[:, j, None].real
+        dents = (curves * contacts.forces.real + tubes.softened) * contacts.forces[:, j, None].real
         forces = contacts.forces * turned + contacts.forces[:, j, None] * turns
         forces = (1j * forces - turns * turned * push) * normals
         couples = dents * rubs + contacts.dents * contacts.forces[:, j, None].imag
         couples += contacts.dents[:, j, None] * contacts.forces.imag
         give, slope = tubes.respond_again(rates, j, forces, couples)
         give, slope = give / scale, slope / scale
-        give += softened[1] * rates.give[:, j, None] / scale
-        slope += softened[1] * rates.slope[:, j, None] / scale
+        give += tubes.softer * rates.give[:, j, None] / scale
+        slope += tubes.softer * rates.slope[:, j, None] / scale
         # The point that touches moves on the surface, whose radius there changes.
         grown = radius_rates * (turns - angles)
         arm_rates = 1j * grown * (turned - angle) * normals - angles * angle * arms
@@ -203,19 +172,14 @@ def _response_rates(
         slope -= 2.0 * slopes * (1.0 + slopes**2) * bends * bends[:, j, None]
         torque = arm_rates.conj() * push * normals + swung.conj() * pushed[:, j, None]
         torque += swung[:, j, None].conj() * pushed + arms.conj() * forces
-        balance = np.stack([forces.real, forces.imag, torque.imag / statics.arm]).sum(axis=1)
+        balance = np.stack([forces.real, forces.imag, torque.imag / statics.body.arm]).sum(axis=1)
         closure = grown * (angle - turned)
         left[..., i] = np.concatenate([gap.real, gap.imag, slope, -balance, closure])[:, :-3]
-    return -np.linalg.solve(tangent, left.reshape(places.size, -1)).reshape(left.shape)
+    return -np.linalg.solve(grip.tangent, left.reshape(places.size, -1)).reshape(left.shape)
 
 
 def _stiffness_rates(grip: HeldGrip, answer: Array) -> Array:
-    """
-    Return how the stiffness changes, (3, 3, p), see `GripResponse.stiffness`.
-
-    :param grip: how the object is held.
-    :param answer: (3 + 4k, p, 3) how the response to a wrench does, see `_response_rates`.
-    """
+    """Return how the stiffness changes, (3, 3, p), as the response does."""
     inverse = np.linalg.inv(grip.response.pose)
     rates = -np.einsum('ia,apb,bj->ijp', inverse, answer[:3], inverse)
     rates[2] *= grip.arm
@@ -225,25 +189,17 @@ def _stiffness_rates(grip: HeldGrip, answer: Array) -> Array:
 def _slip_margin_rates(
     settled: SettledGrasp, change: Array, answer: Array, parameters: GraspParameters
 ) -> tuple[Array, str]:
-    """
-    Return how the slip margin changes, (p,) [N], and the name of the member that gives way.
-
-    :param settled: where the object rests.
-    :param change: (3 + 4k, p) how the unknowns change.
-    :param answer: (3 + 4k, p, 3) how their response to a wrench does, see `_response_rates`.
-    :param parameters: places of the p parameters.
-    """
+    """Return how the slip margin changes, (p,) [N], and which member gives way."""
     grip = settled.equilibrium
     owners, response, begin = grip.contacts.owners, grip.response, grip.state.places.normal.start
     rows = slip_conditions(owners, settled.friction)
-    reserve, slope = rows @ forces_of(grip.state), rows @ response.forces
-    size = np.hypot.reduce(slope, axis=1)
+    reserve, slope, size = grip.slip_reserves(settled.friction)
     nearest = int((reserve / size).argmin())
     row, way = rows[nearest], slope[nearest] / size[nearest]
     # With friction the conditions change, but not those of contacts that let go.
     presses = slip_conditions(owners, 1.0)[nearest] - slip_conditions(owners, 0.0)[nearest]
     left, longer = row @ change[begin:], np.einsum('a,apw,w->p', row, answer[begin:], way)
-    left[parameters.friction] += presses @ forces_of(grip.state)
+    left[parameters.friction] += presses @ grip.state.forces
     longer[parameters.friction] += presses @ response.forces @ way
     names = [*2 * grip.member_names, *(grip.member_names[i] for i in owners)]
     return (left - reserve[nearest] / size[nearest] * longer) / size[nearest], names[nearest]

@@ -15,13 +15,8 @@ from dataclasses import dataclass
 
 from isotruss_ros.core.contact.analysis_gradient import GraspParameters
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.holding.held_grip import HeldGrip
-from isotruss_ros.core.holding.loaded_tubes import (
-    ContactRates,
-    dent_rates,
-    equation_rates,
-    LoadedTubes,
-)
+from isotruss_ros.core.holding.held_grip import HeldGrip, travel_rates
+from isotruss_ros.core.holding.loaded_tubes import LoadedTubes
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 import numpy as np
@@ -70,45 +65,25 @@ def held_gradient(grip: HeldGrip) -> HeldGradient:
     chosen[parameters.rollers, :rollers] = np.eye(rollers)
     chosen[parameters.wrench, rollers:stiffness] = np.diag([1.0, 1.0, grip.arm])
     chosen[parameters.stiffness, stiffness] = 1.0
-    nodes = (config.node_jacobian @ chosen[parameters.rollers]).T
-    moved = nodes.copy().view(np.complex128).T
-    tubes = LoadedTubes(grip, moved, chosen[parameters.pressures])
-    dents, _ = dent_rates(grip, chosen, parameters)
-    left = equation_rates(grip, tubes, dents, chosen, parameters)
+    tubes = LoadedTubes(grip, chosen, parameters)
+    left = tubes.equation_rates()
     # What stays as contacts roll, see `stick`: normals turn with the members.
     rolling = statics.rolling_rows(state.unknowns, state.normals)
     left[places.closure] = rolling[:, places.inclinations] @ tubes.spins
-    left[places.closure, :rollers] += statics.sides[:, None] * travel_rates(grip)
+    travel = travel_rates(config, grip.contacts.members)
+    left[places.closure, :rollers] += statics.sides[:, None] * travel
     left[places.closure, anchors] -= np.eye(count)
-    change = -np.linalg.solve(state.jacobian_with(rolling), left)
-    normal, friction = change[places.normal], change[places.friction]
-    soft = statics.indentation(state.normal_forces)[1]
-    given = tubes.respond(
-        ContactRates(
-            change[places.feet],
-            tubes.spins + change[places.inclinations],
-            normal + 1j * friction,
-            dents + soft[:, None] * normal,
-        )
-    )
+    change = -np.linalg.solve(grip.tangent, left)
+    given = tubes.respond(tubes.contact_rates(change))
     joints, scale = len(config.robot.topology.joint_names), grip.tubes.stiffness_scale
     displaced = tubes.displacements[:joints, :2].ravel() / scale
     given = given.displacements[:joints, :2].reshape(2 * joints, -1)
-    by_state = nodes.T[: 2 * joints] + given / scale
+    moved = tubes.moved[:joints]
+    by_state = np.stack([moved.real, moved.imag], axis=1).reshape(2 * joints, -1) + given / scale
     by_state -= np.outer(displaced, chosen[parameters.stiffness]) / scale
     return HeldGradient(
         change[:3],
-        normal.sum(axis=0) / len(grip.members),
+        change[places.normal].sum(axis=0) / len(grip.members),
         by_state,
         config.nodes[:joints].ravel() + displaced,
     )
-
-
-def travel_rates(grip: HeldGrip) -> Array:
-    """
-    Return the travel at the start of each contact's member by the rollers' travel, (k, r) [-].
-
-    :param grip: how the object is held.
-    """
-    topology = grip.config.robot.topology
-    return (grip.contacts.members[:, None] == topology.driven).astype(float)

@@ -17,12 +17,7 @@ import enum
 import functools
 import math
 
-from isotruss_ros.core.holding.contact_forces import (
-    ContactForces,
-    find_response,
-    GripResponse,
-    slip_margin,
-)
+from isotruss_ros.core.holding.contact_forces import ContactForces, GripResponse, slip_conditions
 from isotruss_ros.core.holding.contact_statics import ContactStatics, TubeModel
 from isotruss_ros.core.holding.pressed_contacts import PressedContacts
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -31,6 +26,7 @@ from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.statics.wrinkling import load_sections, SectionLoads, SectionPoints
 import numpy as np
+from scipy.linalg import lapack
 
 #: Most members that hold an object.
 MOST = 3
@@ -103,7 +99,7 @@ class HeldGrip:
     @property
     def arm(self) -> float:
         """Return the arm by which moments compare with forces, see `ConvexObject.arm` [m]."""
-        return self.statics.arm
+        return self.statics.body.arm
 
     @functools.cached_property
     def member_names(self) -> tuple[str, ...]:
@@ -149,14 +145,46 @@ class HeldGrip:
 
     def slip_margin(self, friction: float, more: Array | None = None) -> float:
         """
-        Return the smallest extra wrench at which a contact slips or lets go, see `slip_margin`.
+        Return the smallest extra wrench at which a member slips or a contact lets go [N].
+
+        Moments count over the arm. A member slips where the friction of all its contacts,
+        |T| = mu N of their sums, is used; each end of a face lets go at N = 0. Forces change
+        linearly with the wrench, so that each condition is a plane in the space of wrenches, and
+        the margin the distance of the nearest one.
 
         :param friction: coefficient between tube and object.
         :param more: (3,) wrench (fx, fy, m / arm) that is added to `wrench` [N].
-        :return: [N], moments over the arm; zero where the equilibrium is indifferent.
+        :return: negative where a member slips or a contact pulls already; zero where the
+            equilibrium is indifferent.
         """
-        response = self.response
-        return 0.0 if response is None else slip_margin(self.state, response, friction, more)
+        if self.response is None:
+            return 0.0
+        reserve, slope, size = self.slip_reserves(friction)
+        if more is not None:
+            reserve = reserve + slope @ more
+        return float((reserve / size).min())
+
+    def weakest_direction(self, friction: float) -> Array:
+        """
+        Return the unit wrench (fx, fy, m / arm) along which the slip margin is the least, (3,).
+
+        :param friction: coefficient between tube and object.
+        """
+        reserve, slope, size = self.slip_reserves(friction)
+        nearest = int((reserve / size).argmin())
+        return -slope[nearest] / size[nearest]
+
+    def slip_reserves(self, friction: float) -> tuple[Array, Array, Array]:
+        """
+        Return what is left of each of `slip_conditions`, (c,) [N], and its slope by a wrench.
+
+        :param friction: coefficient between tube and object.
+        :return: besides, the slopes (c, 3) and their sizes (c,).
+        """
+        rows = slip_conditions(self.response.owners, friction)
+        slope = rows @ self.response.forces
+        # Of any friction, squares may overflow.
+        return rows @ self.state.forces, slope, np.hypot.reduce(slope, axis=1)
 
     @functools.cached_property
     def members(self) -> Indices:
@@ -197,17 +225,31 @@ class HeldGrip:
         return least if pulling[least] < 0.0 else None
 
     @functools.cached_property
+    def tangent(self) -> Array:
+        """Return the Jacobian of the equations with contacts that stick, (3 + 4k, 3 + 4k)."""
+        state, tangent = self.state, self.state.jacobian.copy()
+        tangent[state.places.closure] = self.statics.rolling_rows(state.unknowns, state.normals)
+        return tangent
+
+    @functools.cached_property
     def response(self) -> GripResponse | None:
         """Return how pose and forces answer to a wrench; None where that is indifferent."""
-        statics, state, owners = self.statics, self.state, self.contacts.owners
-        each = np.eye(int(owners[-1]) + 1)[owners] * state.normals[:, None]
-        moving = np.column_stack([_opening(statics, state), each])
-        return find_response(
-            state,
-            statics.rolling_rows(state.unknowns, state.normals),
-            statics.compliance.axis.conj()[:, None] * moving,
-            owners,
-            statics.arm,
+        owners, places, count = self.contacts.owners, self.state.places, len(self.anchors)
+        apart = self.statics.compliance.axis.conj() * _opening(self.statics, self.state)
+        right = np.zeros((places.size, 4))
+        right[places.balance, :3] = -np.eye(3)
+        right[: 2 * count, 3] = -np.concatenate([apart.real, apart.imag])
+        _, _, change, singular = lapack.dgesv(self.tangent, right)
+        if singular or lapack.dgetrf(change[:3, :3])[2]:
+            return None
+        normal, friction = change[places.normal], change[places.friction]
+        return GripResponse(
+            pose=change[:3, :3],
+            normal=normal[:, :3],
+            friction=friction[:, :3],
+            owners=owners,
+            arm=self.arm,
+            squeeze_stiffness=float(normal[:, 3].sum()) / (int(owners[-1]) + 1),
         )
 
     def squeeze_stiffness(self) -> float:
@@ -256,14 +298,11 @@ def scaled_wrench(wrench: Array | None, arm: float) -> Array:
     return np.zeros(3) if wrench is None else np.asarray(wrench) / (1.0, 1.0, arm)
 
 
-def travel_into(config: Configuration, members: Indices) -> Array:
+def travel_rates(config: Configuration, members: Indices) -> Array:
     """
-    Return the travel of the tube through the modules at which members start, (k,) [m].
+    Return the travel of the tube at the start of members by that of the rollers, (k, r) [-].
 
     :param config: configuration of the robot.
     :param members: (k,) numbers of the members.
     """
-    topology = config.robot.topology
-    travel = np.zeros(topology.n_modules)
-    travel[topology.driven] = config.roller_positions
-    return travel[members]
+    return (members[:, None] == config.robot.topology.driven).astype(float)

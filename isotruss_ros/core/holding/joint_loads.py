@@ -14,7 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from isotruss_ros.core.holding.held_grip import HeldGrip
-from isotruss_ros.core.holding.loaded_frame import held_joints
+from isotruss_ros.core.holding.loaded_frame import displace_nodes, held_joints
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
@@ -68,8 +68,7 @@ class JointCompliance:
         right[places.balance, :3] = -np.eye(3)
         given = self.by_contacts.T.reshape(count, 3, size)
         right[: 3 * count, 3:] = -given.transpose(1, 0, 2).reshape(3 * count, size)
-        rolling = statics.rolling_rows(state.unknowns, state.normals)
-        change = np.linalg.solve(state.jacobian_with(rolling), right)
+        change = np.linalg.solve(grip.tangent, right)
         normal, friction = state.normal_forces[:, None], state.friction_forces[:, None]
         local = (statics.compliance.axis.conj() * state.normals)[:, None]
         force = (change[places.normal] + 1j * change[places.friction]) * local
@@ -95,18 +94,14 @@ def joint_compliance(grip: HeldGrip) -> JointCompliance:
     # A force on a joint is one on the end of a member that is there.
     ends = np.concatenate([frame.members.start, frame.members.end])
     side, member = np.divmod(np.unique(ends, return_index=True)[1][:count], len(frame.length))
-    own, turn = np.arange(count), frame.to_member_frame(member)
+    own, turn = np.arange(count), frame.turn[member]
     loads = np.zeros((count, 6, count, 2))
     for axis in range(2):
         loads[own, :, own, axis] = turn[own, :, 3 * side + axis]
-    at_feet = grip.statics.compliance.at(grip.state.feet)
-    units = np.eye(3 * len(grip.anchors))
-    carried = np.column_stack([at_feet.carried(unit.reshape(-1, 3)).ravel() for unit in units])
-    piece = grip.statics.compliance.locate(grip.state.feet)[0]
-    scale = 1.0 / grip.tubes.stiffness_scale
     own_moved = frame.displacements(member, loads.reshape(6 * count, 2 * count))
-    moved = frame.displacements(piece, carried)
+    size = 3 * len(grip.anchors)
+    moved = displace_nodes(grip, np.eye(size).reshape(-1, 3, size))
     return JointCompliance(
-        scale * own_moved[:count, :2].reshape(2 * count, -1),
-        scale * moved[:count, :2].reshape(2 * count, -1),
+        own_moved[:count, :2].reshape(2 * count, -1) / grip.tubes.stiffness_scale,
+        moved[:count, :2].reshape(2 * count, -1),
     )

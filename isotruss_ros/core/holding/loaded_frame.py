@@ -43,8 +43,7 @@ def held_joints(grip: HeldGrip) -> Array:
 
     :param grip: how the object is held.
     """
-    state = grip.state
-    moved = displace_nodes(grip, state.normal_forces[:, None], state.friction_forces[:, None])
+    moved = displace_nodes(grip, grip.statics.loads(grip.state.unknowns)[..., None])
     count = len(grip.config.robot.topology.joint_names)
     return grip.config.nodes[:count] + moved[:count, :2, 0]
 
@@ -58,20 +57,15 @@ def held_utilisation(grip: HeldGrip) -> Array:
     return grip.sections.utilisation
 
 
-def displace_nodes(grip: HeldGrip, normal: Array, friction: Array) -> Array:
+def displace_nodes(grip: HeldGrip, loads: Array) -> Array:
     """
-    Return displacements (n, 3, c) of the frame's nodes under c cases of contact forces [m].
+    Return the displacements (n, 3, c) of the frame's nodes in c cases of loads [m, rad].
 
     :param grip: how the object is held.
-    :param normal: (k, c) [N].
-    :param friction: (k, c) counter-clockwise [N].
+    :param loads: (k, 3, c) on the contacts: forces along and across the members [N], moments
+        [N m].
     """
-    compliance, feet, state = grip.statics.compliance, grip.state.feet, grip.state
-    local = (compliance.axis.conj() * state.normals)[:, None]
-    forces = (normal + 1j * friction) * local
-    # Friction acts at the skin of a tube, so that it turns the tube as well.
-    skin = grip.statics.tube_radius - grip.statics.indentation(state.normal_forces)[0]
-    loads = np.stack([forces.real, forces.imag, -skin[:, None] * friction], axis=1)
+    compliance, feet = grip.statics.compliance, grip.state.feet
     at_feet, piece = compliance.at(feet), compliance.locate(feet)[0]
     carried = [at_feet.carried(case).ravel() for case in loads.transpose(2, 0, 1)]
     frame = compliance.structure.frame
@@ -137,7 +131,12 @@ def _inertia_of_robot(grip: HeldGrip) -> Array:
     """Return what the masses of modules and tubes are under each pair of unit wrenches (3, 3)."""
     description, topology = grip.config.robot.description, grip.config.robot.topology
     response = grip.response
-    moved = displace_nodes(grip, response.normal, response.friction)
+    local = (grip.statics.compliance.axis.conj() * grip.state.normals)[:, None]
+    forces = (response.normal + 1j * response.friction) * local
+    # Friction acts at the skin of a tube, so that it turns the tube as well.
+    skin = grip.statics.tube_radius - grip.statics.indentation(grip.state.normal_forces)[0]
+    couples = -skin[:, None] * response.friction
+    moved = displace_nodes(grip, np.stack([forces.real, forces.imag, couples], axis=1))
     nodes, first = moved[:, 0] + 1j * moved[:, 1], frame_layout(grip.config.robot).b
     b, c = nodes[first], nodes[first + 1]
     middle = 0.5 * (b + c)

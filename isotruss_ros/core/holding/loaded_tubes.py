@@ -19,6 +19,7 @@ from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.statics.cut_frame import CutFrame, FrameRates, structure_rates
 from isotruss_ros.core.statics.frame import FrameState
+from isotruss_ros.core.statics.wrinkling import find_most_used
 import numpy as np
 
 
@@ -60,35 +61,94 @@ class TubeRates(NamedTuple):
 
 class LoadedTubes:
     """
-    The frame of a robot with the contacts of a held object as nodes.
+    The frame of a robot with the contacts of a held object as nodes, as p columns change it.
 
-    :ivar starts: (k, p) velocities of the pinch points at which the members start, x + iy [m].
+    :ivar moved: (N, p) velocities of the nodes of the configuration, x + iy [m].
     :ivar spins: (k, p) turns of the members [rad].
+    :ivar dents: (k, p) changes of the dents under forces that stay [m].
+    :ivar softened: (k, p) the same of their derivatives by the forces [m/N].
+    :ivar softer: (p,) changes of the compliance of robot and tubes, as a share.
     :param grip: how the object is held.
-    :param moved: (N, p) velocities of the nodes of the configuration, x + iy [m].
-    :param inflated: (t, p) changes of the tubes' pressures [Pa].
+    :param chosen: (n, p) how the parameters change in each column.
+    :param parameters: which row of these is which.
     """
 
-    def __init__(self, grip: HeldGrip, moved: Points, inflated: Array) -> None:
-        self._grip, self._inflated = grip, inflated
+    def __init__(self, grip: HeldGrip, chosen: Array, parameters: GraspParameters) -> None:
+        self._grip, self._chosen, self._parameters = grip, chosen, parameters
         compliance, state, statics = grip.statics.compliance, grip.state, grip.statics
+        nodes = grip.config.node_jacobian.T.copy().view(np.complex128).T
+        self.moved = moved = nodes @ chosen[parameters.rollers]
+        self._inflated = inflated = chosen[parameters.pressures]
         self._structure = compliance.structure
         self._frame = CutFrame(self._structure.frame, *compliance.locate(state.feet))
         self._rates = structure_rates(self._structure, moved, inflated)
         topology, members = grip.config.robot.topology, grip.contacts.members
-        self.starts = moved[topology.b[members]]
-        ahead = moved[topology.c[topology.following[members]]] - self.starts
+        # Velocities of the pinch points at which the members start.
+        self._starts = moved[topology.b[members]]
+        ahead = moved[topology.c[topology.following[members]]] - self._starts
         span = compliance.length * compliance.axis
         self.spins: Array = (ahead / span[:, None]).imag
-        self._push = (state.normal_forces + 1j * state.friction_forces) * state.normals
-        self._skin = statics.tube_radius - statics.indentation(state.normal_forces)[0]
+        normal = state.normal_forces
+        self._push = (normal + 1j * state.friction_forces) * state.normals
+        depths, self._soft = statics.indentation(normal)
+        self._skin = statics.tube_radius - depths
         couples = -self._skin * state.friction_forces
         self._state = self._frame.solve(self._loads(self._push[:, None], couples[:, None])[..., 0])
+        curves, dents, softened = statics.indentation.second_rates(normal)
+        blown = inflated[topology.tube[members]]
+        stiffer = chosen[parameters.stiffness] / grip.tubes.stiffness_scale
+        self.softer = -stiffer
+        self.dents = dents[:, None] * blown - np.outer(self._soft * normal, stiffer)
+        self.softened = softened[:, None] * blown
+        self.softened -= np.outer(curves * normal + self._soft, stiffer)
 
     @property
     def displacements(self) -> Array:
         """Return those of the nodes of the cut frame, joints first, (n, 3) [m, rad]."""
         return self._state.displacements
+
+    def contact_rates(self, change: Array) -> ContactRates:
+        """
+        Return how the contacts change.
+
+        :param change: (3 + 4k, p) how the unknowns do.
+        """
+        places = self._grip.state.places
+        normal = change[places.normal]
+        return ContactRates(
+            change[places.feet],
+            self.spins + change[places.inclinations],
+            normal + 1j * change[places.friction],
+            self.dents + self._soft[:, None] * normal,
+        )
+
+    def equation_rates(self) -> Array:
+        """Return how the residual of the equations changes, the unknowns stay, (3 + 4k, p)."""
+        grip, spins = self._grip, self.spins
+        statics, state, body = grip.statics, grip.state, grip.body
+        places, axis = state.places, statics.compliance.axis[:, None]
+        normals, scale = state.normals[:, None], grip.tubes.stiffness_scale
+        zero = np.zeros_like(spins)
+        give, slope, *_ = self.respond(ContactRates(zero, spins, zero + 0j, self.dents))
+        own = statics.compliance.at(state.feet).respond(statics.loads(state.unknowns))
+        points, radii = body.shape.surface_at(statics.contacts.corners, state.normals / body.turn)
+        # Points of the surface whose normals turn with the members.
+        arms, swept = (body.turn * points)[:, None], 1j * radii[:, None] * spins * normals
+        away = statics.compliance.start[:, None] - state.center - arms
+        gap = self._starts - swept - 1j * spins * away + self.dents * normals
+        gap = gap / axis + give / scale + (own[:, 0] + 1j * own[:, 1])[:, None] * self.softer
+        slope = slope / scale + own[:, 2, None] * self.softer
+        forces = self._push[:, None]
+        turned = 1j * spins * forces
+        torque = (swept.conj() * forces + arms.conj() * turned).imag.sum(axis=0)
+        total = turned.sum(axis=0)
+        wrench = self._chosen[self._parameters.wrench] / np.array([[1.0], [1.0], [grip.arm]])
+        # The closure depends on the normals, and on how far the pose is from where it was set.
+        closing = state.jacobian[places.closure]
+        closure = closing[:, places.inclinations] @ spins
+        closure -= closing[:, :3] @ self._chosen[self._parameters.place]
+        balance = wrench - np.stack([total.real, total.imag, torque / grip.arm])
+        return np.concatenate([gap.real, gap.imag, slope, balance, closure])
 
     def respond(self, contacts: ContactRates) -> TubeRates:
         """
@@ -102,7 +162,7 @@ class LoadedTubes:
         forces += 1j * contacts.normals * self._push[:, None]
         couples = contacts.dents * state.friction_forces[:, None]
         couples -= self._skin[:, None] * contacts.forces.imag
-        places = self.starts + axis * (1j * self.spins * state.feet[:, None] + contacts.feet)
+        places = self._starts + axis * (1j * self.spins * state.feet[:, None] + contacts.feet)
         rates = FrameRates(
             np.concatenate([self._rates.points, places]),
             self._rates.flexibility[:, frame.whole],
@@ -167,7 +227,7 @@ class LoadedTubes:
         :param ends: (c, 6, p) changes of the end forces, see `respond`.
         """
         robot = self._grip.config.robot
-        topology, m = robot.topology, robot.topology.n_modules
+        topology = robot.topology
         radius = 0.5 * robot.description.tube_diameter
         first, owners = self._structure.pieces[0, 0], self._structure.owners.ravel()
         pieces = np.flatnonzero(self._frame.whole >= first)
@@ -182,70 +242,6 @@ class LoadedTubes:
         used = np.full(len(moment), np.inf)
         np.divide(2.0 * np.abs(moment), radius * left, out=used, where=left > 0.0)
         member = np.tile(member, 2)
-        order = np.lexsort((used, member))
-        last = order[np.searchsorted(member[order], np.arange(m), side='right') - 1]
+        last = find_most_used(used, member)
         rates = (2.0 / radius * bent - used[:, None] * slack) / left[:, None]
         return used[last], rates[last]
-
-
-def dent_rates(grip: HeldGrip, chosen: Array, parameters: GraspParameters) -> tuple[Array, Array]:
-    """
-    Return how dents [m] and their derivatives by the forces [m/N] change, these as they are.
-
-    :param grip: how the object is held.
-    :param chosen: (n, p) how the parameters change in each column.
-    :param parameters: which row of these is which.
-    :return: (k, p) each.
-    """
-    forces, scale = grip.state.normal_forces, grip.tubes.stiffness_scale
-    indentation, topology = grip.statics.indentation, grip.config.robot.topology
-    soft, (curves, dents, softened) = indentation(forces)[1], indentation.second_rates(forces)
-    inflated = chosen[parameters.pressures][topology.tube[grip.contacts.members]]
-    stiffer = chosen[parameters.stiffness] / scale
-    return (
-        dents[:, None] * inflated - np.outer(soft * forces, stiffer),
-        softened[:, None] * inflated - np.outer(curves * forces + soft, stiffer),
-    )
-
-
-def equation_rates(
-    grip: HeldGrip,
-    tubes: LoadedTubes,
-    dents: Array,
-    chosen: Array,
-    parameters: GraspParameters,
-) -> Array:
-    """
-    Return how the residual of the equations changes while the unknowns stay, (3 + 4k, p).
-
-    :param grip: how the object is held.
-    :param tubes: its frame.
-    :param dents: (k, p) see `dent_rates` [m].
-    :param chosen: (n, p) how the parameters change in each column.
-    :param parameters: which row of these is which.
-    """
-    statics, state, body = grip.statics, grip.state, grip.body
-    places, axis = state.places, statics.compliance.axis[:, None]
-    normals, scale = state.normals[:, None], grip.tubes.stiffness_scale
-    zero, spins = np.zeros_like(dents), tubes.spins
-    give, slope, *_ = tubes.respond(ContactRates(zero, spins, zero + 0j, dents))
-    softer = -chosen[parameters.stiffness] / scale
-    own = statics.compliance.at(state.feet).respond(statics.loads(state.unknowns))
-    points, radii = body.shape.surface_at(statics.contacts.corners, state.normals / body.turn)
-    # Points of the surface whose normals turn with the members.
-    arms, swept = (body.turn * points)[:, None], 1j * radii[:, None] * spins * normals
-    away = statics.compliance.start[:, None] - state.center - arms
-    gap = (tubes.starts - swept - 1j * spins * away + dents * normals) / axis + give / scale
-    gap += (own[:, 0] + 1j * own[:, 1])[:, None] * softer
-    slope = slope / scale + own[:, 2, None] * softer
-    forces = (state.normal_forces + 1j * state.friction_forces)[:, None] * normals
-    turned = 1j * spins * forces
-    torque = (swept.conj() * forces + arms.conj() * turned).imag.sum(axis=0)
-    total = turned.sum(axis=0)
-    wrench = chosen[parameters.wrench] / np.array([[1.0], [1.0], [statics.arm]])
-    # The closure depends on the normals, and on how far the pose is from where it was set down.
-    closing = state.jacobian[places.closure]
-    closure = closing[:, places.inclinations] @ spins
-    closure -= closing[:, :3] @ chosen[parameters.place]
-    balance = wrench - np.stack([total.real, total.imag, torque / statics.arm])
-    return np.concatenate([gap.real, gap.imag, slope, balance, closure])

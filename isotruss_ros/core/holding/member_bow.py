@@ -41,7 +41,7 @@ def member_bow(grip: HeldGrip) -> Array:
     bent, shear = compliance.at(feet).respond(loads), compliance.structure.frame.members.shear
     # A force across puts a kink into the line; the slope is the mean of both sides.
     kinks = -loads[:, 1] / shear[compliance.locate(feet)[0]]
-    moved = displace_nodes(grip, state.normal_forces[:, None], state.friction_forces[:, None])
+    moved = displace_nodes(grip, loads[..., None])
     nodes = moved[:, 0, 0] + 1j * moved[:, 1, 0]
     shorter = np.zeros(robot.topology.n_modules)
     for member in grip.members:

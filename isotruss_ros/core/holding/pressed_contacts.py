@@ -12,7 +12,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -49,11 +49,6 @@ class PressedContacts:
         """Return which contacts each of the grasping members has: one, or both ends of a face."""
         return [np.flatnonzero(self.owners == i) for i in range(int(self.owners[-1]) + 1)]
 
-    @cached_property
-    def has_faces(self) -> bool:
-        """Return whether a face lies on a member."""
-        return len(self.owners) > len(self.ends)
-
     def without(self, dropped: int) -> PressedContacts:
         """
         Return the others; what was one end of a face reaches all along it now.
@@ -79,17 +74,6 @@ class PressedContacts:
             (self.cuts, others.cuts),
         )
         return PressedContacts(*(np.concatenate(pair)[order] for pair in pairs)), order
-
-    def with_corner(self, k: int, corner: int) -> PressedContacts:
-        """
-        Return the contacts with another corner at one of them, to which the object has rolled.
-
-        :param k: number of the contact.
-        :param corner: number of the corner.
-        """
-        corners = self.corners.copy()
-        corners[k] = corner
-        return replace(self, corners=corners)
 
     def with_face(self, k: int, face: Face) -> tuple[PressedContacts, int]:
         """

@@ -26,7 +26,7 @@ from isotruss_ros.core.holding.contact_statics import (
     TubeModel,
     unwrapped,
 )
-from isotruss_ros.core.holding.held_grip import HeldGrip, MOST, scaled_wrench, travel_into
+from isotruss_ros.core.holding.held_grip import HeldGrip, MOST, scaled_wrench, travel_rates
 from isotruss_ros.core.holding.pressed_contacts import find_pressed, LEAST_FACE, PressedContacts
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths
@@ -66,8 +66,8 @@ def roll_grip(
     """
     wrench = scaled_wrench(external_wrench, grip.arm)
     rolled = roll_contacts(grip, config, grip.contacts, grip.anchors, grip.angles, wrench)
-    found = None if rolled is None else lift_ends(rolled)
-    return None if found is None else join(lay_down(found))
+    found = None if rolled is None else _lift_ends(rolled)
+    return None if found is None else _join(_lay_down(found))
 
 
 def roll_contacts(
@@ -102,7 +102,7 @@ def roll_contacts(
         bent = grip.body.turn * np.exp(1j * angles)
         statics = build_statics(config, grip.body, contacts, grip.tubes, bent)
         start = kept = start_at(statics, grip.body)
-    travel = travel_into(config, contacts.members)
+    travel = travel_rates(config, contacts.members) @ config.roller_positions
     closure = stick(statics, anchors, travel, angles, fresh)
     state = statics.solve(start, wrench, closure, STEPS)
     if state is None and start is not kept:
@@ -154,13 +154,8 @@ def stick(
     return rows
 
 
-def lift_ends(grip: HeldGrip) -> HeldGrip | None:
-    """
-    Return the grip without the ends of faces, or the third member, that pull.
-
-    :param grip: in equilibrium.
-    :return: None where there is no equilibrium without them.
-    """
+def _lift_ends(grip: HeldGrip) -> HeldGrip | None:
+    """Return the grip without the ends of faces, or the third member, that pull."""
     found: HeldGrip | None = grip
     for _ in range(MAX_CHANGES):
         if found is None:
@@ -176,14 +171,11 @@ def lift_ends(grip: HeldGrip) -> HeldGrip | None:
     return found
 
 
-def lay_down(grip: HeldGrip, changes: int = MAX_CHANGES) -> HeldGrip:
+def _lay_down(grip: HeldGrip, changes: int = MAX_CHANGES) -> HeldGrip:
     """
     Return the grip with the other end of a face where a corner has rolled beyond it.
 
-    Of a short face the other end takes the place of this one.
-
-    :param grip: in equilibrium.
-    :param changes: that many short faces may follow each other.
+    Of a short face the other end takes the place of this one; that many may follow each other.
     """
     owners, corners = grip.contacts.owners, grip.contacts.corners
     alone = np.flatnonzero(np.bincount(owners)[owners] == 1)
@@ -193,19 +185,15 @@ def lay_down(grip: HeldGrip, changes: int = MAX_CHANGES) -> HeldGrip:
             if face.step * (own[k] * face.normal.conjugate()).imag <= 0.0:
                 continue
             short = face.length < LEAST_FACE * grip.statics.tube_radius
-            laid = _with_corner(grip, k, face.corner) if short else _with_face(grip, k, face)
+            laid = _lay(grip, k, face, short)
             if laid is not None and laid.presses:
-                return lay_down(laid, changes - 1) if short and changes > 0 else laid
+                return _lay_down(laid, changes - 1) if short and changes > 0 else laid
             break
     return grip
 
 
-def join(grip: HeldGrip) -> HeldGrip:
-    """
-    Return the grip with a third member where that has come to touch the object.
-
-    :param grip: in equilibrium.
-    """
+def _join(grip: HeldGrip) -> HeldGrip:
+    """Return the grip with a third member where that has come to touch the object."""
     if len(grip.members) >= MOST:
         return grip
     depths = member_depths(grip.config, grip.body)
@@ -228,29 +216,23 @@ def join(grip: HeldGrip) -> HeldGrip:
     return found
 
 
-def _with_corner(grip: HeldGrip, k: int, corner: int) -> HeldGrip | None:
-    """Return the equilibrium with another corner at a contact, to which the object rolled."""
-    contacts = grip.contacts.with_corner(k, corner)
-    return roll_contacts(grip, grip.config, contacts, grip.anchors, grip.angles, grip.wrench)
-
-
-def _with_face(grip: HeldGrip, k: int, face: Face) -> HeldGrip | None:
-    """Return the equilibrium with the other end of a face as well."""
-    contacts, place = grip.contacts.with_face(k, face)
-    anchors = np.insert(grip.anchors, place, 0.0)
-    angles = np.insert(grip.angles, place, grip.angles[k])
-    fresh = np.array([place])
+def _lay(grip: HeldGrip, k: int, face: Face, short: bool) -> HeldGrip | None:
+    """Return the equilibrium with the other end of a face as well, or of a short one instead."""
+    contacts, anchors, angles, fresh = grip.contacts, grip.anchors, grip.angles, NOTHING
+    if short:
+        corners = contacts.corners.copy()
+        corners[k] = face.corner
+        contacts = replace(contacts, corners=corners)
+    else:
+        contacts, place = contacts.with_face(k, face)
+        anchors = np.insert(anchors, place, 0.0)
+        angles = np.insert(angles, place, angles[k])
+        fresh = np.array([place])
     return roll_contacts(grip, grip.config, contacts, anchors, angles, grip.wrench, fresh)
 
 
 def _depth_in(grip: HeldGrip, number: int, depth: float) -> float:
-    """
-    Return how deep the object is in a member that does not hold it [m].
-
-    The tubes that hold it bend, and with them the structure.
-
-    :param depth: in the undeformed member [m].
-    """
+    """Return how deep the object is in another member, so deep as long as no tube bends [m]."""
     topology, points = grip.config.robot.topology, grip.config.points
     start, end = points[topology.b[number]], points[topology.c[topology.following[number]]]
     share = segment_gaps(grip.body, np.array([start]), np.array([end])).shares[0]

@@ -11,31 +11,13 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Any
 
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 from scipy.linalg import lapack
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import LinearOperator, onenormest, splu
-
-
-class Factor(Protocol):
-    """A factored square matrix."""
-
-    def solve(self, right: Array) -> Array:
-        """
-        Return x with A x = right.
-
-        :param right: (n,) or (n, k) right-hand sides.
-        """
-
-    def solve_transposed(self, right: Array) -> Array:
-        """
-        Return x with A^T x = right.
-
-        :param right: (n,) or (n, k) right-hand sides.
-        """
 
 
 class DenseFactor:
@@ -52,19 +34,23 @@ class DenseFactor:
             raise np.linalg.LinAlgError(f'singular: pivot {info} is zero')
 
     def solve(self, right: Array) -> Array:
-        """Return x with A x = right; see `Factor.solve`."""
+        """
+        Return x with A x = right.
+
+        :param right: (n,) or (n, k) right-hand sides.
+        """
         return lapack.dgetrs(self._lu, self._pivots, right, trans=1)[0]
 
     def solve_transposed(self, right: Array) -> Array:
-        """Return x with A^T x = right; see `Factor.solve_transposed`."""
+        """
+        Return x with A^T x = right.
+
+        :param right: (n,) or (n, k) right-hand sides.
+        """
         return lapack.dgetrs(self._lu, self._pivots, right, trans=0)[0]
 
-    def condition(self, norm: float) -> float:
-        """
-        Return an estimate of the condition number; `norm` is the 1-norm of the matrix.
-
-        :param norm: 1-norm of the matrix.
-        """
+    def _condition(self, norm: float) -> float:
+        """Return an estimate of the condition number by the 1-norm of the matrix."""
         # What was factored is the transpose, whose infinity norm that is.
         inverse, _ = lapack.dgecon(self._lu, norm, norm='I')
         return 1.0 / inverse if inverse > 0.0 else float('inf')
@@ -84,12 +70,16 @@ class SparseFactor:
             raise np.linalg.LinAlgError(str(error)) from error
 
     def solve(self, right: Array) -> Array:
-        """Return x with A x = right; see `Factor.solve`."""
+        """Return x with A x = right; see `DenseFactor.solve`."""
         return self._lu.solve(right)
 
     def solve_transposed(self, right: Array) -> Array:
-        """Return x with A^T x = right; see `Factor.solve_transposed`."""
+        """Return x with A^T x = right; see `DenseFactor.solve_transposed`."""
         return self._lu.solve(right, trans='T')
+
+
+#: A factored square matrix.
+Factor = DenseFactor | SparseFactor
 
 
 def factorize(matrix: Array | csc_matrix) -> Factor:
@@ -113,7 +103,7 @@ def factorize_with_condition(matrix: Array | csc_matrix) -> tuple[Factor | None,
     try:
         if isinstance(matrix, np.ndarray):
             dense = DenseFactor(matrix.copy())
-            return dense, dense.condition(norm)
+            return dense, dense._condition(norm)
         factor = SparseFactor(matrix)
     except np.linalg.LinAlgError:
         return None, float('inf')

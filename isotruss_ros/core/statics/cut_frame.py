@@ -19,7 +19,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
-from isotruss_ros.core.statics.frame import Frame, FrameState, Members
+from isotruss_ros.core.statics.frame import Frame, FrameState
+from isotruss_ros.core.statics.frame_pattern import Members
 from isotruss_ros.core.statics.structure import (
     bisection_entries,
     bisection_spans,
@@ -59,20 +60,14 @@ class CutFrame(Frame):
     """
 
     def __init__(self, frame: Frame, piece: Indices, within: Array) -> None:
-        own, count, parts = frame.members, len(piece), len(frame.members.start)
+        count, parts = len(piece), len(frame.members.start)
         self.whole = np.concatenate([np.arange(parts), piece])
-        values = [
-            np.append(each, each[piece])
-            for each in (own.start, own.end, own.axial, own.flexural, own.shear)
-        ]
-        pinned_start, pinned_end = (
-            np.append(pins, np.zeros(count, dtype=bool))
-            for pins in (own.pinned_start, own.pinned_end)
-        )
+        members = Members(*(each[self.whole] for each in frame.members))
+        start, end, *_, pinned_start, pinned_end = members
+        pinned_start[parts:] = pinned_end[parts:] = False
         self.nodes = len(frame.points) + np.arange(count)
         self.behind = parts + np.arange(count)
         self.before = self.behind.copy()
-        start, end = values[:2]
         # From the far ends of the members: what is left of each is its part from its start.
         for i in np.argsort(-within).tolist():
             cut, part = piece[i], self.behind[i]
@@ -80,11 +75,11 @@ class CutFrame(Frame):
             end[cut], pinned_end[cut] = self.nodes[i], False
         for i, node in enumerate(self.nodes.tolist()):
             self.before[i] = np.flatnonzero(end == node)[0]
-        points = frame.points[own.start[piece]] + within * frame.axis[piece]
+        points = frame.points[frame.members.start[piece]] + within * frame.axis[piece]
         held = np.append(frame._held.reshape(-1, 3), np.zeros((count, 3), dtype=bool), axis=0)
         super().__init__(
             np.append(frame.points, points),
-            Members(*values, pinned_start, pinned_end),
+            members,
             held,
             [*frame._names, *map(str, self.nodes)],
             frame._rows,
@@ -115,7 +110,7 @@ class CutFrame(Frame):
             turned[:, at + 2] = changed[:, at + 2]
         left = loads.reshape(-1, count).copy()
         places = pattern.places.ravel()
-        np.subtract.at(left, places, (self._turn.transpose(0, 2, 1) @ turned).reshape(-1, count))
+        np.subtract.at(left, places, (self.turn.transpose(0, 2, 1) @ turned).reshape(-1, count))
         right = np.zeros((len(scale), count))
         pushed = rates.rows * state.multipliers[rows.row][:, None]
         np.subtract.at(left, rows.column, pushed)
@@ -126,7 +121,7 @@ class CutFrame(Frame):
         found = scale[:, None] * factor.solve(scale[:, None] * right)
         displacements = np.zeros_like(left)
         displacements[pattern.solved] = found[:free]
-        changed += self._local @ (self._turn @ displacements[pattern.places])
+        changed += self._local @ (self.turn @ displacements[pattern.places])
         return displacements.reshape(-1, 3, count), changed, found[free:]
 
     def mixed_rates(
@@ -165,7 +160,7 @@ class CutFrame(Frame):
 
     def _sways(self, ends: Array) -> tuple[Array, Array]:
         """Return how far ends (k, 6, p) move apart, along members and across them, (k, p)."""
-        ends = self._turn @ ends
+        ends = self.turn @ ends
         return ends[:, 3] - ends[:, 0], ends[:, 4] - ends[:, 1]
 
     def _still_rates(self, state: FrameState, rates: FrameRates) -> tuple[Array, Array]:

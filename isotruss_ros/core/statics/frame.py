@@ -20,35 +20,12 @@ from isotruss_ros.core.kinematics.constraints import DENSE_UP_TO
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
 from isotruss_ros.core.numerics.factorization import Factor, factorize_with_condition
 from isotruss_ros.core.statics.beam import directions, local_stiffness, with_pins
-from isotruss_ros.core.statics.frame_pattern import FramePattern, LinearRows, NO_ROWS
+from isotruss_ros.core.statics.frame_pattern import FramePattern, LinearRows, Members, NO_ROWS
 import numpy as np
 from scipy.sparse import coo_matrix, csc_matrix
 
 #: A frame that is worse conditioned than this, in its own units, is a mechanism.
 MAX_CONDITION = 1e12
-
-
-@dataclass(frozen=True, eq=False)
-class Members:
-    """
-    Straight members between nodes, arrays of one length k.
-
-    :ivar start: (k,) node numbers.
-    :ivar end: (k,) node numbers.
-    :ivar axial: (k,) EA [N].
-    :ivar flexural: (k,) EI [N m^2].
-    :ivar shear: (k,) GA [N]; infinite for no shear deformation.
-    :ivar pinned_start: (k,) whether the start transmits no moment.
-    :ivar pinned_end: (k,) whether the end transmits no moment.
-    """
-
-    start: Indices
-    end: Indices
-    axial: Array
-    flexural: Array
-    shear: Array
-    pinned_start: Flags
-    pinned_end: Flags
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +54,7 @@ class Frame:
     :ivar members: what connects them.
     :ivar length: (k,) of the members [m].
     :ivar axis: (k,) their directions from start to end, unit vectors x + iy.
+    :ivar turn: (k, 6, 6) turn displacements of the plane into those along them.
     :param points: (n,) nodes x + iy [m].
     :param members: what connects them.
     :param held: (n, 3) which of ux, uy, theta are held by supports.
@@ -102,23 +80,19 @@ class Frame:
         span = points[members.end] - points[members.start]
         self.length = length = np.abs(span)
         self.axis = span / length
-        self._turn = directions(self.axis)
+        self.turn = directions(self.axis)
         self._local = with_pins(
             local_stiffness(length, members.axial, members.flexural, members.shear),
             members.pinned_start,
             members.pinned_end,
         )
         self._loaded: dict[bytes, tuple[Array, Array]] = {}
-        if pattern is None:
-            pattern = FramePattern(
-                members.start, members.end, members.pinned_start, members.pinned_end, held, rows
-            )
-        self._pattern = pattern
+        self._pattern = pattern or FramePattern(members, held, rows)
 
     @cached_property
     def _matrices(self) -> Array:
         """Return the stiffness matrices (k, 6, 6) of the members in the plane."""
-        return self._turn.transpose(0, 2, 1) @ self._local @ self._turn
+        return self.turn.transpose(0, 2, 1) @ self._local @ self.turn
 
     @property
     def stiffness(self) -> csc_matrix:
@@ -150,12 +124,7 @@ class Frame:
             norms = np.bincount(pattern.multiplier, scaled**2, minlength=size)[free:]
             scale[free:] = 1.0 / np.sqrt(np.where(norms > 0.0, norms, 1.0))
             values = np.concatenate([values, weight, weight])
-        matrix = assemble(
-            values,
-            pattern.matrix_rows,
-            pattern.matrix_columns,
-            scale,
-        )
+        matrix = _assemble(values, pattern.matrix_rows, pattern.matrix_columns, scale)
         factor, condition = factorize_with_condition(matrix)
         if not condition < MAX_CONDITION:
             moving = ', '.join(self._what_moves(matrix, scale))
@@ -176,15 +145,6 @@ class Frame:
         by_node = np.where(unknown >= 0, motion[unknown], 0.0).reshape(-1, 3).max(axis=1)
         return [self._names[i] for i in np.flatnonzero(by_node > 1e-3 * by_node.max())]
 
-    def to_member_frame(self, members: Indices) -> Array:
-        """
-        Return the matrices that turn displacements of the plane into those along members.
-
-        :param members: (k,) which of the members.
-        :return: (k, 6, 6), orthogonal.
-        """
-        return self._turn[members]
-
     def compliance(self, members: Indices) -> Array:
         """
         Return the displacements of the ends of members under unit loads on these ends; kept.
@@ -203,7 +163,7 @@ class Frame:
             return self._loaded[key]
         size, (factor, scale) = 6 * len(members), self._system
         # What is held is the last row: not loaded, and it does not move.
-        unknown, turn = self._pattern.ends[members].ravel(), self._turn[members]
+        unknown, turn = self._pattern.ends[members].ravel(), self.turn[members]
         found, count = np.zeros((len(scale) + 1, size)), len(scale)
         columns = np.arange(size).reshape(-1, 1, 6).repeat(6, axis=1).reshape(size, 6)
         found[unknown[:, None], columns] = turn.transpose(0, 2, 1).reshape(size, 6)
@@ -236,7 +196,7 @@ class Frame:
                 f'loads up to {np.abs(loads).max():.3g} N: what they do is beyond all numbers; '
                 'must be smaller'
             )
-        pull = np.einsum('kji,kj->ki', self._turn, end_forces)
+        pull = np.einsum('kji,kj->ki', self.turn, end_forces)
         carried = np.bincount(pattern.places.ravel(), pull.ravel(), minlength=len(flat))
         if self._rows.count:
             pushed = self._rows.value * multipliers[self._rows.row]  # by the constraints
@@ -275,19 +235,11 @@ class Frame:
 
     def _end_forces(self, ends: Array) -> Array:
         """Return the forces (k, 6) on the members for displacements (k, 6) in the plane."""
-        return (self._local @ (self._turn @ ends[:, :, None]))[:, :, 0]
+        return (self._local @ (self.turn @ ends[:, :, None]))[:, :, 0]
 
 
-def assemble(values: Array, rows: Indices, columns: Indices, scale: Array) -> Array | csc_matrix:
-    """
-    Return the matrix with the sum of all values in each place, scaled from both sides.
-
-    :param values: (e,) entries.
-    :param rows: (e,) row of each.
-    :param columns: (e,) column of each.
-    :param scale: (n,) factors of rows and columns.
-    :return: (n, n), dense if it is small.
-    """
+def _assemble(values: Array, rows: Indices, columns: Indices, scale: Array) -> Array | csc_matrix:
+    """Return the matrix with the sum of all values in each place, scaled; dense if it is small."""
     size = len(scale)
     values = values * scale[rows] * scale[columns]
     if size <= DENSE_UP_TO:

@@ -36,14 +36,33 @@ class LinearRows(NamedTuple):
 NO_ROWS = LinearRows(0, np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros(0))
 
 
+class Members(NamedTuple):
+    """
+    Straight members between nodes, arrays of one length k.
+
+    :ivar start: (k,) node numbers.
+    :ivar end: (k,) node numbers.
+    :ivar axial: (k,) EA [N].
+    :ivar flexural: (k,) EI [N m^2].
+    :ivar shear: (k,) GA [N]; infinite for no shear deformation.
+    :ivar pinned_start: (k,) whether the start transmits no moment.
+    :ivar pinned_end: (k,) whether the end transmits no moment.
+    """
+
+    start: Indices
+    end: Indices
+    axial: Array
+    flexural: Array
+    shear: Array
+    pinned_start: Flags
+    pinned_end: Flags
+
+
 class FramePattern:
     """
     What frames with the same connections and supports share: where entries of matrices go.
 
-    :param start: (k,) nodes at which members start.
-    :param end: (k,) nodes at which they end.
-    :param pinned_start: (k,) whether the start transmits no moment.
-    :param pinned_end: (k,) whether the end transmits no moment.
+    :param members: what connects the nodes; their stiffness does not count.
     :param held: (n, 3) which of ux, uy, theta are held by supports.
     :param rows: linear constraints on the displacements, whose values do not count.
     :ivar places: (k, 6) numbers of the displacements of each member's ends.
@@ -58,21 +77,13 @@ class FramePattern:
     :ivar matrix_columns: (e + 2 w,).
     """
 
-    def __init__(
-        self,
-        start: Indices,
-        end: Indices,
-        pinned_start: Flags,
-        pinned_end: Flags,
-        held: Flags,
-        rows: LinearRows,
-    ) -> None:
-        ends = np.stack([start, end], axis=1)
+    def __init__(self, members: Members, held: Flags, rows: LinearRows) -> None:
+        ends = np.stack([members.start, members.end], axis=1)
         self.places = (3 * ends[:, :, None] + np.arange(3)).reshape(-1, 6)
         free = ~held.ravel()
         turning = np.zeros(len(held), dtype=bool)
-        turning[start[~pinned_start]] = True
-        turning[end[~pinned_end]] = True
+        turning[members.start[~members.pinned_start]] = True
+        turning[members.end[~members.pinned_end]] = True
         # A node at which all members are pinned has no rotation.
         free[2::3] &= turning
         self.solved = np.flatnonzero(free)

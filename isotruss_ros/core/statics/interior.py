@@ -21,7 +21,7 @@ for the few places at which an object is held, the latter for the many that it c
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices
 from isotruss_ros.core.statics.frame import Frame
@@ -114,17 +114,15 @@ class ClampedBeam:
         """
         return self.shapes(x), self.influence(x, x)
 
-    def held_back(
+    def _held_back(
         self, x: Number, rows: int = 4
     ) -> tuple[list[tuple[Number, ...]], list[tuple[Number, ...]]]:
         """
         Return what the held end takes off a cantilever from the start, and a pin adds.
 
-        :param x: from the start [m].
-        :param rows: how many of the rows from `DEFLECTION` to `BEND` are returned.
-        :return: for each row two factors of three numbers: what one row does at x by loads that
-            work on another one at y is less by the scalar product of the former's first factor
-            with the latter's second one.
+        For each row two factors of three numbers: what one row does at x by loads that work on
+        another one at y is less by the scalar product of the former's first factor with the
+        latter's second one.
         """
         (p, q, r), (force, moment), pin = self._tip, self._by_turn, self._pin
         first, second = [], []
@@ -134,23 +132,21 @@ class ClampedBeam:
             second.append((a, b, turned))
         return first, second
 
-    def cantilever(self, near: Number, far: Number) -> Number:
-        """
-        Return the deflection of the cantilever at a place by a force at another one [m/N].
-
-        :param near: the place that is nearer to the start, from there [m].
-        :param far: the other one [m].
-        """
+    def _cantilever(self, near: Number, far: Number) -> Number:
+        """Return the deflection of the cantilever at one place by a force at another one [m/N]."""
         return near * (near * (3.0 * far - near) * (self._ei / 6.0) + self._ga)
 
-    def along(self, near: Number, far: Number) -> Number:
+    def give(self, place: Array) -> Array:
         """
-        Return the displacement along the beam at a place by a force along it at another one [m/N].
+        Return what unit forces do along and across the beams, ends held, (2, c, c) [m/N].
 
-        :param near: the place that is nearer to the start, from there [m].
-        :param far: the other one [m].
+        :param place: (c,) of points on c beams, from their starts [m].
         """
-        return near * (self._length - far) * self._stretch
+        near, far = np.minimum(place[:, None], place), np.maximum(place[:, None], place)
+        (left,), (right,) = self._held_back(place, 1)
+        along = near * (self._length - far) * self._stretch
+        across = self._cantilever(near, far) - np.transpose(left) @ np.array(right)
+        return np.stack([along, across])
 
     def influence(self, x: float, y: float) -> list[float]:
         """
@@ -169,13 +165,13 @@ class ClampedBeam:
         slope, sag = near * (y - 0.5 * near) * ei + before * ga, near * (x - 0.5 * near) * ei
         bow = near * ei
         cantilever = (
-            *(self.cantilever(near, far), sag, slope, bow),
+            *(self._cantilever(near, far), sag, slope, bow),
             *(slope, bow, (y - near) * ei, before * ei),
             *(sag + behind * ga, (x - near) * ei, bow, behind * ei),
         )
-        first, second = self.held_back(x)
+        first, second = self._held_back(x)
         if x != y:
-            second = self.held_back(y)[1]
+            second = self._held_back(y)[1]
         across = []
         for value, (row, column) in zip(cantilever, INFLUENCES, strict=True):
             (a, b, c), (d, e, f) = first[row], second[column]
@@ -185,25 +181,11 @@ class ClampedBeam:
         return [along, *across[:4], stretch * by_x, *across[4:8], stretch * by_y, *across[8:]]
 
 
-class InteriorPoints(NamedTuple):
-    """
-    How c points on members move.
-
-    :ivar shapes: (c, 2, 6) along and across the member, by (ux, uy, theta) at start and end: the
-        shape functions.
-    :ivar compliance: (2, c, c) along the members, across them, under unit forces at points while
-        the ends are held [m/N]; zero between members.
-    """
-
-    shapes: Array
-    compliance: Array
-
-
 def interior_points(
     frame: Frame, pieces: Indices, member: Indices, place: Array
-) -> InteriorPoints:
+) -> tuple[Array, Array]:
     """
-    Return how points on members of a frame move.
+    Return how points on members of a frame move, see `points_on_beams`.
 
     :param frame: the frame.
     :param pieces: (p,) numbers of the members.
@@ -223,7 +205,7 @@ def points_on_beams(
     flexural: Array,
     shear: Array,
     pinned: Flags,
-) -> InteriorPoints:
+) -> tuple[Array, Array]:
     """
     Return how points on beams move.
 
@@ -234,6 +216,9 @@ def points_on_beams(
     :param flexural: (p,) EI [N m^2].
     :param shear: (p,) GA [N].
     :param pinned: (p,) whether the start transmits no moment.
+    :return: the shape functions (c, 2, 6): along and across the member, by (ux, uy, theta) at
+        start and end; and the compliance (2, c, c) along the members, and across them, under unit
+        forces at points while the ends are held [m/N], zero between members.
     """
     beams = length, axial, flexural, shear, pinned
     beam = ClampedBeam(*(values[member] for values in beams))
@@ -241,11 +226,4 @@ def points_on_beams(
     shapes = np.zeros((len(part), 2, 6))
     shapes[:, 0, 0], shapes[:, 0, 3] = 1.0 - part, part
     shapes[:, 1, [1, 2, 4, 5]] = np.transpose(beam.shapes(place, 1)[DEFLECTION])
-    near, far = np.minimum(place[:, None], place), np.maximum(place[:, None], place)
-    (left,), (right,) = beam.held_back(place, 1)
-    found = np.empty((2, *near.shape))
-    found[0] = beam.along(near, far)
-    found[1] = beam.cantilever(near, far)
-    found[1] -= np.transpose(left) @ np.array(right)
-    found *= member[:, None] == member
-    return InteriorPoints(shapes, found)
+    return shapes, beam.give(place) * (member[:, None] == member)

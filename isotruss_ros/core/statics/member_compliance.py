@@ -229,13 +229,7 @@ def locate_places(structure: Structure, members: Indices, places: Array) -> tupl
 
 @functools.lru_cache(maxsize=8)
 def _templates(count: int, pairs: tuple[tuple[int, int], ...]) -> tuple[Indices, Indices]:
-    """
-    Return where the numbers of k places go; what is in no place is the zero behind all of them.
-
-    :param count: k.
-    :param pairs: different ones of which there are numbers besides.
-    :return: (3, 3 k, 6 k) of shape functions and (3, 3 k, 3 k) of what loads do, ends held.
-    """
+    """Return where the numbers of k places, and of pairs of them, go; zero is behind all."""
     begin = OF_PLACE * count
     zero = begin + OF_PAIR * len(pairs)
     shapes = np.full((3, count, 3, count, 6), zero)

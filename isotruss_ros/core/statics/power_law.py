@@ -27,7 +27,6 @@ from isotruss_ros.core.model.stiffness_law import (
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.statics.section import (
     broadcast_members,
-    FlexibilityRates,
     SectionStiffness,
 )
 import numpy as np
@@ -53,15 +52,8 @@ class PowerLaw:
     guide_ring_distance: float
     fabric: ClassVar[None] = None
 
-    def end_stiffnesses(self, length: Array, pressure: Array) -> tuple[Array, Array, Array]:
-        """
-        Return k_axial, k_transverse and k_rotary, each (k,).
-
-        :param length: (k,) of whole members, pinch to pinch [m].
-        :param pressure: (k,) gauge [Pa].
-        :raises StructureError: a member does not hold its guide rings, or a law gives no stiffness
-            of a tube; names length and pressure.
-        """
+    def _end_stiffnesses(self, length: Array, pressure: Array) -> tuple[Array, Array, Array]:
+        """Return k_axial, k_transverse and k_rotary of whole members, each (k,)."""
         between = length - 2.0 * self.guide_ring_distance
         if (between <= 0.0).any():
             raise StructureError(
@@ -93,10 +85,11 @@ class PowerLaw:
 
         :param length: (k,) of whole members, pinch to pinch [m].
         :param pressure: (k,) or one for all, gauge [Pa].
-        :raises StructureError: no beam has such stiffnesses; names length and pressure.
+        :raises StructureError: a member does not hold its guide rings, a law gives no stiffness,
+            or no beam has such stiffnesses; names length and pressure.
         """
         length, pressure = broadcast_members(length, pressure)
-        axial, transverse, rotary = self.end_stiffnesses(length, pressure)
+        axial, transverse, rotary = self._end_stiffnesses(length, pressure)
         between = length - 2.0 * self.guide_ring_distance
         ratio = 12.0 * rotary / (transverse * between**2)
         wrong = ratio < 4.0 * (1.0 - RATIO_TOLERANCE)
@@ -116,7 +109,7 @@ class PowerLaw:
         np.divide(12.0 * flexural, phi * between**2, out=shear, where=phi > 0.0)
         return SectionStiffness(axial * length, flexural, shear)
 
-    def flexibility_rates(self, length: Array, pressure: Array) -> FlexibilityRates:
+    def flexibility_rates(self, length: Array, pressure: Array) -> tuple[Array, Array]:
         """Return how 1 / EA, 1 / EI, 1 / GA change; see `TubeStiffness.flexibility_rates`."""
         axial, flexural, shear = self.section_stiffness(length, pressure)
         between = length - 2.0 * self.guide_ring_distance
@@ -136,7 +129,7 @@ class PowerLaw:
         bend = push + 3.0 * wider + steeper / (1.0 + phi)
         sheared = (steeper + phi * (2.0 * wider - bend)) * between**2 / (12.0 * flexural)
         rates = np.array([-(pull + longer) / axial, -bend / flexural, sheared])
-        return FlexibilityRates(rates[:, 0], rates[:, 1])
+        return rates[:, 0], rates[:, 1]
 
     @classmethod
     def of_block(cls, block: Mapping[str, Any], description: RobotDescription) -> Self:

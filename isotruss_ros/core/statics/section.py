@@ -38,18 +38,6 @@ class SectionStiffness(NamedTuple):
     shear: Array
 
 
-class FlexibilityRates(NamedTuple):
-    """
-    How 1 / EA, 1 / EI and 1 / GA of Timoshenko beams change, (3, k) each.
-
-    :ivar by_length: per length [1/m].
-    :ivar by_pressure: per gauge pressure [1/Pa].
-    """
-
-    by_length: Array
-    by_pressure: Array
-
-
 def broadcast_members(length: ArrayLike, pressure: ArrayLike) -> tuple[Array, Array]:
     """
     Return lengths and gauge pressures as arrays (k,).

@@ -29,8 +29,8 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Flags, Indices, Points
 from isotruss_ros.core.numerics.blas_threads import single_threaded
-from isotruss_ros.core.statics.frame import Frame, FrameState, Members
-from isotruss_ros.core.statics.frame_pattern import FramePattern, LinearRows
+from isotruss_ros.core.statics.frame import Frame, FrameState
+from isotruss_ros.core.statics.frame_pattern import FramePattern, LinearRows, Members
 from isotruss_ros.core.statics.section import Pressure, tube_pressures
 from isotruss_ros.core.statics.tube_stiffness import tube_stiffness, TubeStiffness
 import numpy as np
@@ -56,21 +56,17 @@ class Structure:
 
     def __init__(self, config: Configuration, pressures: tuple[float, ...]) -> None:
         self.config = config
-        self.tube = tube_stiffness(config.robot.description)
         self.pressures = pressures
-        self._layout = frame_layout(config.robot)
-        self.node_names = self._layout.node_names
-        self.pieces, self.owners = self._layout.pieces, self._layout.owners
+        self._layout = layout = frame_layout(config.robot)
+        self.tube, self.node_names = layout.tube, layout.node_names
+        self.pieces, self.owners = layout.pieces, layout.owners
         points = _frame_points(config.robot, config.points)
-        lengths, layout = config.member_lengths, self._layout
-        members = Members(
-            layout.start,
-            layout.end,
-            *_section_values(config.robot, self.tube, pressures, lengths),
-            layout.pinned_start,
-            layout.pinned_end,
-        )
-        rows = layout.bisection._replace(value=_bisection_gradients(config.robot, points))
+        sections = _section_values(config.robot, self.tube, pressures, config.member_lengths)
+        axial, flexural, shear = sections
+        members = layout.members._replace(axial=axial, flexural=flexural, shear=shear)
+        # The rod turns half as much as both arms.
+        turns = 1j / bisection_spans(config.robot, points).conj()
+        rows = layout.bisection._replace(value=bisection_entries(turns))
         self.frame = Frame(points, members, layout.held, self.node_names, rows, layout.pattern)
 
     def node(self, name: str) -> int:
@@ -118,11 +114,6 @@ def _section_values(
     return values.reshape(3, -1)
 
 
-def _bisection_gradients(robot: Mechanism, points: Points) -> Array:
-    """Return the entries (10 m,) of A(x) of (4): the rod turns half as much as both arms."""
-    return bisection_entries(1j / bisection_spans(robot, points).conj())
-
-
 def bisection_spans(robot: Mechanism, points: Points) -> Points:
     """
     Return rod, arm BD and arm CE of each module, (3, m, ...) x + iy [m].
@@ -150,13 +141,11 @@ class FrameLayout(NamedTuple):
     """
     What does not change with the configuration of a robot.
 
+    :ivar tube: how stiff the tube is.
     :ivar node_names: joints first, then B, C, D, E of module after module.
     :ivar places: number of each node by its name.
     :ivar b: (m,) numbers of the nodes B; C, D and E follow.
-    :ivar start: (6 m,) nodes of the members, see `Structure`.
-    :ivar end: (6 m,).
-    :ivar pinned_start: (6 m,) whether the start transmits no moment.
-    :ivar pinned_end: (6 m,) whether the end transmits no moment.
+    :ivar members: see `Structure`, without their stiffness.
     :ivar held: (n, 3) which of ux, uy, theta are held by supports.
     :ivar bisection: rows of (3), without their entries' values.
     :ivar pattern: of the frame.
@@ -164,13 +153,11 @@ class FrameLayout(NamedTuple):
     :ivar owners: (3, m) the members of the robot that these are part of.
     """
 
+    tube: TubeStiffness
     node_names: tuple[str, ...]
     places: dict[str, int]
     b: Indices
-    start: Indices
-    end: Indices
-    pinned_start: Flags
-    pinned_end: Flags
+    members: Members
     held: Flags
     bisection: LinearRows
     pattern: FramePattern
@@ -195,30 +182,28 @@ def frame_layout(robot: Mechanism) -> FrameLayout:
     held = np.zeros((len(names), 3), dtype=bool)
     held[np.divmod(topology.grounded, 2)] = True
     nodes = np.concatenate([a, b, c, d, e])
-    bisection = LinearRows(
-        m,
-        np.tile(np.arange(m), 10),
-        np.concatenate([3 * nodes, 3 * nodes + 1]),
-        np.zeros(10 * m),
+    places = np.concatenate([3 * nodes, 3 * nodes + 1])
+    bisection = LinearRows(m, np.tile(np.arange(m), 10), places, np.zeros(10 * m))
+    none = np.zeros(6 * m)
+    members = Members(
+        start=np.concatenate([a, a, b, b, c, d]),
+        end=np.concatenate([b, c, c, d, e, e[topology.following]]),
+        axial=none,
+        flexural=none,
+        shear=none,
+        pinned_start=np.concatenate([free, free, fixed, free, free, fixed]),
+        pinned_end=np.zeros(6 * m, dtype=bool),
     )
-    start = np.concatenate([a, a, b, b, c, d])
-    end = np.concatenate([b, c, c, d, e, e[topology.following]])
-    pinned_start = np.concatenate([free, free, fixed, free, free, fixed])
-    pinned_end = np.zeros(6 * m, dtype=bool)
-    pattern = FramePattern(start, end, pinned_start, pinned_end, held, bisection)
-    places = {name: i for i, name in enumerate(names)}
     pieces, own = np.arange(3 * m, 6 * m).reshape(3, -1), np.arange(m)
     return FrameLayout(
+        tube=tube_stiffness(robot.description),
         node_names=names,
-        places=places,
+        places={name: i for i, name in enumerate(names)},
         b=b,
-        start=start,
-        end=end,
-        pinned_start=pinned_start,
-        pinned_end=pinned_end,
+        members=members,
         held=held,
         bisection=bisection,
-        pattern=pattern,
+        pattern=FramePattern(members, held, bisection),
         pieces=pieces,
         owners=np.stack([own, topology.previous, own]),
     )
@@ -267,17 +252,6 @@ class Deformation:
             joint: tuple(map(float, self.state.reactions[self.structure.node(joint), :2]))
             for joint in self.structure.config.robot.description.supports
         }
-
-    @cached_property
-    def end_forces(self) -> dict[str, Array]:
-        """
-        Return the forces on each member's long tube piece, DE', by member name.
-
-        :return: (2, 3) at D and at E': along the member, across it [N], moment [N m].
-        """
-        names = self.structure.config.robot.member_names
-        _, forces = np.split(self.state.end_forces, [-len(names)])
-        return dict(zip(names, forces.reshape(-1, 2, 3), strict=True))
 
 
 @single_threaded

@@ -27,7 +27,6 @@ from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.statics.power_law import PowerLaw
 from isotruss_ros.core.statics.section import (
     broadcast_members,
-    FlexibilityRates,
     SectionStiffness,
 )
 import numpy as np
@@ -70,12 +69,13 @@ class TubeStiffness(Protocol):
         :raises StructureError: no stiffness belongs to this length and pressure.
         """
 
-    def flexibility_rates(self, length: Array, pressure: Array) -> FlexibilityRates:
+    def flexibility_rates(self, length: Array, pressure: Array) -> tuple[Array, Array]:
         """
-        Return the derivatives of 1 / EA, 1 / EI and 1 / GA of whole members.
+        Return the derivatives of 1 / EA, 1 / EI and 1 / GA of whole members, (3, k) each.
 
         :param length: (k,) pinch to pinch [m].
         :param pressure: (k,) gauge [Pa].
+        :return: per length [1/m], and per gauge pressure [1/Pa].
         """
 
     @classmethod
@@ -130,14 +130,12 @@ class Section:
             )
         return SectionStiffness(np.full_like(length, self.axial_rigidity), flexural, shear)
 
-    def flexibility_rates(self, length: Array, pressure: Array) -> FlexibilityRates:
+    def flexibility_rates(self, length: Array, pressure: Array) -> tuple[Array, Array]:
         """Return how 1 / EA, 1 / EI, 1 / GA change; see `TubeStiffness.flexibility_rates`."""
         _, flexural, shear = self.section_stiffness(length, pressure)
         none, area = np.zeros_like(length), np.pi * self.radius**2
         bending = -0.5 * area * self.radius**2 / flexural**2
-        return FlexibilityRates(
-            np.array([none, none, none]), np.array([none, bending, -area / shear**2])
-        )
+        return np.array([none, none, none]), np.array([none, bending, -area / shear**2])
 
     @classmethod
     def of_block(cls, block: Mapping[str, Any], description: RobotDescription) -> Self:
@@ -197,16 +195,14 @@ class InflatableBeam:
             shear=force + KAPPA * self.membrane_shear_modulus * circumference,
         )
 
-    def flexibility_rates(self, length: Array, pressure: Array) -> FlexibilityRates:
+    def flexibility_rates(self, length: Array, pressure: Array) -> tuple[Array, Array]:
         """Return how 1 / EA, 1 / EI, 1 / GA change; see `TubeStiffness.flexibility_rates`."""
         _, flexural, shear = self.section_stiffness(length, pressure)
         none, area = np.zeros_like(length), np.pi * self.radius**2
         ends = -2.0 / (self.end_softening * pressure * self.radius * length)
         bending = -0.5 * area * self.radius**2 / flexural**2
-        return FlexibilityRates(
-            np.array([ends / length, none, none]),
-            np.array([ends / pressure, bending, -area / shear**2]),
-        )
+        by_pressure = np.array([ends / pressure, bending, -area / shear**2])
+        return np.array([ends / length, none, none]), by_pressure
 
     @classmethod
     def of_block(cls, block: Mapping[str, Any], description: RobotDescription) -> Self:
@@ -236,10 +232,10 @@ class ScaledStiffness:
         sections = self.model.section_stiffness(length, pressure)
         return SectionStiffness(*(self.scale * each for each in sections))
 
-    def flexibility_rates(self, length: Array, pressure: Array) -> FlexibilityRates:
+    def flexibility_rates(self, length: Array, pressure: Array) -> tuple[Array, Array]:
         """Return how 1 / EA, 1 / EI, 1 / GA change; see `TubeStiffness.flexibility_rates`."""
         rates = self.model.flexibility_rates(length, pressure)
-        return FlexibilityRates(*(each / self.scale for each in rates))
+        return rates[0] / self.scale, rates[1] / self.scale
 
 
 #: The models by their names in robot files.

@@ -105,7 +105,17 @@ def load_sections(
     used = np.full(len(moments), np.inf)
     np.divide(np.abs(moments), 0.5 * radius * left, out=used, where=left > 0.0)
     place = np.concatenate([points.place, points.place, starts, stops])
-    order = np.lexsort((used, member))
-    last = order[np.searchsorted(member[order], np.arange(m), side='right') - 1]
+    last = find_most_used(used, member)
     larger = np.maximum(compression, compression + along)
     return SectionLoads(moment, larger, used[last], place[last])
+
+
+def find_most_used(used: Array, member: Indices) -> Indices:
+    """
+    Return the places, one of each member, that are used most, (m,).
+
+    :param used: (c,) |M| / M_w at places on all members.
+    :param member: (c,) the member that each is on.
+    """
+    order = np.lexsort((used, member))
+    return order[np.flatnonzero(np.diff(member[order], append=-1))]

@@ -11,16 +11,13 @@
 
 from types import SimpleNamespace
 
+from grips import pressed_between, random_pressed
 from hypothesis import given, strategies
 from isotruss_ros.core import ConvexObject, Disc, Ellipse, load_robot, Polygon
 from isotruss_ros.core.contact import contact
 from isotruss_ros.core.contact.contact import relax_contact, solve_contact
-from isotruss_ros.core.contact.contact_points import (
-    ContactGuess,
-    ContactPoints,
-    find_contact_points,
-)
-from isotruss_ros.core.contact.surfaces import RoundSurface, surface_of
+from isotruss_ros.core.contact.contact_points import ContactPoints, find_contact_points
+from isotruss_ros.core.contact.surfaces import surface_of
 from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.numerics import lcp
 from isotruss_ros.core.numerics.lcp import solve_complementarity
@@ -29,7 +26,7 @@ import numpy as np
 import pytest
 import robots
 from scipy.optimize import brentq, nnls
-from shapes import dense_outline, random_shape_of
+from shapes import circle, dense_outline, random_shape_of
 import tubes
 
 #: SectionStiffness of a tube like the paper's [N, N m^2, N].
@@ -82,20 +79,6 @@ def test_least_squares_find_what_exchanges_find(rng, count, size):
     forces, active = lcp._by_least_squares(compliance, gaps)
     assert forces == pytest.approx(expected, rel=1e-9, abs=1e-9 * (size + expected.max()))
     check_complementarity(compliance, gaps, forces, active)
-
-
-def test_no_gap_closes_and_all_close():
-    rng = np.random.default_rng(0)
-    compliance, _, guess = random_problem(rng, 12)
-    forces, active = solve_complementarity(compliance, np.full(12, 1e-3), guess)
-    assert not active.any()
-    assert forces.tolist() == [0.0] * 12
-    pressed = rng.uniform(0.1, 10.0, 12)
-    forces, active = solve_complementarity(compliance, -compliance @ pressed, guess)
-    assert active.all()
-    assert forces == pytest.approx(pressed, rel=1e-6)
-    forces, active = solve_complementarity(np.zeros((0, 0)), np.zeros(0), np.zeros(0, dtype=bool))
-    assert forces.shape == active.shape == (0,)
 
 
 @robots.examples(40)
@@ -164,15 +147,6 @@ def test_candidates_of_any_shape_are_those_within_its_tangents(kind, rng, spacin
         assert np.isin(np.round(points, 9), np.round(others, 9)).all()
 
 
-def test_candidates_of_a_disc_at_midspan_mirror_each_other():
-    found = find_contact_points(straight(), RoundSurface(0.5 * LENGTH - 0.1j, RADIUS), 0.005)
-    place = found.points.real - 0.5 * LENGTH
-    assert len(place) % 2 == 1
-    assert place == pytest.approx(-place[::-1], abs=1e-12)
-    mirrored = tubes.plane_compliance(found)[::-1, :, ::-1] * np.outer([-1, 1], [-1, 1])[:, None]
-    assert tubes.plane_compliance(found) == pytest.approx(mirrored, abs=1e-12)
-
-
 @robots.examples(60)
 @given(robots.robots(), generators)
 def test_candidates_are_on_every_member_within_reach_and_once(robot, rng):
@@ -180,7 +154,7 @@ def test_candidates_are_on_every_member_within_reach_and_once(robot, rng):
     nodes = dict(zip(robot.node_names, config.points, strict=True))
     center = config.points[rng.integers(len(config.points))] + 0.5 * complex(*rng.normal(size=2))
     radius, spacing = rng.uniform(0.05, 1.0), rng.uniform(0.003, 0.02)
-    found = find_contact_points(structure_of(config), RoundSurface(center, radius), spacing)
+    found = find_contact_points(structure_of(config), circle(center, radius), spacing)
     topology = robot.topology
     for i in range(topology.n_modules):
         start = nodes[f'{topology.module_names[i]}/B']
@@ -210,20 +184,20 @@ def test_a_guide_ring_on_the_lattice_is_one_point():
         end = nodes[f'{topology.module_names[topology.following[i]]}/C']
         for foot in (start, end):
             center = foot + 0.1j * (end - start) / abs(end - start)
-            found = find_contact_points(structure_of(config), RoundSurface(center, 0.2), 0.005)
+            found = find_contact_points(structure_of(config), circle(center, 0.2), 0.005)
             here = found.points[found.member == i]
             assert (np.abs(here[:, None] - here) + np.eye(len(here))).min() > 1e-4
-            solve_contact(found, RoundSurface(center, 0.12))
+            solve_contact(found, circle(center, 0.12))
 
 
 @pytest.mark.parametrize('preset', robots.PRESETS)
 def test_far_objects_have_no_candidates(preset):
     structure = structure_of(load_robot(preset).home)
     for center in (100.0 + 0j, -7.0 - 9.0j, 1e6j):
-        found = find_contact_points(structure, RoundSurface(center, 0.3), 0.005)
+        found = find_contact_points(structure, circle(center, 0.3), 0.005)
         assert len(found.points) == 0
         for solve in (solve_contact, relax_contact):
-            state = solve(found, RoundSurface(center, 0.3))
+            state = solve(found, circle(center, 0.3))
             assert state.forces.shape == state.gaps.shape == (0,)
 
 
@@ -235,7 +209,7 @@ def test_far_objects_have_no_candidates(preset):
 def test_compliance_is_that_of_a_robot_in_which_candidates_are_nodes(robot, rng):
     config = robots.random_state(robot, rng)
     center = config.points[rng.integers(len(config.points))] + 0.1 * complex(*rng.normal(size=2))
-    found = find_contact_points(structure_of(config), RoundSurface(center, 0.4), 0.02)
+    found = find_contact_points(structure_of(config), circle(center, 0.4), 0.02)
     some = np.sort(rng.permutation(len(found.points))[:8])
     frame, nodes = tubes.robot_with_nodes(structure_of(config), found.points[some])
     expected = tubes.node_compliance(frame, nodes)
@@ -272,13 +246,6 @@ def clamped_stiffness(place, length, flexural, shear):
     return 1.0 / (hinged - tilt @ np.linalg.solve(matrix, tilt))
 
 
-def test_the_closed_forms_are_those_of_the_tables():
-    slender = (1.0, 1.0, np.inf)
-    assert hinged_stiffness(0.5, *slender) == pytest.approx(48.0)
-    assert clamped_stiffness(0.5, *slender) == pytest.approx(192.0)
-    assert clamped_stiffness(0.25, *slender) == pytest.approx(3.0 / (0.25 * 0.75) ** 3)
-
-
 HINGED = np.array([[[True, True, False], [True, True, False]]])
 
 
@@ -298,42 +265,17 @@ def test_a_disc_pressed_into_a_tube_meets_the_stiffness_of_a_beam(share, hinged,
         HINGED if hinged else None,
     )
     center = (share * LENGTH - 1j * (RADIUS - delta)) * turn
-    found = find_contact_points(structure, RoundSurface(center, RADIUS), 0.005)
+    found = find_contact_points(structure, circle(center, RADIUS), 0.005)
     form = hinged_stiffness if hinged else clamped_stiffness
     expected = delta * form(share * LENGTH, LENGTH, FLEXURAL, shear)
     for solve in (solve_contact, relax_contact):
-        state = solve(found, RoundSurface(center, RADIUS))
+        state = solve(found, circle(center, RADIUS))
         assert (state.forces > 0.0).sum() == 1
         assert state.forces.sum() == pytest.approx(expected, rel=1e-6)
         at = state.forces.argmax()
         assert found.points[at] == pytest.approx(share * LENGTH * turn, abs=1e-12)
         assert state.normals[at] == pytest.approx(1j * turn, abs=1e-9)
         assert state.displacements[at] == pytest.approx(delta * 1j * turn, abs=1e-10)
-
-
-def test_a_beam_over_three_supports_has_the_stiffness_of_the_tables():
-    # Two equal spans, hinged at both ends, through over the middle: 23/1536 P L^3 / EI.
-    delta, m = 1e-5, 2
-    held = np.array([[[True, True, False]] * 2] * m)
-    structure = tubes.bare(
-        np.array([0j, LENGTH]), np.array([LENGTH, 2 * LENGTH]) + 0j, AXIAL, FLEXURAL, np.inf, held
-    )
-    # The stub of two tubes makes two nodes of the middle support: turn them alike.
-    apart = find_contact_points(
-        structure, RoundSurface(0.5 * LENGTH - 1j * (RADIUS - delta), RADIUS), 0.005
-    )
-    alone = solve_contact(
-        apart, RoundSurface(0.5 * LENGTH - 1j * (RADIUS - delta), RADIUS)
-    ).forces.sum()
-    assert alone == pytest.approx(48.0 * FLEXURAL / LENGTH**3 * delta, rel=1e-6)
-    joined = tubes.joined(structure, 0, 1)
-    found = find_contact_points(
-        joined, RoundSurface(0.5 * LENGTH - 1j * (RADIUS - delta), RADIUS), 0.005
-    )
-    through = solve_contact(
-        found, RoundSurface(0.5 * LENGTH - 1j * (RADIUS - delta), RADIUS)
-    ).forces.sum()
-    assert through == pytest.approx(1536.0 / 23.0 * FLEXURAL / LENGTH**3 * delta, rel=1e-6)
 
 
 @pytest.mark.parametrize('spacing', [0.004, 0.001])
@@ -343,8 +285,8 @@ def test_a_string_wraps_around_a_disc(spacing):
     tension, delta, half = 50.0, 0.03, 0.5 * LENGTH
     center = half - 1j * (RADIUS - delta)
     structure = straight(flexural=1e7, shear=tension, axial=1e9)
-    found = find_contact_points(structure, RoundSurface(center, RADIUS), spacing)
-    state = solve_contact(found, RoundSurface(center, RADIUS))
+    found = find_contact_points(structure, circle(center, RADIUS), spacing)
+    state = solve_contact(found, circle(center, RADIUS))
 
     def too_low(phi):
         drop = RADIUS * (1.0 - np.cos(phi))
@@ -370,10 +312,8 @@ def test_a_bent_beam_wraps_around_a_large_disc(delta):
     # from no slope at the clamps.
     radius, half = 1.5, 0.5 * LENGTH
     center = half - 1j * (radius - delta)
-    found = find_contact_points(
-        straight(shear=np.inf, axial=1e7), RoundSurface(center, radius), 0.002
-    )
-    state = solve_contact(found, RoundSurface(center, radius))
+    found = find_contact_points(straight(shear=np.inf, axial=1e7), circle(center, radius), 0.002)
+    state = solve_contact(found, circle(center, radius))
     check_state(found, state, center, radius)
     beyond = 1.5 * half - 3.0 * radius * delta / half
     places = found.points[state.forces > 1e-3 * state.forces.sum()].real - half
@@ -402,93 +342,41 @@ def check_state(contact_points, state, center, radius, share=1e-5):
     assert np.abs(push - state.displacements).max(initial=0.0) <= slack
 
 
-def pressed(rng, robot=None):
-    """Return a configuration, and a disc between the sides of a module, pressed in by some mm."""
-    while True:
-        robot = robot or robots.random_robot(int(rng.integers(2**32)))
-        config = robots.random_state(robot, rng)
-        module = robot.module_names[rng.integers(len(robot.module_names))]
-        b, b_end, c, c_end = robots.side_ends(config, module)
-        one, other = (b_end - b) / abs(b_end - b), (c_end - c) / abs(c_end - c)
-        middle = (one + other) / abs(one + other)
-        way = rng.uniform(0.35, 0.6) * min(abs(b_end - b), abs(c_end - c))
-        center = 0.5 * (b + c) + way * middle
-        radius = abs(((center - b) * one.conjugate()).imag) + 10.0 ** rng.uniform(-4.0, -2.0)
-        if radius > 0.06:
-            return config, center, radius
-        robot = None
+def pressed_surface(config, body, spacing=0.005):
+    """Return contact points of tubes that stay round, and the surface that they meet."""
+    surface = surface_of(body, 0.5 * config.robot.description.tube_diameter)
+    return find_contact_points(structure_of(config), surface, spacing), surface
 
 
 @robots.examples(60)
 @given(generators)
 def test_grasps_of_robots_are_complementary(rng):
-    preset = rng.integers(3)
-    config, center, radius = pressed(
-        rng, load_robot(robots.PRESETS[preset]) if preset < 2 else None
-    )
-    found = find_contact_points(structure_of(config), RoundSurface(center, radius), 0.005)
-    state = solve_contact(found, RoundSurface(center, radius))
+    found, surface = pressed_surface(*random_pressed(rng))
+    state = solve_contact(found, surface)
     assert (state.forces > 0.0).any()
-    check_state(found, state, center, radius)
-
-
-@robots.examples(15)
-@given(generators)
-def test_supports_and_displacements_answer_the_contact_forces(rng):
-    config, center, radius = pressed(rng)
-    found = find_contact_points(structure_of(config), RoundSurface(center, radius), 0.01)
-    state = solve_contact(found, RoundSurface(center, radius))
-    touching = np.flatnonzero(state.forces > 0.0)
-    frame, nodes = tubes.robot_with_nodes(structure_of(config), found.points[touching])
-    loads = np.zeros((len(frame.points), 3))
-    push = (state.forces * state.normals)[touching]
-    np.add.at(loads, nodes, np.column_stack([push.real, push.imag, np.zeros(len(push))]))
-    answer = frame.solve(loads)
-    moved = answer.displacements[nodes, 0] + 1j * answer.displacements[nodes, 1]
-    slack = 1e-8 + 1e-5 * np.abs(moved).max()
-    assert np.abs(moved - state.displacements[touching]).max() < slack
-    # The supports carry what the object presses with: forces, and moments about anywhere.
-    held = answer.reactions[:, 0] + 1j * answer.reactions[:, 1]
-    size = np.abs(push).sum()
-    assert abs(held.sum() + push.sum()) < 1e-6 * size
-    turning = (frame.points.conj() * held).imag.sum() + answer.reactions[:, 2].sum()
-    turning += (found.points[touching].conj() * push).imag.sum()
-    assert abs(turning) < 1e-5 * size
+    check_state(found, state, surface.center, surface.reach)
 
 
 @robots.examples(20)
 @given(generators)
 def test_warm_starts_lead_to_the_same_forces(rng):
     # Pressed in by a decimetre or more, a tube may lie on either side of an object: two answers.
-    config, center, radius = pressed(rng)
-    found = find_contact_points(structure_of(config), RoundSurface(center, radius), 0.005)
-    cold = solve_contact(found, RoundSurface(center, radius))
+    found, surface = pressed_surface(*random_pressed(rng))
+    cold = solve_contact(found, surface)
     for start in (cold.forces, np.zeros(len(cold.forces)), rng.random(len(cold.forces))):
-        warm = solve_contact(found, RoundSurface(center, radius), ContactGuess(start))
+        warm = solve_contact(found, surface, start)
         slack = 1e-5 * cold.forces.sum()
         assert warm.forces == pytest.approx(cold.forces, abs=slack)
         assert warm.gaps == pytest.approx(cold.gaps, abs=1e-7)
 
 
-def between(share, deep):
-    """Return the nine-member robot, and a disc between two sides, pressed into both of them."""
-    config = load_robot('nine_member').home
-    b, b_end, c, c_end = robots.side_ends(config, 'north/Z')
-    one, other = (b_end - b) / abs(b_end - b), (c_end - c) / abs(c_end - c)
-    middle = (one + other) / abs(one + other)
-    center = 0.5 * (b + c) + share * abs(b_end - b) * middle
-    return config, center, abs(((center - b) * one.conjugate()).imag) + deep
-
-
 @pytest.mark.parametrize('deep', [1e-4, 1e-3, 5e-3])
 @pytest.mark.parametrize('share', [0.35, 0.5, 0.65])
 def test_relaxation_agrees_with_pivoting(share, deep):
-    config, center, radius = between(share, deep)
-    found = find_contact_points(structure_of(config), RoundSurface(center, radius), 0.01)
-    exact, relaxed = (
-        solve(found, RoundSurface(center, radius)) for solve in (solve_contact, relax_contact)
-    )
-    check_state(found, exact, center, radius)
+    grasp = pressed_between(load_robot('nine_member'), 'north/Z', share, deep)
+    found, surface = pressed_surface(*grasp, 0.01)
+    exact, relaxed = (solve(found, surface) for solve in (solve_contact, relax_contact))
+    check_state(found, exact, surface.center, surface.reach)
     total = exact.forces.sum()
     assert relaxed.forces == pytest.approx(exact.forces, abs=1e-4 * total)
     assert relaxed.gaps == pytest.approx(exact.gaps, abs=1e-8)
@@ -517,7 +405,7 @@ def test_relaxation_finds_what_touches_by_the_force_at_another_point():
         ends=ends,
         dents=see_saw,
     )
-    surface = RoundSurface(-0.999j, 1.0)
+    surface = circle(-0.999j, 1.0)
     assert surface.nearest(line - surface.center).gaps[1] > 0.0
     exact, relaxed = (solve(points, surface) for solve in (solve_contact, relax_contact))
     assert exact.forces.min() > 0.1
@@ -527,12 +415,11 @@ def test_relaxation_finds_what_touches_by_the_force_at_another_point():
 
 def test_relaxation_lets_small_forces_fade_where_nothing_touches(monkeypatch):
     monkeypatch.setattr(contact, 'MAX_RELAXATIONS', 100 * contact.STEPS_BETWEEN_LOOKS)
-    config, center, radius = between(0.5, 2e-3)
-    surface = RoundSurface(center, radius)
-    points = find_contact_points(structure_of(config), surface, 0.02)
+    grasp = pressed_between(load_robot('nine_member'), 'north/Z', 0.5, 2e-3)
+    points, surface = pressed_surface(*grasp, 0.02)
     exact = solve_contact(points, surface)
     assert (exact.forces == 0.0).sum() > 5
-    relaxed = relax_contact(points, surface, ContactGuess(np.full(len(exact.forces), 0.05)))
+    relaxed = relax_contact(points, surface, np.full(len(exact.forces), 0.05))
     assert relaxed.forces == pytest.approx(exact.forces, abs=1e-4 * exact.forces.sum())
 
 
@@ -559,8 +446,6 @@ def test_objects_of_any_size_in_bad_places_are_answered(preset, diameter):
     radius = 0.5 * (diameter + robot.description.tube_diameter)
     for center in places.values():
         spacing = max(0.01, 0.01 * diameter)
-        found = find_contact_points(
-            structure_of(robot.home), RoundSurface(center, radius), spacing
-        )
-        state = solve_contact(found, RoundSurface(center, radius))
+        found = find_contact_points(structure_of(robot.home), circle(center, radius), spacing)
+        state = solve_contact(found, circle(center, radius))
         check_state(found, state, center, radius, 1e-4)

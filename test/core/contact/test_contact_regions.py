@@ -11,27 +11,30 @@
 
 from types import SimpleNamespace
 
-from isotruss_ros.core.contact.contact_regions import contact_extents, contact_regions
+from isotruss_ros.core import analyze_grasp, ConvexObject, load_robot, tangent_center
+from isotruss_ros.core.contact.contact_regions import find_wrinkling, measure_contact
 import numpy as np
 import pytest
 
 
 def test_pressure_is_that_of_the_gas_and_of_the_walls_tension_around_the_object():
-    points = SimpleNamespace(spacing=0.01, member=np.array([0, 0, 0, 1]), dents=np.eye(4))
-    # The last two points are not touched, one of them where the wall would press most.
-    contact = SimpleNamespace(
-        forces=np.array([2.0, 0.05, 0.0, 0.0]), radii=np.array([0.5, 0.1, 0.01, 0.2])
-    )
-    tension = np.array([100.0, 300.0, 500.0, 700.0])
-    found = contact_regions(points, contact, np.array([1e4, 2e4]), tension)
-    # p + T / r
-    local = np.array([1e4 + 200.0, 1e4 + 3000.0])
-    area = (contact.forces[:2] / local).sum()
-    assert found.force == pytest.approx([2.05, 0.0])
-    assert found.area == pytest.approx([area, 0.0])
-    assert found.pressure == pytest.approx([2.05 / area, 0.0])
-    assert found.peak_pressure == pytest.approx([local[1], 0.0])
-    assert found.width == pytest.approx([2.0 / local[0] / 0.01, 0.0])
+    robot = load_robot('nine_member')
+    gauge = {'south': 30e3, 'east': 25e3, 'north': 20e3}
+    center = tangent_center(robot.home, 'south/P', 0.3, 0.01)
+    analysis = analyze_grasp(robot.home, ConvexObject.disc(center, 0.3), pressure=gauge)
+    points, contact, *_ = analysis.solution.solved
+    _, tension = find_wrinkling(analysis.solution.structure, points, contact)
+    assert len(analysis.contact_forces) == 2
+    for name, force in analysis.contact_forces.items():
+        on = (points.member == robot.member_names.index(name)) & (contact.forces > 0.0)
+        local = gauge['south'] + tension[on] / 0.15  # p + T / r
+        area = (contact.forces[on] / local).sum()
+        assert force == pytest.approx(contact.forces[on].sum())
+        assert analysis.contact_areas[name] == pytest.approx(area)
+        assert analysis.contact_pressures[name] == pytest.approx(force / area)
+        assert analysis.peak_pressures[name] == pytest.approx(local.max())
+        width = (contact.forces[on] / local).max() / points.spacing
+        assert analysis.contact_widths[name] == pytest.approx(width)
 
 
 @pytest.mark.parametrize('flattening', [False, True])
@@ -45,7 +48,7 @@ def test_points_at_the_ends_of_members_stand_for_half_a_spacing_to_both_sides(fl
     gaps = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 3e-3, 4e-3, 5e-3, 0.0])[order]
     dents = np.diag(np.full(9, 0.02 if flattening else 0.0))
     points = SimpleNamespace(spacing=0.01, member=member, place=place, dents=dents)
-    found = contact_extents(points, SimpleNamespace(forces=forces, gaps=gaps), 4)
+    found = measure_contact(points, SimpleNamespace(forces=forces, gaps=gaps), 4)
     last = 0.25 if flattening else 0.5
     assert found.length == pytest.approx([0.03, 0.01 * (1.5 + last), 0.01, 0.0])
     assert found.spans[:, 0] == pytest.approx([0.025, -0.005, 0.065, np.inf])

@@ -28,15 +28,13 @@ from isotruss_ros.core.contact.contact import solve_contact
 from isotruss_ros.core.contact.contact_points import find_contact_points
 from isotruss_ros.core.contact.flattening import flattening_of
 from isotruss_ros.core.contact.sliding_contact import GAP_TOLERANCE, solve_sliding_contact
-from isotruss_ros.core.contact.surfaces import ConvexSurface, RoundSurface, surface_of
+from isotruss_ros.core.contact.surfaces import surface_of
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
 import robots
-from scipy.optimize import nnls
-from shapes import dense_outline, random_shape, regular_polygon, surface_distance
-import tubes
+from shapes import circle, dense_outline, random_shape, regular_polygon, surface_distance
 
 HOME = load_robot('nine_member').home
 MODULE = 'south/P'
@@ -68,9 +66,9 @@ def test_a_disc_is_the_same_at_any_angle(flattening):
     for name in (field.name for field in fields(one) if field.name != 'solution'):
         value, again = getattr(one, name), getattr(other, name)
         if isinstance(value, dict):
-            assert value == again
-        else:
-            assert np.array_equal(value, again), name
+            assert list(value) == list(again)
+            value, again = list(value.values()), list(again.values())
+        assert np.allclose(value, again, rtol=1e-9, atol=1e-9), name
 
 
 def test_polygons_of_many_sides_converge_to_the_disc():
@@ -122,30 +120,14 @@ def test_gaps_are_distances_and_where_there_is_one_is_no_force(seed, flattening)
     assert np.abs(state.gaps[state.forces > 0.0]).max() <= GAP_TOLERANCE
     assert state.displacements == pytest.approx(points.displacements(state.push), abs=1e-9)
     # By brute force, of the shape that the points met.
-    met = seen.shape if isinstance(seen, ConvexSurface) else shape
     moved = (points.skin + state.displacements - held.center) / held.turn
-    outline = dense_outline(met, 4000)
+    outline = dense_outline(seen.shape, 4000)
     wanted = surface_distance(outline, moved) - (0.0 if flattening else TUBE_RADIUS)
     near = np.abs(state.normals * points.axis.conj()).imag > 0.3
     assert state.gaps[near] == pytest.approx(wanted[near], abs=2e-6)
     if not flattening:
         turned = state.push[state.forces > 0.0] / state.normals[state.forces > 0.0]
         assert turned.imag == pytest.approx(0.0, abs=1e-5)
-
-
-def test_a_face_on_a_straight_tube_is_nonnegative_least_squares():
-    length = 0.762
-    structure = tubes.bare(np.array([0j]), np.array([length + 0j]), 1.9e4, 25.0, 1.9e3)
-    surface = surface_of(ConvexObject(BOX, (0.35, -0.13, 0.02)), 0.05)
-    points = find_contact_points(structure, surface, 0.005)
-    state = solve_contact(points, surface)
-    # All touch the upper face or its ends: the normals of the answer, and its linear problem.
-    gaps = (points.skin - surface.center) * state.normals.conj()
-    gaps = gaps.real - surface.support(state.normals)
-    root = np.linalg.cholesky(points.normal_compliance(state.normals)).T
-    wanted = nnls(root, -np.linalg.solve(root.T, gaps), maxiter=10_000)[0]
-    assert state.forces == pytest.approx(wanted, abs=1e-4 * wanted.max())
-    assert state.forces.sum() > 10.0
 
 
 @robots.examples(20)
@@ -156,7 +138,7 @@ def test_no_contact_is_beyond_the_points(seed):
     held = pressed_into(HOME, MODULE, shape, generator.uniform(-3.0, 3.0), 0.03)
     surface, structure = surface_of(held, TUBE_RADIUS), structure_of(HOME)
     few = find_contact_points(structure, surface, 0.005)
-    wide = RoundSurface(surface.center, 0.5 + TUBE_RADIUS)
+    wide = circle(surface.center, 0.5 + TUBE_RADIUS)
     many = find_contact_points(structure, wide, 0.005)
     assert len(few.points) < len(many.points)
     forces = [solve_contact(points, surface).push.sum() for points in (few, many)]
@@ -216,29 +198,14 @@ def test_wrenches_follow_the_frame_that_the_object_is_given_in(seed):
     )
 
 
-def test_the_moment_of_the_normal_forces_is_that_about_the_origin():
-    analysis = analyze_grasp(HOME, pressed_into(HOME, MODULE, BOX, 0.4, 0.02), flattening=False)
-    held = pressed_into(HOME, MODULE, BOX, 0.4, 0.02)
-    forces = -(analysis.normal_forces * (analysis.normals @ [1.0, 1.0j]))
-    arms = analysis.points @ [1.0, 1.0j] - held.center
-    assert analysis.normal_wrench[:2] == pytest.approx([forces.sum().real, forces.sum().imag])
-    assert analysis.normal_wrench[2] == pytest.approx((arms.conj() * forces).imag.sum())
-    assert abs(analysis.normal_wrench[2]) > 0.01
-
-
 def test_the_objects_own_friction_counts_where_none_is_given():
     held = pressed_into(HOME, MODULE, BOX, 0.4, 0.02)
     slippery = ConvexObject(held.shape, held.pose, friction=0.1)
-    margins = [
-        analyze_grasp(HOME, held).closure_margin,
-        analyze_grasp(HOME, held, 0.5).closure_margin,
-        analyze_grasp(HOME, slippery, 0.5).closure_margin,
-    ]
-    assert margins[0] == margins[1] == margins[2]
-    assert analyze_grasp(HOME, slippery).closure_margin == pytest.approx(
-        analyze_grasp(HOME, held, 0.1).closure_margin
-    )
-    assert analyze_grasp(HOME, slippery).closure_margin < margins[0]
+    half, tenth = (analyze_grasp(HOME, held, friction).closure_margin for friction in (0.5, 0.1))
+    assert analyze_grasp(HOME, held).closure_margin == half
+    assert analyze_grasp(HOME, slippery, 0.5).closure_margin == half
+    assert analyze_grasp(HOME, slippery).closure_margin == pytest.approx(tenth)
+    assert tenth < half
 
 
 @robots.examples(30)

@@ -16,16 +16,15 @@ from isotruss_ros.core import (
     analyze_grasp,
     ConvexObject,
     load_robot,
-    tangent_center,
 )
 from isotruss_ros.core.contact.contact_points import find_contact_points
 from isotruss_ros.core.contact.flattening import flattening, flattening_of
-from isotruss_ros.core.contact.surfaces import RoundSurface
 from isotruss_ros.core.statics.structure import structure_of
 from isotruss_ros.core.statics.tube_stiffness import Fabric
 import numpy as np
 import pytest
 import robots
+from shapes import circle
 
 RADIUS, PRESSURE = 0.051, 34.5e3
 FABRIC = Fabric(6e4, 1e4)
@@ -39,12 +38,14 @@ def kernel(count, spacing, pressure=PRESSURE, fabric=FABRIC, modes=8):
 
 
 @pytest.mark.parametrize('fabric', [FABRIC, None])
-@pytest.mark.parametrize('modes', [2, 8, 100])
-def test_an_even_load_from_one_side_meets_four_thirds_of_pi_p(fabric, modes):
+@pytest.mark.parametrize(
+    ('modes', 'spacing'), [(2, 0.005), (100, 0.005), (8, 0.001), (8, 0.0025), (8, 0.1)]
+)
+def test_an_even_load_from_one_side_meets_four_thirds_of_pi_p(fabric, modes, spacing):
     # Sum over n >= 2 of 1 / (pi p (n^2 - 1)) is 3 / (4 pi p).
-    spacing = 0.005
-    matrix = kernel(801, spacing, fabric=fabric, modes=modes)
-    dent = matrix[400].sum() * spacing  # of one newton per metre
+    half = int(0.8 / spacing) + 1
+    matrix = kernel(2 * half + 1, spacing, fabric=fabric, modes=modes)
+    dent = matrix[half].sum() * spacing  # of one newton per metre
     assert 1.0 / dent == pytest.approx(4.0 / 3.0 * np.pi * PRESSURE, rel=1e-6)
 
 
@@ -56,13 +57,6 @@ def test_two_plates_meet_pi_p():
     assert 1.0 / delta == pytest.approx(np.pi * PRESSURE, rel=1e-5)
     found = flattening(RADIUS, PRESSURE, FABRIC, modes=8)
     assert found.stiffness[0, ::2] == pytest.approx(np.pi * PRESSURE * (orders[:4] ** 2 - 1.0))
-
-
-@pytest.mark.parametrize('spacing', [0.001, 0.0025, 0.005, 0.1])
-def test_the_integral_of_the_kernel_is_the_same_for_all_spacings(spacing):
-    half = int(0.8 / spacing) + 1
-    matrix = kernel(2 * half + 1, spacing)
-    assert matrix[half].sum() * spacing == pytest.approx(0.75 / np.pi / PRESSURE, rel=1e-6)
 
 
 def test_modes_are_strings_on_a_foundation():
@@ -104,12 +98,6 @@ ROBOT = load_robot('nine_member')
 KERNEL = flattening_of(ROBOT)
 
 
-def squeezed(diameter, pressed=0.01, robot=ROBOT, **options):
-    """Return the analysis of an object pressed into the top corner."""
-    center = tangent_center(robot.home, 'north/Z', diameter, pressed)
-    return analyze_grasp(robot.home, ConvexObject.disc(center, diameter), **options)
-
-
 def test_the_kernel_of_a_robot_is_that_of_its_file():
     found = flattening_of(ROBOT)
     alone = flattening(RADIUS, [PRESSURE] * 3, FABRIC)
@@ -126,9 +114,7 @@ def test_a_guide_ring_does_not_part_a_dent():
     ring = ROBOT.description.module.guide_ring_distance
     for foot, member in ((b + ring * axis, 'north/Z-R'), (b_end - ring * axis, 'north/Z-R')):
         center = foot - (RADIUS + 0.1 - 0.005) * inward  # from outside
-        found = find_contact_points(
-            structure_of(ROBOT.home), RoundSurface(center, 0.1), 0.005, KERNEL
-        )
+        found = find_contact_points(structure_of(ROBOT.home), circle(center, 0.1), 0.005, KERNEL)
         here = np.flatnonzero(found.member == ROBOT.member_names.index(member))
         order = here[np.argsort(found.place[here])]
         assert len(set(found.piece[order])) == 2
@@ -156,24 +142,7 @@ def test_force_grows_with_diameter_and_pressure_where_tubes_flatten(flattening):
         assert list(analysis.contact_forces) == ['north/Z-R']
         forces.append(analysis.contact_forces['north/Z-R'])
     growth = np.diff(forces) / forces[0]
-    print(growth)
     assert (growth > 0.0).all() if flattening else (np.abs(growth) < 0.001).all()
-
-
-@pytest.mark.parametrize('spacing', [0.0025, 0.00125])
-def test_answers_do_not_depend_on_the_spacing(spacing):
-    for diameter in (0.15, 0.3, 0.5):
-        coarse, fine = squeezed(diameter), squeezed(diameter, spacing=spacing)
-        size = fine.normal_forces.sum()
-        assert coarse.normal_forces.sum() == pytest.approx(size, rel=0.01)
-        assert coarse.contact_lengths == pytest.approx(fine.contact_lengths, rel=0.02)
-        assert coarse.contact_pressures == pytest.approx(fine.contact_pressures, rel=0.01)
-        assert coarse.contact_areas == pytest.approx(fine.contact_areas, rel=0.02)
-        assert coarse.utilisation == pytest.approx(fine.utilisation, rel=0.02)
-        assert coarse.closure_residual == pytest.approx(fine.closure_residual, abs=0.01 * size)
-        for name, (start, end) in coarse.contact_spans.items():
-            assert fine.contact_spans[name] == pytest.approx((start, end), abs=1e-3)
-            assert end - start == pytest.approx(coarse.contact_lengths[name])
 
 
 def test_a_measured_factor_scales_all_of_the_compliance():

@@ -86,15 +86,6 @@ def test_forces_are_those_of_bounded_least_squares(rng, count, friction):
 
 
 @robots.examples(150)
-@given(generators, counts, coefficients)
-def test_required_friction_is_that_of_a_linear_program(rng, count, friction):
-    tangents, forces, load = random_contacts(rng, count)
-    closure = check_force_closure(tangents, forces, load, friction)
-    expected = least_friction(tangents, forces, load)
-    assert closure.required_friction == pytest.approx(expected, rel=1e-5, abs=1e-6)
-
-
-@robots.examples(150)
 @given(generators, counts, coefficients, strategies.floats(0.02, 6.0))
 def test_flag_follows_from_the_required_friction(rng, count, friction, spread):
     tangents, forces, load = random_contacts(rng, count, spread)
@@ -115,43 +106,34 @@ def test_flag_follows_from_the_required_friction(rng, count, friction, spread):
 
 
 @robots.examples(60)
-@given(generators, strategies.integers(3, 15), strategies.floats(0.05, 1.5))
-def test_margin_is_the_shortest_way_out_of_all_directions(rng, count, friction):
+@given(generators, strategies.integers(3, 15), strategies.floats(0.05, 1.5), strategies.booleans())
+def test_margin_is_the_shortest_way_out_of_all_directions(rng, count, friction, round_):
     tangents, forces, _ = random_contacts(rng, count)
     forces += 0.1
     shares = rng.uniform(-friction, friction, count)
-    load = -wrenches(tangents, forces).T @ shares
-    margin = check_force_closure(tangents, forces, load, friction).margin
+    levers = None if round_ else rng.uniform(0.3, 1.5, count)
+    arms = np.ones(count) if round_ else levers
+    load = -wrenches(tangents, forces, arms).T @ shares
+    margin = check_force_closure(tangents, forces, load, friction, levers).margin
     assert margin >= -1e-9
     directions = rng.normal(size=(40, 3))
     directions /= np.linalg.norm(directions, axis=1)[:, None]
-    reached = [reach_along(tangents, forces, load, friction, way) for way in directions]
+    reached = [reach_along(tangents, forces, load, friction, way, arms) for way in directions]
     assert min(reached) >= margin * (1.0 - 1e-6) - 1e-6
     # The shortest way is across a facet, a plane of two contacts: one of those reaches no further.
     facets = np.array(
-        [np.cross(*pair) for pair in itertools.combinations(wrenches(tangents, np.ones(count)), 2)]
+        [
+            np.cross(*pair)
+            for pair in itertools.combinations(wrenches(tangents, np.ones(count), arms), 2)
+        ]
     )
     facets = facets[np.linalg.norm(facets, axis=1) > 1e-6]
     facets /= np.linalg.norm(facets, axis=1)[:, None]
-    spans = np.abs(facets @ wrenches(tangents, forces).T).sum(axis=1)
+    spans = np.abs(facets @ wrenches(tangents, forces, arms).T).sum(axis=1)
     nearest = facets[(friction * spans - np.abs(facets @ load)).argmin()]
-    reached = [reach_along(tangents, forces, load, friction, way) for way in (nearest, -nearest)]
+    ways = (nearest, -nearest)
+    reached = [reach_along(tangents, forces, load, friction, way, arms) for way in ways]
     assert min(reached) == pytest.approx(margin, rel=1e-5, abs=1e-6)
-
-
-@robots.examples(60)
-@given(generators, counts, coefficients, strategies.floats(1e-3, 1e6))
-def test_turning_and_scaling_change_nothing(rng, count, friction, scale):
-    tangents, forces, load = random_contacts(rng, count)
-    angle = rng.uniform(0.0, 2.0 * np.pi)
-    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    turned = np.append(turn @ load[:2], load[2])
-    before = check_force_closure(tangents, forces, load, friction)
-    after = check_force_closure(tangents @ turn.T, scale * forces, scale * turned, friction)
-    slack = 2.0 * before.tolerance
-    assert after.residual / scale == pytest.approx(before.residual, abs=slack)
-    assert after.margin / scale == pytest.approx(before.margin, rel=1e-6, abs=slack)
-    assert after.required_friction == pytest.approx(before.required_friction, rel=1e-5, abs=1e-5)
 
 
 def test_no_contact_balances_nothing_but_nothing():
@@ -166,18 +148,6 @@ def test_no_contact_balances_nothing_but_nothing():
         assert pushed.residual == pytest.approx(3.0)
         assert pushed.required_friction == np.inf
         assert pushed.margin < 0.0
-
-
-def test_contacts_without_force_do_not_count():
-    tangents = tangents_at(np.array([0.0, 2.0, 4.0]))
-    load = np.array([0.1, 0.2, 0.0])
-    idle = check_force_closure(tangents, np.zeros(3), load, 0.5)
-    assert idle.friction_forces.tolist() == [0.0] * 3
-    assert idle.required_friction == np.inf
-    one = check_force_closure(tangents, np.array([0.0, 5.0, 0.0]), load, 0.5)
-    alone = check_force_closure(tangents[1:2], np.array([5.0]), load, 0.5)
-    assert one.residual == pytest.approx(alone.residual, abs=one.tolerance)
-    assert one.friction_forces[[0, 2]].tolist() == [0.0, 0.0]
 
 
 def test_one_contact_balances_its_own_friction_only():
@@ -198,39 +168,6 @@ def test_one_contact_balances_its_own_friction_only():
     assert pressed.required_friction == np.inf
 
 
-def test_parallel_tangents_act_as_one_contact():
-    tangents, forces = tangents_at(np.zeros(3)), np.array([1.0, 2.0, 3.0])
-    load = -0.4 * wrenches(tangents, forces).sum(axis=0)
-    closure = check_force_closure(tangents, forces, load, 0.5)
-    assert closure.closed
-    assert closure.required_friction == pytest.approx(0.4)
-    assert closure.margin == 0.0
-    assert (
-        check_force_closure(tangents, forces, load + np.eye(3)[0], 5.0).required_friction == np.inf
-    )
-
-
-@pytest.mark.parametrize('degrees', [10.0, 26.0, 45.0, 60.0, 90.0, 120.0])
-def test_a_wedge_needs_the_tangent_of_half_its_angle(degrees):
-    half = np.radians(0.5 * degrees)
-    # Sides at +- half from the x axis press on the disc from above and from below; what is left
-    # pushes it out, along x.
-    angles = np.array([0.5 * np.pi + half, -0.5 * np.pi - half])
-    forces = np.array([3.0, 3.0])
-    outward = np.column_stack([np.cos(angles), np.sin(angles)])
-    load = np.append(-forces @ outward, 0.0)
-    assert load == pytest.approx([6.0 * np.sin(half), 0.0, 0.0])
-    closure = check_force_closure(tangents_at(angles), forces, load, 0.5)
-    assert closure.required_friction == pytest.approx(np.tan(half), rel=1e-12)
-    assert closure.closed == (np.tan(half) <= 0.5)
-    # The same forces spread over some points of each side: the limit is the same.
-    spread = np.repeat(angles, 3) + np.tile([-1e-6, 0.0, 1e-6], 2)
-    outward = np.column_stack([np.cos(spread), np.sin(spread)])
-    load = np.append(-outward.sum(axis=0), 0.0)
-    several = check_force_closure(tangents_at(spread), np.ones(6), load, 0.5)
-    assert several.required_friction == pytest.approx(np.tan(half), rel=1e-5)
-
-
 def test_no_friction_leaves_the_load():
     tangents = tangents_at(np.arange(3.0))
     load = np.array([1.0, -2.0, 2.0])
@@ -240,19 +177,6 @@ def test_no_friction_leaves_the_load():
     assert closure.margin < 0.0
     assert closure.friction_forces.tolist() == [0.0] * 3
     assert check_force_closure(tangents, np.ones(3), np.zeros(3), 0.0).closed
-
-
-@pytest.mark.parametrize('size', [1e-9, 1e-3, 1e3, 1e9])
-def test_loads_of_any_size_are_answered(size):
-    tangents = tangents_at(np.arange(5.0))
-    load = size * np.array([1.0, 2.0, -1.0])
-    closure = check_force_closure(tangents, np.ones(5), load, 0.5)
-    assert np.isfinite([closure.residual, closure.required_friction, closure.margin]).all()
-    assert closure.closed == (size <= 1e-3)
-    expected = least_friction(tangents, np.ones(5), load / size) * size
-    assert closure.required_friction == pytest.approx(expected, rel=1e-6)
-    huge = check_force_closure(tangents, size * np.ones(5), load, 0.5)
-    assert huge.required_friction == pytest.approx(expected / size, rel=1e-6)
 
 
 @pytest.mark.filterwarnings('error')
@@ -380,17 +304,3 @@ def test_scaling_changes_nothing_whether_all_is_in_a_plane_or_not(levers, scale)
         assert np.isinf(one.required_friction) == (angles[1] == 0.3)
         assert other.required_friction == pytest.approx(one.required_friction)
         assert other.margin == pytest.approx(scale * one.margin)
-
-
-@robots.examples(30)
-@given(generators, strategies.integers(4, 12), strategies.floats(0.05, 1.5))
-def test_no_direction_is_shorter_than_the_margin_with_levers(rng, count, friction):
-    tangents, forces, _ = random_contacts(rng, count)
-    forces += 0.1
-    levers = rng.uniform(0.3, 1.5, count)
-    load = -wrenches(tangents, forces, levers).T @ rng.uniform(-friction, friction, count)
-    margin = check_force_closure(tangents, forces, load, friction, levers).margin
-    directions = rng.normal(size=(60, 3))
-    directions /= np.linalg.norm(directions, axis=1)[:, None]
-    reached = [reach_along(tangents, forces, load, friction, way, levers) for way in directions]
-    assert -1e-9 <= margin <= min(reached) * (1.0 + 1e-6) + 1e-6

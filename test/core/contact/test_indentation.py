@@ -17,16 +17,15 @@ from isotruss_ros.core.contact.contact_points import find_contact_points
 from isotruss_ros.core.contact.dents import (
     Indentation,
     POWER,
-    Press,
     skin_indentation,
     SkinIndentation,
 )
 from isotruss_ros.core.contact.flattening import flattening_of
-from isotruss_ros.core.contact.surfaces import RoundSurface
 import numpy as np
 import pytest
 import robots
 from scipy.interpolate import CubicSpline
+from shapes import circle
 import tubes
 
 ROBOT = load_robot('nine_member')
@@ -38,17 +37,8 @@ def test_between_its_depths_the_table_is_the_contact(diameter):
     table = skin_indentation(ROBOT, 0, radius)
     for share in (0.005, 0.02, 0.1, 0.4, 0.75):
         depth = share * min(radius, 0.051)
-        force = dents._press_disc(flattening_of(ROBOT), 0, radius, depth).forces.sum()
+        force = dents._press_disc(flattening_of(ROBOT), 0, radius, depth)[1].sum()
         assert table(force)[0] == pytest.approx(depth, rel=0.02)
-
-
-@pytest.mark.parametrize('force', [1e-3, 0.3, 5.0, 40.0, 1e3, 1e4])
-def test_the_derivative_is_that_of_the_depth(force):
-    table, step = skin_indentation(ROBOT, 0, 0.15), 1e-6 * force
-    slope = (table(force + step)[0] - table(force - step)[0]) / (2.0 * step)
-    assert table(force)[1] == pytest.approx(slope, rel=1e-5)
-    assert slope > 0.0
-    assert table(-force) == pytest.approx((-table(force)[0], table(force)[1]))
 
 
 @robots.examples(60)
@@ -59,7 +49,7 @@ def test_dents_are_those_of_the_librarys_spline(rng, count, size):
     for _ in range(count):
         depths = np.cumsum(rng.uniform(5e-4, 1e-3, size))
         forces = 1e5 * rng.uniform(0.5, 2.0) * depths ** rng.uniform(1.2, 1.8)
-        presses = [Press(1e-3, np.array([force])) for force in forces]
+        presses = [(1e-3, np.array([force])) for force in forces]
         tables.append(SkinIndentation(depths, presses, flattening_of(ROBOT), 0))
         places = np.append(0.0, forces**POWER)
         splines.append(CubicSpline(places, np.append(0.0, depths), bc_type='natural'))
@@ -79,9 +69,9 @@ def test_dents_are_those_of_the_librarys_spline(rng, count, size):
 def test_a_larger_object_dents_less_and_the_contact_points_do_not_count(monkeypatch):
     depths = [skin_indentation(ROBOT, 0, 0.5 * d)(20.0)[0] for d in (0.0254, 0.1, 0.3, 0.7)]
     assert depths == sorted(depths, reverse=True)
-    coarse = dents._press_disc(flattening_of(ROBOT), 0, 0.15, 0.01).forces.sum()
+    coarse = dents._press_disc(flattening_of(ROBOT), 0, 0.15, 0.01)[1].sum()
     monkeypatch.setattr(dents, 'POINTS', 121)
-    assert dents._press_disc(flattening_of(ROBOT), 0, 0.15, 0.01).forces.sum() == pytest.approx(
+    assert dents._press_disc(flattening_of(ROBOT), 0, 0.15, 0.01)[1].sum() == pytest.approx(
         coarse, rel=5e-3
     )
 
@@ -104,9 +94,9 @@ def test_how_many_points_a_face_has_does_not_count(cut):
     places, heights = places[kept], heights[kept]
     fine = np.unique(np.append(places, np.linspace(places[0], places[-1], 3000)))
     forces = [
-        dents._press_corner(
-            flattening_of(ROBOT), 0, *profile, np.array([np.inf, np.inf]), 0.01
-        ).forces.sum()
+        dents._press_corner(flattening_of(ROBOT), 0, *profile, np.array([np.inf, np.inf]), 0.01)[
+            1
+        ].sum()
         for profile in ((places, heights), (fine, np.interp(fine, places, heights)))
     ]
     assert forces[0] == pytest.approx(forces[1], rel=1e-9)
@@ -117,7 +107,7 @@ def test_a_profile_dents_as_its_mirror_image():
     heights = np.array([0.5, 0.02, 0.0, 0.004, 0.3])
     reach = np.array([0.05, 0.03])
     forces = [
-        dents._press_corner(flattening_of(ROBOT), 0, *profile, 0.01).forces.sum()
+        dents._press_corner(flattening_of(ROBOT), 0, *profile, 0.01)[1].sum()
         for profile in ((places, heights, reach), (-places[::-1], heights[::-1], reach[::-1]))
     ]
     assert forces[0] == pytest.approx(forces[1], rel=1e-9)
@@ -142,7 +132,7 @@ def test_a_tube_that_does_not_bend_is_dented_as_the_table_says(radius):
     tube = 0.5 * ROBOT.description.tube_diameter
     table, kernel = skin_indentation(ROBOT, 0, radius), flattening_of(ROBOT, None)
     for depth in (0.002, 0.01, 0.02):
-        surface = RoundSurface(0.4 + 1j * (tube + radius - depth), radius)
+        surface = circle(0.4 + 1j * (tube + radius - depth), radius)
         points = find_contact_points(stiff, surface, 1e-3, kernel)
         push = solve_contact(points, surface).push.sum()
         assert abs(push.real) < 1e-6 * abs(push)

@@ -44,27 +44,3 @@ def test_tubes_face_the_object_from_the_side_on_which_they_are(kind, seed):
     far = np.flatnonzero(np.abs((away * axis.conj()).imag) > 1.3 * surface.reach)
     assert len(far)
     assert facing[far] == pytest.approx(surface.nearest(away[far]).normals, abs=1e-9)
-
-
-@pytest.mark.parametrize('seed', range(5))
-@pytest.mark.parametrize('kind', [Disc, Ellipse, Polygon])
-def test_what_is_nearest_follows_from_how_far_tangents_are(kind, seed):
-    rng = np.random.default_rng(seed)
-    pose = (*rng.uniform(-1.0, 1.0, 2), rng.uniform(0.0, 6.0))
-    surface = surface_of(ConvexObject(random_shape_of(kind, rng), pose), rng.uniform(0.0, 0.05))
-    angles, step = rng.uniform(0.0, 6.0, 100), 1e-4
-    before, here, after = (
-        surface.support(np.exp(1j * (angles + at))) * np.ones(100) for at in (-step, 0.0, step)
-    )
-    # Of an outline with tangents h(a): points and radii of curvature are (h + i h') n, h + h''.
-    normals = np.exp(1j * angles)
-    feet = (here + 1j * (after - before) / (2.0 * step)) * normals
-    radii = here + (after - 2.0 * here + before) / step**2
-    away = rng.uniform(0.01, 0.5, 100)
-    found = surface.nearest(feet + away * normals)
-    assert found.gaps == pytest.approx(away, abs=1e-6)
-    assert found.normals == pytest.approx(normals, abs=1e-4)
-    # Corners and faces have none.
-    smooth = radii > 1e-3 * surface.reach
-    assert found.radii[smooth] == pytest.approx(radii[smooth], rel=1e-3, abs=1e-5)
-    assert np.abs(feet).max() <= surface.reach + 1e-6

@@ -14,11 +14,11 @@ from types import SimpleNamespace
 from hypothesis import given, strategies
 from isotruss_ros.core.contact.contact_points import ContactState, find_contact_points
 from isotruss_ros.core.contact.contact_regions import find_wrinkling
-from isotruss_ros.core.contact.surfaces import RoundSurface
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
 import robots
+from shapes import circle
 import tubes
 
 LENGTH, RADIUS, PRESSURE = 0.762, 0.051, 34.5e3
@@ -48,7 +48,7 @@ def clamped(shear):
 @pytest.mark.parametrize('angle', [0.0, 0.4, -0.4])
 def test_a_clamped_tube_under_one_force(shear, share, angle):
     structure, force = clamped(shear), 20.0
-    found = find_contact_points(structure, RoundSurface(share * LENGTH - 0.15j, 0.151), 0.005)
+    found = find_contact_points(structure, circle(share * LENGTH - 0.15j, 0.151), 0.005)
     at = int(np.abs(found.points - share * LENGTH).argmin())
     forces = np.where(np.arange(len(found.points)) == at, force, 0.0)
     normals = np.full(len(forces), 1j * np.exp(1j * angle))
@@ -79,7 +79,7 @@ def test_a_clamped_tube_under_one_force(shear, share, angle):
 
 def test_more_compression_than_pull_is_beyond_all_bounds():
     structure = clamped(1.9e3)
-    found = find_contact_points(structure, RoundSurface(0.3 * LENGTH - 0.15j, 0.151), 0.005)
+    found = find_contact_points(structure, circle(0.3 * LENGTH - 0.15j, 0.151), 0.005)
     forces = np.zeros(len(found.points))
     forces[len(forces) // 2] = 5.0 * PULL
     state = pressed(found, forces, np.full(len(forces), 1.0 + 0j))
@@ -96,7 +96,7 @@ def test_moments_are_those_of_a_robot_in_which_loads_are_on_nodes(robot, rng, di
     gauge = rng.uniform(2e4, 6e4, len(robot.description.pressures))
     structure, pressure = structure_of(config, gauge), gauge[robot.topology.tube]
     center = config.points[rng.integers(len(config.points))] + 0.1 * complex(*rng.normal(size=2))
-    found = find_contact_points(structure, RoundSurface(center, diameter), 0.02)
+    found = find_contact_points(structure, circle(center, diameter), 0.02)
     some = np.sort(rng.permutation(len(found.points))[:8])
     forces, normals = np.zeros(len(found.points)), np.exp(6.3j * rng.random(len(found.points)))
     forces[some] = rng.uniform(0.0, 20.0, len(some))
@@ -117,7 +117,7 @@ def test_moments_are_those_of_a_robot_in_which_loads_are_on_nodes(robot, rng, di
 
 def test_where_hardly_a_pull_is_left_the_moment_still_has_a_bound():
     structure = clamped(1.9e3)
-    found = find_contact_points(structure, RoundSurface(0.5 * LENGTH - 0.15j, 0.151), 0.005)
+    found = find_contact_points(structure, circle(0.5 * LENGTH - 0.15j, 0.151), 0.005)
     at = int(np.abs(found.points - 0.5 * LENGTH).argmin())
     forces = np.where(np.arange(len(found.points)) == at, 2.0, 0.0)
     state = pressed(found, forces, np.full(len(forces), np.exp(1j)))

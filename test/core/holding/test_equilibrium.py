@@ -19,7 +19,6 @@ from isotruss_ros.core.holding.attach_grip import attach_grip, rest
 from isotruss_ros.core.holding.build_statics import build_statics, start_at
 from isotruss_ros.core.holding.contact_forces import ANGLE, CENTER
 from isotruss_ros.core.holding.contact_statics import TubeModel
-from isotruss_ros.core.holding.held_grip import scaled_wrench
 from isotruss_ros.core.holding.roll_grip import NOTHING, stick
 import numpy as np
 import pytest
@@ -60,7 +59,7 @@ def test_the_equilibrium_balances_and_touches(statics, indentation):
         state.feet + given[:, 0] + 1j * given[:, 1]
     )
     away = points - state.center
-    assert np.abs(away) == pytest.approx(statics.arm + arms, abs=1e-10)
+    assert np.abs(away) == pytest.approx(statics.body.arm + arms, abs=1e-10)
     along = statics.compliance.axis * (1.0 + 1j * given[:, 2])
     assert (away.conj() * along).real == pytest.approx(0.0, abs=1e-10)
 
@@ -83,7 +82,7 @@ def test_rolling_from_where_it_is_stays_there_and_follows_the_tube(statics):
     along = 0.02
     closure = stick(statics, anchors, travel - along * statics.sides, angles, NOTHING)
     turned = statics.solve(state.unknowns, UNLOADED, closure)
-    assert turned.unknowns[ANGLE] == pytest.approx(0.3 + along / statics.arm, abs=1e-9)
+    assert turned.unknowns[ANGLE] == pytest.approx(0.3 + along / statics.body.arm, abs=1e-9)
     places = state.places
     for part in (CENTER, slice(places.feet.start, None)):
         assert turned.unknowns[part] == pytest.approx(state.unknowns[part], abs=1e-8)
@@ -129,8 +128,3 @@ def test_forces_of_members_are_sums_over_their_contacts():
 @pytest.mark.parametrize(('angle', 'within'), [(3.0, 3.0), (4.0, 4.0 - 2.0 * np.pi)])
 def test_the_angle_of_a_pose_is_within_half_a_turn(angle, within):
     assert with_unknowns(MODEL, angle=angle).pose.angle == pytest.approx(within)
-
-
-def test_moments_compare_with_forces_by_the_arm():
-    assert scaled_wrench([3.0, 4.0, 0.5], 0.2) == pytest.approx([3.0, 4.0, 2.5])
-    assert scaled_wrench(None, 0.2).tolist() == [0.0, 0.0, 0.0]

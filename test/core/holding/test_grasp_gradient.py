@@ -128,13 +128,6 @@ def test_friction_and_the_place_across_the_bisector_change_nothing():
     assert np.abs(by_place).max() > 100.0
 
 
-def test_a_disc_that_is_set_down_turned_is_turned_and_else_the_same():
-    gradient = grasp_gradient(settle_grasp(*gripped(35.0, squeeze=0.08)))
-    turn = gradient.parameters.place.stop - 1
-    assert gradient.pose[:, turn] == pytest.approx([0.0, 0.0, 1.0], abs=1e-12)
-    assert gradient.normal_forces[:, turn] == pytest.approx([0.0, 0.0], abs=1e-9)
-
-
 def test_what_is_not_held_has_no_gradient():
     config, body = gripped(35.0, squeeze=0.08)
     away = body.moved_to((5.0, 5.0, 0.0))

@@ -9,17 +9,28 @@
 
 """The response to wrenches: when it is stable, and at which wrench a member slips first."""
 
+from functools import partial
 import itertools
 from types import SimpleNamespace
 
-from isotruss_ros.core.holding.contact_forces import GripResponse, slip_margin, weakest_direction
+from isotruss_ros.core.holding.contact_forces import ContactForces, GripResponse
+from isotruss_ros.core.holding.held_grip import HeldGrip
 import numpy as np
 import pytest
 
 
 def response_of(*to_wrenches):
     """Return a response to wrenches, of which members that move change nothing."""
-    return GripResponse(*to_wrenches, np.zeros(2), np.zeros((2, 2)))
+    return GripResponse(*to_wrenches, squeeze_stiffness=0.0)
+
+
+def grip_of(normal, friction, response):
+    """Return what the slip margin of a grip is of."""
+    unknowns = np.concatenate([np.zeros(3 + 2 * len(normal)), normal, friction])
+    state = ContactForces(unknowns, np.zeros(len(normal), dtype=complex), None)
+    grip = SimpleNamespace(state=state, response=response)
+    grip.slip_reserves = partial(HeldGrip.slip_reserves, grip)
+    return grip
 
 
 @pytest.mark.parametrize('arm', [0.2, 1.0])
@@ -40,23 +51,20 @@ def test_an_equilibrium_is_stable_where_every_displacement_takes_work(one, other
 
 def test_a_member_slips_by_the_sums_over_its_contacts():
     # One end of the face rubs by more than its own normal force bears; the other one helps.
-    state = SimpleNamespace(
-        normal_forces=np.array([1.0, 3.0, 4.0]), friction_forces=np.array([0.9, 0.3, 0.2])
-    )
+    normal, friction = np.array([1.0, 3.0, 4.0]), np.array([0.9, 0.3, 0.2])
     by_normal = np.tile([0.0, 0.0, 0.1], (3, 1))
     by_friction = np.array([[1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
     response = response_of(np.eye(3), by_normal, by_friction, np.array([0, 0, 1]), 0.2)
     # mu N - T of the first member is 0.5 * 4 - 1.2, and falls by 2 fx - 0.5 * 0.2 m / arm.
     size = np.hypot(2.0, 0.1)
-    assert slip_margin(state, response, 0.5) == pytest.approx(0.8 / size)
+    grip = grip_of(normal, friction, response)
+    assert HeldGrip.slip_margin(grip, 0.5) == pytest.approx(0.8 / size)
     direction = np.array([2.0, 0.0, -0.1]) / size
-    assert weakest_direction(state, response, 0.5) == pytest.approx(direction)
+    assert HeldGrip.weakest_direction(grip, 0.5) == pytest.approx(direction)
     # The other way round as well.
-    other_way = SimpleNamespace(
-        normal_forces=state.normal_forces, friction_forces=-state.friction_forces
-    )
-    assert slip_margin(other_way, response, 0.5) == pytest.approx(0.8 / size)
-    assert weakest_direction(other_way, response, 0.5)[0] == pytest.approx(-direction[0])
+    other_way = grip_of(normal, -friction, response)
+    assert HeldGrip.slip_margin(other_way, 0.5) == pytest.approx(0.8 / size)
+    assert HeldGrip.weakest_direction(other_way, 0.5)[0] == pytest.approx(-direction[0])
     assert response.squeeze == pytest.approx([0.0, 0.0, 0.15])
     # Far from slipping, the first contact lets go.
-    assert slip_margin(state, response, 50.0) == pytest.approx(1.0 / 0.1)
+    assert HeldGrip.slip_margin(grip, 50.0) == pytest.approx(1.0 / 0.1)

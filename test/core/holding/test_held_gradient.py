@@ -72,13 +72,3 @@ def test_the_gradient_is_that_of_differences(name):
 def test_the_places_are_those_of_the_held_joints(name):
     grip = grip_of(name)
     assert held_gradient(grip).places.reshape(-1, 2) == pytest.approx(held_joints(grip), abs=1e-12)
-
-
-def test_stiffness_moves_nothing_where_wrench_and_forces_go_with_it():
-    grip = grip_of('disc 0.2 m')
-    found = held_gradient(grip)
-    direction = np.zeros(len(found.squeeze))
-    direction[6:9], direction[9] = grip.wrench, grip.tubes.stiffness_scale
-    assert found.pose @ direction == pytest.approx(np.zeros(3), abs=1e-12)
-    assert found.joints @ direction == pytest.approx(np.zeros(len(found.joints)), abs=1e-12)
-    assert found.squeeze @ direction == pytest.approx(grip.squeeze, rel=1e-9)

@@ -36,7 +36,7 @@ from isotruss_ros.core.holding.attach_grip import attach_grip, rest
 from isotruss_ros.core.holding.build_statics import build_statics
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.pressed_contacts import find_pressed
-from isotruss_ros.core.holding.roll_grip import lay_down, roll_contacts, roll_grip, stick
+from isotruss_ros.core.holding.roll_grip import _lay_down, roll_contacts, roll_grip, stick
 from isotruss_ros.core.kinematics.depths import member_depths
 import numpy as np
 import pytest
@@ -147,12 +147,7 @@ def test_a_face_comes_to_lie_on_a_member_and_lifts_at_its_other_end_and_back():
 @pytest.mark.parametrize(('farthest', 'steps', 'turned'), [(0.4, 20, 0.35), (0.16, 1, 0.15)])
 def test_a_polygon_of_many_sides_rolls_as_a_disc(farthest, steps, turned):
     # In one step as well, over five faces, which is as many as there may be.
-    number = 96
-    sector = 2.0 * np.pi / number
-    vertices = 0.15 * np.sqrt(sector / np.sin(sector)) * np.exp(1j * sector * np.arange(number))
-    polygon = ConvexObject(
-        Polygon([(z.real, z.imag) for z in vertices]), (*CYLINDER.pose[:2], 0.1)
-    )
+    polygon = ConvexObject(regular_polygon(96, 0.15), (*CYLINDER.pose[:2], 0.1))
     disc, grip = attach_grip(CONFIG, turned_disc(0.1)), attach_grip(CONFIG, polygon)
     assert grip.squeeze == pytest.approx(disc.squeeze, rel=0.02)
     held_there = Grip(CORNER, CYLINDER)
@@ -178,10 +173,10 @@ def rolled_over_corners():
 @pytest.mark.parametrize('changes', [0, 1, 2])
 def test_short_faces_follow_each_other_as_often_as_they_may(changes):
     grip = rolled_over_corners()
-    laid = lay_down(grip, changes)
+    laid = _lay_down(grip, changes)
     passed = (laid.contacts.corners - grip.contacts.corners + 48) % 96 - 48
     assert np.abs(passed).sum() == 1 + changes
-    assert np.abs(lay_down(grip).contacts.corners - grip.contacts.corners).sum() > 3
+    assert np.abs(_lay_down(grip).contacts.corners - grip.contacts.corners).sum() > 3
 
 
 def test_a_face_that_would_not_press_does_not_lie_down(monkeypatch):
@@ -192,8 +187,8 @@ def test_a_face_that_would_not_press_does_not_lie_down(monkeypatch):
         tried.append(arguments)
         return SimpleNamespace(presses=False)
 
-    monkeypatch.setattr(roll_grip_module, '_with_corner', pulled)
-    assert lay_down(grip) is grip
+    monkeypatch.setattr(roll_grip_module, '_lay', pulled)
+    assert _lay_down(grip) is grip
     assert tried
 
 
@@ -229,7 +224,7 @@ def test_an_object_that_rolls_there_and_back_is_where_it_was(shape, angle, membe
 
 
 @pytest.mark.parametrize(('shape', 'angle', 'members', 'count'), CASES)
-def test_the_response_is_that_of_small_wrenches_and_openings(shape, angle, members, count):
+def test_the_response_is_that_of_small_wrenches(shape, angle, members, count):
     grip = held(shape, angle, members)
     response = grip.response
     assert response.stable
@@ -244,15 +239,6 @@ def test_the_response_is_that_of_small_wrenches_and_openings(shape, angle, membe
         )
         gained = moved[places.normal].sum() / len(members) / 2e-3
         assert gained == pytest.approx(response.squeeze[i], rel=2e-4, abs=1e-5)
-    if count > 2:
-        return  # a member that turns as it closes leaves one end of a face
-    command = solve_twist(
-        HOME, Grip(members, grip.body), np.zeros(3), opening_rate=-1e-4, limits=()
-    )
-    ahead = roll_grip(grip, HOME.moved_to(HOME.roller_positions + command.roller_velocities))
-    gained = (ahead.squeeze - grip.squeeze) / -1e-4
-    # The members also turn as they close.
-    assert gained == pytest.approx(grip.squeeze_stiffness(), rel=0.15)
 
 
 def changed_forces(grip, moving):
@@ -271,13 +257,9 @@ def changed_forces(grip, moving):
 @pytest.mark.parametrize(
     ('shape', 'angle', 'members'), [*(case[:3] for case in CASES), (Disc(0.5), 0.0, LOOP)]
 )
-def test_openings_are_those_of_members_that_move_apart(shape, angle, members):
+def test_the_squeeze_falls_as_that_of_members_that_move_apart(shape, angle, members):
     grip = held(shape, angle, members)
-    owners, normals, response = grip.contacts.owners, grip.state.normals, grip.response
-    for number in range(len(members)):
-        change = changed_forces(grip, np.where(owners == number, normals, 0.0))
-        by_member = np.bincount(owners, change)
-        assert by_member == pytest.approx(response.openings[:, number], rel=1e-3, abs=1.0)
+    owners, normals = grip.contacts.owners, grip.state.normals
     if len(members) > 2:
         moving = 0.5 * normals
     else:
@@ -434,8 +416,6 @@ def test_a_face_dents_less_than_a_corner_and_a_disc_as_in_its_own_table():
 
 
 def test_what_is_not_held_says_why():
-    far = ConvexObject(BOX, (3.0, 3.0, 0.0))
-    assert settle_grasp(HOME, far, 0.5).hold is HoldStatus.NO_CONTACT
     grip = place_between(HOME, APART, BOX, angle=0.2, indentation=0.01)
     slips = settle_grasp(HOME, grip.body, 0.3)
     assert slips.hold is HoldStatus.SLIPS

@@ -9,11 +9,7 @@
 
 """Where the joints of a robot that holds an object are."""
 
-from dataclasses import replace
-
-from carries import Carry, GRASPS, make_robot, place
-from isotruss_ros.core import deform
-from isotruss_ros.core.holding.attach_grip import attach_grip
+from carries import Carry, GRASPS, make_robot
 from isotruss_ros.core.holding.loaded_frame import held_joints
 from mujoco_worlds import needs_mujoco
 from nightly import some_now
@@ -22,62 +18,6 @@ import pytest
 
 ROBOT = make_robot()
 NAMES = ROBOT.topology.joint_names
-SOFT = 0.5
-
-
-def held(name, robot=ROBOT, scale=1.0):
-    """Return how the object of a grasp is held at home."""
-    body, members = place(robot, name, 0.5)
-    numbers = np.array([robot.member_names.index(each) for each in members])
-    found = attach_grip(robot.home, body, numbers)
-    return replace(found, tubes=found.tubes._replace(stiffness_scale=scale))
-
-
-def give_at_feet(grip, loaded):
-    """Return how far across and along, and how much turned, tubes are at contacts (textbook)."""
-    piece, within = grip.statics.compliance.locate(grip.state.feet)
-    frame = loaded.structure.frame
-    start, end = frame.members.start[piece], frame.members.end[piece]
-    axis = frame.axis[piece]
-    length = np.abs(frame.points[end] - frame.points[start])
-    ends = loaded.state.displacements
-    u1, u2 = ((ends[n, 0] + 1j * ends[n, 1]) * axis.conj() for n in (start, end))
-    turn1, turn2 = ends[start, 2], ends[end, 2]
-    x = within / length
-    phi = 12.0 * frame.members.flexural[piece] / (frame.members.shear[piece] * length**2)
-    across = (
-        (1 - 3 * x**2 + 2 * x**3 + phi * (1 - x)) * u1.imag
-        + length * (x - 2 * x**2 + x**3 + phi / 2 * (x - x**2)) * turn1
-        + (3 * x**2 - 2 * x**3 + phi * x) * u2.imag
-        + length * (x**3 - x**2 + phi / 2 * (x**2 - x)) * turn2
-    ) / (1 + phi)
-    turned = (
-        6.0 / length * (x**2 - x) * (u1.imag - u2.imag)
-        + (1 - 4 * x + 3 * x**2 + phi * (1 - x)) * turn1
-        + (3 * x**2 - 2 * x + phi * x) * turn2
-    ) / (1 + phi)
-    along = (1 - x) * u1.real + x * u2.real
-    return across, along, turned, axis
-
-
-#: With contacts between guide rings; outside of them an end of the piece has a hinge.
-@pytest.mark.parametrize('name', sorted(set(GRASPS) - {'disc 0.1 m'}))
-def test_contacts_move_a_joint_as_a_load_there_moves_the_contacts(name):
-    """The theorem of Betti, with the displacements of `deform`."""
-    grip = held(name, scale=SOFT)
-    state, statics = grip.state, grip.statics
-    moved = held_joints(grip) - ROBOT.home.nodes[: len(NAMES)]
-    skin = statics.tube_radius - statics.indentation(state.normal_forces)[0]
-    for joint, (x, y) in zip(NAMES, moved, strict=True):
-        for direction, displacement in (((1.0, 0.0), x), ((0.0, 1.0), y)):
-            loaded = deform(grip.config, {joint: direction})
-            across, along, turned, axis = give_at_feet(grip, loaded)
-            local = (
-                (state.normal_forces + 1j * state.friction_forces) * state.normals * axis.conj()
-            )
-            work = local.imag * across + local.real * along - skin * state.friction_forces * turned
-            expected = SOFT * displacement
-            assert work.sum() == pytest.approx(expected, rel=1e-6, abs=1e-12)
 
 
 @needs_mujoco

@@ -9,26 +9,19 @@
 
 """Where objects press into tubes: corners or faces by how they lie, and a start near to them."""
 
-import itertools
-
-from held_grips import BOX, HOME, numbers
+from held_grips import HOME
 from isotruss_ros.core import (
     ConvexObject,
     Disc,
-    Ellipse,
-    place_between,
     Polygon,
 )
-from isotruss_ros.core.holding.build_statics import build_statics, start_at
+from isotruss_ros.core.holding.build_statics import build_statics
 from isotruss_ros.core.holding.pressed_contacts import find_pressed
-from isotruss_ros.core.statics.member_compliance import MemberCompliance
-from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
 from shapes import regular_polygon
 
 NUMBER = HOME.robot.member_names.index('south/P-Q')
-CORNER = ('north/P-Z', 'north/Z-R')
 RADIUS = 0.5 * HOME.robot.description.tube_diameter
 
 
@@ -71,46 +64,6 @@ def test_a_face_lies_on_a_tube_where_both_of_its_ends_are_in_it(length, side, wa
 def test_a_face_that_is_shorter_than_a_tubes_radius_is_one_corner():
     found = find_pressed(HOME, lain_on(0.98 * RADIUS, 0.01), np.array([NUMBER]))
     assert found.corners.tolist() == [0]
-
-
-@pytest.mark.parametrize(
-    ('shape', 'members'),
-    [
-        *itertools.product(
-            [BOX, Ellipse((0.25, 0.2)), Disc(0.4), regular_polygon(6, 0.2)],
-            [('south/P-Q', 'north/R-P'), CORNER],
-        ),
-        (Disc(0.15), CORNER),
-    ],
-)
-def test_the_search_starts_where_straight_tubes_are_deepest_in_the_object(shape, members):
-    body = place_between(HOME, members, shape, angle=0.7, indentation=0.01).body
-    given = numbers(members)
-    contacts = find_pressed(HOME, body, given)
-    assert contacts.members.tolist() == given.tolist()
-    statics = build_statics(HOME, body, contacts)
-    start, places = start_at(statics, body), statics.places
-    pose = start[:3]
-    assert pose == pytest.approx([*body.pose[:2], body.pose.angle])
-    assert start[places.inclinations] == pytest.approx(0.0)
-    assert start[places.friction] == pytest.approx(0.0)
-    for k, number in enumerate(given):
-        origin, axis = member_line(number)
-        foot, force = start[places.feet][k], start[places.normal][k]
-        lattice = foot + np.linspace(-0.2, 0.2, 401)
-        gaps = body.nearest(origin + axis * lattice).gaps
-        here = body.nearest(np.array([origin + axis * foot])).gaps[0]
-        assert here <= gaps.min() + 1e-6
-        # The tube, on its own, and its skin give by the force; the skin as where the tube alone
-        # would give by all of the depth.
-        load = np.zeros((len(given), 3))
-        load[k, 1] = 1.0
-        compliance = MemberCompliance(structure_of(HOME), given)
-        own = compliance.at(start[places.feet]).respond(load)[k, 1]
-        around = (RADIUS - here) / own + np.array([[-0.01], [0.01]]) * np.ones(len(given))
-        less, more = (statics.indentation(forces)[0][k] for forces in around)
-        slope = (more - less) / 0.02
-        assert force * (own + slope) == pytest.approx(RADIUS - here, rel=1e-3)
 
 
 @pytest.mark.parametrize('side', [1.0, -1.0])

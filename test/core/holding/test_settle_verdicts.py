@@ -89,14 +89,6 @@ def test_an_angle_is_displaced_by_less_than_half_a_turn():
         )
 
 
-def test_what_has_no_equilibrium_has_no_margin():
-    found = settle_grasp(HOME, ConvexObject(BOX, (5.0, 5.0, 0.0)))
-    assert found.hold is HoldStatus.NO_CONTACT
-    assert found.slip_margin == 0.0
-    assert found.required_friction == np.inf
-    assert not found.stiffness.any()
-
-
 def test_friction_loads_the_tubes_until_they_wrinkle():
     cylinder = ConvexObject.disc(tangent_center(HOME, 'north/Z', 0.3, 0.06), 0.3)
     fast = analyze_grasp(HOME, cylinder, 0.8)

@@ -27,13 +27,6 @@ MATRIX = [[1.0, 2.0], [3.0, 4.0]]
 
 
 @KINDS
-def test_solves_with_the_matrix_and_with_its_transpose(kind):
-    factor = factorize(kind(MATRIX))
-    assert factor.solve(np.array([1.0, 0.0])) == pytest.approx([-2.0, 1.5])
-    assert factor.solve_transposed(np.array([1.0, 0.0])) == pytest.approx([-2.0, 1.0])
-
-
-@KINDS
 def test_condition_number_is_that_of_the_columns(kind):
     assert condition_number(kind(MATRIX)) == pytest.approx(6.0 * 3.5)
     # That of the rows, 7 times 3, is the same here; not so of this matrix.

@@ -82,11 +82,6 @@ def check_optimality(program, x):
     assert np.abs(left).max() <= 1e-6 * (1.0 + np.abs(program.gradient).max())
 
 
-def test_minimum_without_constraints():
-    found = solve_qp(QuadraticProgram(np.diag([2.0, 8.0]), np.array([-2.0, 8.0]), *free(2)))
-    assert found == pytest.approx([1.0, -1.0])
-
-
 def test_nearest_point_of_a_half_plane():
     rows, bounds = np.array([[3.0, 4.0]]), np.array([-5.0])
     for limits in (free(2)[2:], ()):
@@ -125,22 +120,6 @@ def test_a_row_that_the_equalities_settle_is_kept_or_contradicts_them(bound, len
         assert found is None
     else:
         assert found == pytest.approx([2.0, 2.0])
-
-
-def test_an_equality_and_a_bound():
-    # x + y = 2 with x <= 0.5; without the bound both are 1.
-    _, _, lower, upper = free(2)
-    upper[0] = 0.5
-    program = QuadraticProgram(
-        np.eye(2),
-        np.zeros(2),
-        *free(2)[:2],
-        lower,
-        upper,
-        np.array([[1.0, 1.0]]),
-        np.array([2.0]),
-    )
-    assert solve_qp(program) == pytest.approx([0.5, 1.5], abs=1e-12)
 
 
 @pytest.mark.parametrize(('bound', 'expected'), [(1.0, [1.0, 2.0]), (0.5, None)])

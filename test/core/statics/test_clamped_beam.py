@@ -65,15 +65,3 @@ def test_rates_are_those_of_differences(pinned, x, y):
             np.array(beam.influence(x + sign * dx, y + sign * dy)[:5]) for sign in (STEP, -STEP)
         )
         assert (ahead - back) / (2.0 * STEP) == pytest.approx(expected, rel=1e-5, abs=1e-8)
-
-
-@robots.examples(50)
-@given(strategies.booleans(), places)
-def test_many_beams_in_arrays_are_as_each_alone(pinned, x):
-    numbers = (LENGTH, AXIAL, FLEXURAL, SHEAR, float(pinned))
-    alone = ClampedBeam(*numbers)
-    many = ClampedBeam(*(np.array([value, value]) for value in numbers))
-    found = many.shapes(np.array([x, 0.5 * x]))
-    for i, place in enumerate((x, 0.5 * x)):
-        one = [[float(np.broadcast_to(value, 2)[i]) for value in row] for row in found]
-        assert one == pytest.approx(np.array(alone.shapes(place)), rel=1e-12)

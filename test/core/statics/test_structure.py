@@ -9,13 +9,10 @@
 
 """The robot as a frame against the system of equation (4), written down here from the paper."""
 
-from dataclasses import replace
-
 import frames
 from hypothesis import given, strategies
-from isotruss_ros.core import deform, load_robot, Robot
+from isotruss_ros.core import deform, load_robot
 from isotruss_ros.core.errors import IsotrussError, StructureError
-from isotruss_ros.core.statics.beam import local_stiffness
 from isotruss_ros.core.statics.section import tube_pressures
 from isotruss_ros.core.statics.structure import structure_of
 from isotruss_ros.core.statics.tube_stiffness import tube_stiffness
@@ -175,111 +172,8 @@ def test_agrees_with_the_system_of_the_paper(case):
         expected = reactions[names.index(joint)]
         np.testing.assert_allclose([*reaction, 0.0], expected, atol=1e-7 * largest)
     # Every sixth member is a long piece DE'.
-    assert tuple(deformation.end_forces) == config.robot.member_names
-    for pushed, expected in zip(deformation.end_forces.values(), forces[5::6], strict=True):
-        np.testing.assert_allclose(pushed.ravel(), expected, atol=1e-7 * largest)
-
-
-# -- Members cut into pieces, guide rings included --
-
-STIFFNESSES = {
-    'inflatable_beam': {'model': 'inflatable_beam'},
-    'section': {
-        'model': 'section',
-        'axial_rigidity': 1.9e4,
-        'flexural_rigidity': 25.0,
-        'shear_rigidity': 1.9e3,
-    },
-    'power_law': {
-        'model': 'power_law',
-        'axial': {'C': 8.0, 'a': 0.6, 'b': -0.1},
-        'transverse': {'C': 1.0, 'a': 0.6, 'b': -2.4},
-        'rotary': {'C': 0.6, 'a': 0.6, 'b': -0.3},
-    },
-}
-
-
-def equilateral(length, stiffness):
-    """Return the preset `triangle` with members of a length, and one of the stiffness models."""
-    file = load_robot('triangle').description
-    side = length + abs(complex(*file.joints['R'])) - 1.02
-    corners = {'L': 0j, 'R': side + 0j, 'T': side * np.exp(1j * np.pi / 3.0)}
-    joints = {name: (z.real, z.imag) for name, z in corners.items()}
-    return Robot(
-        replace(file, joints=joints, stiffness=stiffness, min_length=0.24, max_length=3.1)
-    )
-
-
-@pytest.mark.parametrize('model', STIFFNESSES)
-def test_pieces_have_together_the_end_stiffnesses_of_their_member(model):
-    """Pinch to pinch, cut at both guide rings, in all three modes."""
-    for length in np.linspace(0.25, 3.0, 12):
-        robot = equilateral(length, STIFFNESSES[model])
-        (pressure,) = robot.description.pressures.values()
-        assert robot.home.member_lengths == pytest.approx([length] * 3, rel=1e-9)
-        structure = structure_of(robot.home)
-        frame, members = structure.frame, structure.frame.members
-        first, last, middle = structure.pieces
-        chain = np.array([first[0], middle[0], last[robot.topology.following[0]]])
-        pieces = np.abs(frame.points[members.end[chain]] - frame.points[members.start[chain]])
-        assert pieces == pytest.approx([0.08, length - 0.16, 0.08], rel=1e-9)
-        matrices = local_stiffness(
-            pieces, members.axial[chain], members.flexural[chain], members.shear[chain]
-        )
-        # C' E' runs backward along the member; turned about, a beam is itself.
-        together = np.zeros((12, 12))
-        for i, matrix in enumerate(matrices):
-            place = np.arange(3 * i, 3 * i + 6)
-            together[np.ix_(place, place)] += matrix
-        ends, rings = [0, 1, 2, 9, 10, 11], list(range(3, 9))
-        coupling = together[np.ix_(ends, rings)]
-        together = together[np.ix_(ends, ends)] - coupling @ np.linalg.solve(
-            together[np.ix_(rings, rings)], coupling.T
-        )
-        section = structure.tube.section_stiffness([length], pressure)
-        (whole,) = local_stiffness(np.array([length]), *section)
-        for mode in range(3):
-            assert together[mode, mode] == pytest.approx(whole[mode, mode], rel=1e-9)
-        np.testing.assert_allclose(together, whole, atol=1e-9 * np.abs(whole).max())
-
-
-@pytest.mark.parametrize('model', STIFFNESSES)
-@pytest.mark.parametrize('length', [0.25, 1.13, 3.0])
-def test_guide_rings_leave_the_axial_stiffness_of_a_member_as_it_is(model, length):
-    """A module that moves along a member meets the member's axial stiffness and no more."""
-    robot = equilateral(length, STIFFNESSES[model])
-    (pressure,) = robot.description.pressures.values()
-    structure = structure_of(robot.home)
-    frame, topology = structure.frame, robot.topology
-    member, ahead = 1, int(topology.following[1])
-    module, next_module = topology.module_names[member], topology.module_names[ahead]
-    joint = topology.joint_names[topology.joint[member]]
-    moving = [structure.node(name) for name in (joint, *(f'{module}/{n}' for n in 'BCE'))]
-    rings = [structure.node(f'{module}/D'), structure.node(f'{next_module}/E')]
-    free = np.concatenate([3 * node + np.arange(3) for node in rings])
-    piece = structure.pieces[2, member]
-    span = frame.points[frame.members.end[piece]] - frame.points[frame.members.start[piece]]
-    along = np.array([span.real, span.imag]) / abs(span)
-    moved = np.zeros(3 * len(structure.node_names))
-    for node in moving:
-        moved[[3 * node, 3 * node + 1]] = along
-    # The rings go where the tube, and the bisection of both modules, let them.
-    matrix = frame.stiffness.toarray()
-    rows = frames.dense(frame._rows, len(structure.node_names))[[member, ahead]]
-    size = len(free)
-    system = np.zeros((size + 2, size + 2))
-    system[:size, :size] = matrix[np.ix_(free, free)]
-    system[size:, :size], system[:size, size:] = rows[:, free], rows[:, free].T
-    right = -np.concatenate([matrix[free] @ moved, rows @ moved])
-    moved[free] = np.linalg.solve(system, right)[:size]
-    start, end = ([3 * node, 3 * node + 1] for node in rings)
-    shorter = (moved[start] - moved[end]) @ along
-    force = frame.members.axial[piece] / abs(span) * shorter
-    section = structure.tube.section_stiffness([length], pressure)
-    assert force == pytest.approx(section.axial[0] / length, rel=1e-9)
-    if model == 'power_law':
-        law = STIFFNESSES[model]['axial']
-        assert force == pytest.approx(law['C'] * pressure ** law['a'] * length ** law['b'])
+    pieces = deformation.state.end_forces[deformation.structure.pieces[2]]
+    np.testing.assert_allclose(pieces, forces[5::6], atol=1e-7 * largest)
 
 
 # -- Pressures --
@@ -349,66 +243,10 @@ def test_pressures_that_are_not_usable_are_refused(pressure, complaint):
         deform(load_robot('nine_member').home, {}, pressure)
 
 
-# -- What every robot obeys --
-
-
-@given(cases())
-@examples(30)
-def test_bisection_holds_to_first_order(case):
-    config, joint_loads = case
-    deformation = deform(config, joint_loads)
-    points = places(config)
-    ring = config.robot.description.module.guide_ring_distance
-    for tube, joint, _, _ in visits(config.robot.description):
-        nodes = [joint, *(f'{tube}/{joint}/{node}' for node in 'BCDE')]
-        at = np.array([points[node] for node in nodes])
-        moved = np.array([complex(*deformation.displacement(node)[:2]) for node in nodes])
-        step = 1e-4 * ring / size(deformation)
-        change = bisection(*(at + step * moved)) - bisection(*(at - step * moved))
-        # The guide rings may not turn by a millionth of what the module gets around.
-        assert abs(change) < 1e-6 * 1e-4
-
-
-@pytest.mark.parametrize('seed', range(6))
-def test_hard_modules_keep_their_shape(seed):
-    document = robots.random_document(seed)
-    document['module'].update(axial_rigidity=5.0e9, flexural_rigidity=2.0e6)
-    robot = robots.load(document)
-    config = robot.configuration(np.zeros(len(robot.roller_names)))
-    rng = np.random.default_rng(seed)
-    deformation = deform(config, random_loads(rng, robot))
-    points = places(config)
-    moved = {n: complex(*deformation.displacement(n)[:2]) for n in points}
-    for tube, joint, _, _ in visits(robot.description):
-        b, c = (f'{tube}/{joint}/{node}' for node in 'BC')
-        for start, end in ((joint, b), (joint, c), (b, c)):
-            span = points[end] - points[start]
-            longer = ((moved[end] - moved[start]) * span.conjugate()).real / abs(span)
-            assert abs(longer) < 1e-5 * size(deformation)
-        # The rod runs from A to the middle of BC.
-        rod = 0.5 * (points[b] + points[c]) - points[joint]
-        longer = ((0.5 * (moved[b] + moved[c]) - moved[joint]) * rod.conjugate()).real / abs(rod)
-        assert abs(longer) < 1e-5 * size(deformation)
-
-
-# -- The triangle --
-
-
-def test_the_loaded_triangle_carries_its_load_mostly_as_a_truss():
-    # Pin-jointed, of its sides from joint to joint: thrust P/(2 sin 60) in the legs, half that
-    # times cos 60 in the base. Stiff corners only take from it.
-    config = load_robot('triangle').configuration(np.zeros(2))
-    forces = deform(config, {'T': (0.0, -30.0)}).end_forces
-    legs = 15.0 / np.sin(np.pi / 3.0)
-    assert forces['main/R-T'][0, 0] == pytest.approx(legs, rel=0.1)
-    assert forces['main/T-L'][0, 0] == pytest.approx(legs, rel=0.1)
-    assert forces['main/L-R'][0, 0] == pytest.approx(-0.5 * legs, rel=0.2)
-
-
 # -- Refusals --
 
 
-@pytest.mark.parametrize('joint', ['W', '', 'main', 'main/T', 'main/T/B', 't', ('T',), 3, None])
+@pytest.mark.parametrize('joint', ['W', 'main/T/B', ('T',), None])
 def test_loads_on_what_is_no_joint_are_refused_by_name(joint):
     config = load_robot('triangle').configuration(np.zeros(2))
     with pytest.raises(StructureError) as caught:
@@ -424,18 +262,10 @@ def test_loads_on_what_is_no_joint_are_refused_by_name(joint):
     [
         (np.nan, 0.0),
         (0.0, np.inf),
-        (0.0, -np.inf),
         (1.0,),
-        (1.0, 2.0, 3.0),
-        [[1.0, 2.0]],
         1.0,
         None,
         'up',
-        ('1', '2'),
-        (1j, 0.0),
-        (True, False),
-        (None, 1.0),
-        {},
     ],
 )
 def test_loads_that_are_no_two_finite_numbers_are_refused_with_their_joint(force):
@@ -450,7 +280,7 @@ def test_loads_whose_effect_is_beyond_all_numbers_are_refused():
         deform(config, {'T': (1e307, 0.0)})
 
 
-@pytest.mark.parametrize('node', ['W', '', 'main/T', 'main/T/A', 'T/B', 'main/T/b', 3, None])
+@pytest.mark.parametrize('node', ['W', 'main/T/A', 'main/T/b', None])
 def test_displacements_of_what_is_no_node_are_refused_by_name(node):
     config = load_robot('triangle').configuration(np.zeros(2))
     deformation = deform(config, {'T': (0.0, -1.0)})
@@ -458,17 +288,3 @@ def test_displacements_of_what_is_no_node_are_refused_by_name(node):
         deformation.displacement(node)
     assert repr(node) in str(caught.value)
     assert 't/j/D' in str(caught.value)
-
-
-@pytest.mark.parametrize('name', PRESETS)
-def test_a_robot_that_lost_a_support_is_refused_by_all_that_moves(name):
-    robot = load_robot(name)
-    config = robot.configuration(np.zeros(len(robot.roller_names)))
-    names, points, found, held, rows = from_scratch(config)
-    # It turns about the joint that is held both ways.
-    fixed = np.flatnonzero(held[:, :2].all(axis=1))
-    held = frames.supports(len(names), {int(fixed[0]): 'xy'})
-    with pytest.raises(StructureError, match='mechanism') as caught:
-        frames.frame(points, found, held, rows, names).solve(np.zeros((len(names), 3)))
-    said = str(caught.value).split(': ')[1].split(' can move')[0].split(', ')
-    assert {*said, names[fixed[0]]} == set(names)
