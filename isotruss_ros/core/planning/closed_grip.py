@@ -17,7 +17,7 @@ from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.planning.grasp_plan import SearchTally
+from isotruss_ros.core.planning.grasp_plan import RequirementError
 from isotruss_ros.core.planning.requirements import GraspRequirements, Measure
 import numpy as np
 
@@ -48,8 +48,7 @@ def find_loads(
     analysis: GraspAnalysis,
     normal_forces: Array,
     utilisation: Array,
-    tally: SearchTally,
-) -> dict[str, float] | None:
+) -> dict[str, float]:
     """
     Return the loads of a grasp by requirement, the larger ones of an object held fast and free.
 
@@ -61,8 +60,7 @@ def find_loads(
     :param normal_forces: (m,) of the members on the free object [N]; none where the ground holds
         it.
     :param utilisation: (n,) of members under the forces of the free object [-].
-    :param tally: of the search; has the first one that exceeds its bound.
-    :return: None where one exceeds its bound.
+    :raises RequirementError: one exceeds its bound.
     """
     pressing = (*analysis.contact_forces.values(), *normal_forces)
     loads = {
@@ -73,8 +71,7 @@ def find_loads(
     for name, value in loads.items():
         bound = getattr(needs, name)
         if value > bound:
-            tally.record(name, value, bound, 1.0 - bound / value)
-            return None
+            raise RequirementError(name, value, bound, 1.0 - bound / value)
     return loads
 
 

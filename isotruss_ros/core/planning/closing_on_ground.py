@@ -64,13 +64,12 @@ def close_on_ground(
     tube, shares = touch.robot.description.tube_diameter, np.ones(len(closing.members))
     while share > LEAST_SHARE and depth < MAX_DEPTH * tube:
         deeper = depth + share * CLOSING_STEP * tube
-        found = _balance(config, deeper * shares, closing, needs, tally)
-        grip = None if found is None else _judge(found[0], found[1], closing, needs, tally)
-        if grip is None:
-            share *= REFINEMENT
+        with tally.recording():
+            grip, depths = _balance(config, deeper * shares, closing, needs, tally)
+            yield grip
+            config, depth, shares = grip.config, deeper, depths / deeper
             continue
-        config, depth, shares = found[0], deeper, found[2] / deeper
-        yield grip
+        share *= REFINEMENT
 
 
 def _judge(
@@ -79,13 +78,11 @@ def _judge(
     closing: Closing,
     needs: GraspRequirements,
     tally: SearchTally,
-) -> ClosedGrip | None:
-    """Return a grip with what it does; None where a bound is exceeded."""
+) -> ClosedGrip:
+    """Return a grip with what it does, unless a bound is exceeded."""
     settled = settle_grasp(config, closing.body, needs.friction, needs.external_wrench)
     bears = [*settled.utilisation.values()] if settled.hold.at_rest else []
-    loads = find_loads(needs, analysis, [], bears, tally)
-    if loads is None:
-        return None
+    loads = find_loads(needs, analysis, [], bears)
     total, friction = float(analysis.normal_forces.sum()), analysis.required_friction
     margin, slip = analysis.closure_margin, None
     if total == 0.0:
@@ -106,17 +103,13 @@ def _balance(
     closing: Closing,
     needs: GraspRequirements,
     tally: SearchTally,
-) -> tuple[Configuration, GraspAnalysis, Array] | None:
+) -> tuple[ClosedGrip, Array]:
     """Return the grip that balances best about some depths (s,), the mean kept, and its depths."""
     mean, names = depths.mean(), [config.robot.member_names[i] for i in closing.members]
     for _ in range(MAX_BALANCE_STEPS):
-        pressed = press(config, closing, depths, tally)
-        if pressed is None:
-            return None
-        config = pressed
+        config, used = press(config, closing, depths, tally), depths
         tally.analyses += 1
         analysis = analyze_grasp(config, closing.body, needs.friction, needs.external_wrench)
-        found = config, analysis, depths
         forces = np.array([analysis.contact_forces.get(name, 0.0) for name in names])
         if forces.min() <= 0.0:
             break
@@ -125,7 +118,7 @@ def _balance(
             break
         depths = depths * np.clip(1.0 + GIVE * change / forces, 0.5, 2.0)
         depths = depths * (mean / depths.mean())
-    return found
+    return _judge(config, analysis, closing, needs, tally), used
 
 
 def find_correction(

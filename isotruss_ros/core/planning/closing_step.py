@@ -33,7 +33,7 @@ from isotruss_ros.core.planning.closing import (
     mean_member_length,
     SearchState,
 )
-from isotruss_ros.core.planning.grasp_plan import SearchTally
+from isotruss_ros.core.planning.grasp_plan import RequirementError, SearchTally
 from isotruss_ros.core.safety.distances import collision_model
 import numpy as np
 
@@ -63,7 +63,7 @@ GAP_ROUNDING = 1e-12  # [m]
 
 def press(
     config: Configuration, closing: Closing, depths: Array, tally: SearchTally
-) -> Configuration | None:
+) -> Configuration:
     """
     Bring the grasping members to given indentations; the object stands still.
 
@@ -71,7 +71,7 @@ def press(
     :param closing: what closes.
     :param depths: (s,) indentation of each grasping member [m].
     :param tally: of the search.
-    :return: None where a requirement stops the motion; the tally has it.
+    :raises RequirementError: a requirement stops the motion.
     :raises SolverError: a quadratic program was not solved.
     """
     state = evaluate_state(config, closing.body)
@@ -82,10 +82,8 @@ def press(
             return state.config
         state, share, blocked = take_closing_step(state, closing, -depths, share, tally)
         if blocked is not None:
-            tally.record(*blocked, 50.0)
-            return None
-    tally.record('reach', left, 0.0, 40.0 + left)
-    return None
+            raise RequirementError(*blocked, 50.0)
+    raise RequirementError('reach', left, 0.0, 40.0 + left)
 
 
 def take_closing_step(

@@ -25,7 +25,7 @@ from isotruss_ros.core.planning.closing_in_place import close_in_place
 from isotruss_ros.core.planning.closing_on_ground import close_on_ground
 from isotruss_ros.core.planning.closing_step import press
 from isotruss_ros.core.planning.foresee_path import foresee_grip
-from isotruss_ros.core.planning.grasp_plan import PlannedGrasp, SearchTally
+from isotruss_ros.core.planning.grasp_plan import PlannedGrasp, RequirementError, SearchTally
 from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.safety.margins import shape_margins
 import numpy as np
@@ -55,7 +55,10 @@ def judge_candidate(
         closed = close_grip(opened[-1], closing, needs, tally)
         if closed is not None and needs.carry:
             tally.closest = None
-            closed = closed if _carries(closed[1], needs, tally) else None
+            _check_carry(closed[1], needs)
+    except RequirementError as error:
+        tally.record(*error.args)
+        return None, tally
     except IsotrussError as error:
         # A candidate that cannot be computed is none; what was found out before still counts.
         tally.record(str(error), 0.0, 0.0, 100.0)
@@ -81,31 +84,28 @@ def close_grip(
     """
     # A nominal posture would keep the gaps from their targets, by a little.
     closing = replace(closing, nominal_posture=None, facing=None)
-    touch = press(opened, closing, np.zeros(len(closing.members)), tally)
-    if touch is None:
-        return None
     rise = close_in_place if needs.object_is_free else close_on_ground
-    path, best, best_score = [touch], None, -math.inf
-    for grip in rise(touch, closing, needs, tally):
-        path.append(grip.config)
-        if grip.slip_margin is None:
-            continue
-        # The path as far as here is shorter than all of it.
-        score = rate_grip(needs, grip, -grip.squeeze)
-        if score <= best_score:
-            break
-        best, best_score = (path[:], grip), score
+    best, best_score = None, -math.inf
+    with tally.recording():
+        path = [press(opened, closing, np.zeros(len(closing.members)), tally)]
+        for grip in rise(path[0], closing, needs, tally):
+            path.append(grip.config)
+            if grip.slip_margin is None:
+                continue
+            # The path as far as here is shorter than all of it.
+            score = rate_grip(needs, grip, -grip.squeeze)
+            if score <= best_score:
+                break
+            best, best_score = (path[:], grip), score
     return best
 
 
-def _carries(grip: ClosedGrip, needs: GraspRequirements, tally: SearchTally) -> bool:
-    """Tell whether a grip carries the object along its path without slipping."""
+def _check_carry(grip: ClosedGrip, needs: GraspRequirements) -> None:
+    """Raise unless a grip carries the object along its path without slipping."""
     found = foresee_grip(grip.config, grip.body, needs.friction, np.array(needs.carry))
-    if found is not None and not found.why:
-        return True
     share = 0.0 if found is None else found.share
-    tally.record('carry', share, 1.0, 1.0 - share)
-    return False
+    if found is None or found.why:
+        raise RequirementError('carry', share, 1.0, 1.0 - share)
 
 
 def _planned(

@@ -11,10 +11,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+import contextlib
 from dataclasses import astuple, dataclass
 
 from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
+from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip, members_at
 from isotruss_ros.core.numerics.arrays import Array
@@ -28,6 +30,10 @@ class Violation:
     value: float  #: that of the candidate
     bound: float  #: that of the requirement
     distance: float  #: of the value from the bound, without unit, to compare candidates by
+
+
+class RequirementError(IsotrussError):
+    """What ends a motion or a candidate: the arguments are the fields of a `Violation`."""
 
 
 class SearchTally:
@@ -55,6 +61,14 @@ class SearchTally:
         """
         if self.closest is None or distance < self.closest.distance:
             self.closest = Violation(requirement, float(value), float(bound), float(distance))
+
+    @contextlib.contextmanager
+    def recording(self) -> Iterator[None]:
+        """Record the requirement that ends what is done inside."""
+        try:
+            yield
+        except RequirementError as error:
+            self.record(*error.args)
 
     def add(self, other: SearchTally) -> None:
         """
