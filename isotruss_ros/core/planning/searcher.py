@@ -81,8 +81,7 @@ class Searcher:
     """
 
     def __init__(self, workers: int) -> None:
-        self._workers = workers
-        self._pool: WorkerPool | None = None
+        self._workers, self._pool = workers, WorkerPool(workers)
         self._search: Future[GraspPlan] | None = None
         self._stop = Stop()
         self._progress = Progress(0, 0, None, 0.0, None), 0.0
@@ -104,8 +103,6 @@ class Searcher:
         :param seed: of the search.
         :param time_limit: of the search [s]; none if 0.
         """
-        if self._pool is None:
-            self._pool = WorkerPool(self._workers)
         self._search, self._stop = Future(), Stop(time_limit)
         self._progress = Progress(0, 0, None, 0.0, None), 0.0
         arguments = (config, body, requirements, seed, self._pool.executor)
@@ -158,9 +155,8 @@ class Searcher:
             self.cancel()
             self._search.exception()  # waits for its end
             self._search = None
-        if self._pool is not None:
-            self._pool.close()
-            self._pool = None
+        self._pool.close()
+        self._pool = WorkerPool(self._workers)  # of which no process has begun
 
     def _run(self, search: Future[GraspPlan], arguments: tuple) -> None:
         try:
