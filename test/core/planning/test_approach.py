@@ -28,7 +28,6 @@ from isotruss_ros.core.planning.closing import Closing
 from isotruss_ros.core.planning.facing import balances, friction_angles
 from isotruss_ros.core.planning.grasp_plan import SearchTally
 from isotruss_ros.core.planning.seeds import find_seeds
-from isotruss_ros.core.safety.margins import shape_margins
 import numpy as np
 import pytest
 import robots
@@ -116,36 +115,6 @@ def test_way_is_free_of_the_object_between_its_rows_too():
             least = min(members[others].min(), np.min(modules))
             began = min(np.concatenate(closings.gaps(way.path[0], body)))
             assert least > min(0.05 * tube, began) - 0.01 * tube
-
-
-def test_way_keeps_the_robot_rigid_clear_of_itself_and_its_members_in_bounds():
-    for _, way in each(lambda way: True):
-        start = way.path[0]
-        file, tubes = start.robot.description, closings.tube_lengths(start)
-        for _, config in closings.between(way.path[:25:3], 1):
-            assert closings.rigidity(config) >= NEEDS.min_rigidity - 1e-3
-            assert closings.clearance(config) >= min(0.0, closings.clearance(start)) - 1e-5
-            margins = shape_margins(config)
-            assert margins.clearance >= min(0.0, shape_margins(start).clearance)
-            assert closings.tube_lengths(config) == pytest.approx(tubes, abs=1e-9)
-            assert config.member_lengths.min() >= file.min_length
-            assert config.member_lengths.max() <= file.max_length
-
-
-def test_steps_are_short_and_travel_is_their_sum():
-    for _, way in each(lambda way: True):
-        places = np.array([config.roller_positions for config in way.path])
-        longest = 0.035 * np.mean(way.path[0].robot.home.member_lengths)
-        travel = np.zeros(places.shape[1])
-        for one, other in itertools.pairwise(places):
-            assert np.abs(other - one).max() <= longest * (1.0 + 1e-6)
-            travel += np.abs(other - one)
-        assert way.evaluations >= len(way.path) - 1
-        # Each row is where the robot comes to by the way, and not another shape.
-        config = way.path[0]
-        for row in way.path:
-            config = config.moved_to(row.roller_positions)
-        assert config.points == pytest.approx(way.path[-1].points, abs=1e-9)
 
 
 def test_way_begins_where_the_robot_is_and_is_nothing_where_it_is_there():
@@ -268,18 +237,6 @@ def mirrored(document, body):
     return document | {'joints': joints}, ConvexObject.disc((-x, y), 2.0 * body.arm)
 
 
-def turned(document, body):
-    """Return a robot and an object turned by a right angle."""
-    joints = {name: [-y, x] for name, (x, y) in document['joints'].items()}
-    axes = {'x': 'y', 'y': 'x'}
-    supports = {name: [axes[a] for a in held] for name, held in document['supports'].items()}
-    x, y, _ = body.pose
-    return (
-        document | {'joints': joints, 'supports': supports},
-        ConvexObject.disc((-y, x), 2.0 * body.arm),
-    )
-
-
 def reversed_tubes(document, body):
     """Return a robot whose tubes run the other way."""
     tubes = {
@@ -302,30 +259,13 @@ def at_home(document, body):
     return found
 
 
-@pytest.mark.parametrize('change', [mirrored, turned, reversed_tubes])
-def test_mirrored_and_turned_robots_grasp_by_the_same_members(change):
+@pytest.mark.parametrize('change', [mirrored, reversed_tubes])
+def test_mirrored_robots_and_tubes_that_run_the_other_way_grasp_by_the_same_members(change):
     document, body = robots.example(), ConvexObject.disc((0.45, 0.35), 0.15)
     plain, other = at_home(document, body), at_home(*change(document, body))
     assert len(plain) >= 3
     assert other == plain
     assert len(plain) == 3
-
-
-def test_symmetric_robot_moves_symmetrically():
-    document = robots.example()
-    document['joints'] = {'P': [-0.5, 0.0], 'Q': [0.5, 0.0], 'X': [0.0, 0.9]}
-    document['supports'] = {'P': ['y'], 'Q': ['y'], 'X': ['x']}
-    home, body = robots.load(document).home, ConvexObject.disc((0.0, 0.35), 0.25)
-    needs = GraspRequirements(module='south/X')
-    for closing in find_seeds(home, body, needs, 0, 0, SearchTally())[:2]:
-        way = approach(home, closing)
-        assert way.unmet is None
-        assert len(way.path) > 3
-        for config in way.path:
-            one, other = config.roller_positions
-            assert one == pytest.approx(-other, abs=1e-6)
-            near = closings.gaps(config, body)[0][list(closing.members)]
-            assert near[0] == pytest.approx(near[1], abs=1e-5)
 
 
 def test_members_turn_to_where_friction_holds_to_spare():

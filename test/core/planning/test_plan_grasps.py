@@ -30,7 +30,7 @@ from isotruss_ros.core import (
 from isotruss_ros.core.errors import GraspError, SolverError
 from isotruss_ros.core.planning import grasp_candidate
 from isotruss_ros.core.planning import plan_grasps as search
-from isotruss_ros.core.planning.describe_plan import plan_in_words, violation_in_words
+from isotruss_ros.core.planning.describe_plan import violation_in_words
 from isotruss_ros.core.planning.foresee_path import foresee_grip
 from isotruss_ros.core.planning.requirements import Measure
 from isotruss_ros.core.planning.seeds import find_seeds
@@ -160,7 +160,8 @@ def test_grasps_are_distinct(plans):
 
 @pytest.mark.parametrize('measure', Measure)
 def test_best_comes_first_by_every_measure(measure):
-    needs = GraspRequirements(measure=measure, direction=(1.0, 0.0, 0.0), count=3)
+    along = np.array([1.0, 2.0, 0.5])
+    needs = GraspRequirements(measure=measure, direction=tuple(along), count=3)
     plan = plan_grasps(ROBOT.home, OBJECTS['north'], needs)
     scores = [grasp.score for grasp in plan]
     assert scores == sorted(scores, reverse=True)
@@ -170,11 +171,9 @@ def test_best_comes_first_by_every_measure(measure):
             Measure.CLOSURE_MARGIN: grasp.closure_margin,
             Measure.TOTAL_FORCE: -grasp.total_force,
             Measure.TRAVEL: -grasp.travel,
-            Measure.STIFFNESS: grasp.analysis.stiffness[0, 0],
+            Measure.STIFFNESS: along @ grasp.analysis.stiffness @ along / (along @ along),
         }[measure]
-        assert grasp.score == pytest.approx(
-            told, rel=0.2 if measure is Measure.STIFFNESS else 1e-9
-        )
+        assert grasp.score == pytest.approx(told, rel=1e-9)
 
 
 @pytest.mark.nightly
@@ -343,11 +342,7 @@ def test_grasps_outside_of_the_model_say_so(plans):
         assert grasp.outside_model == (used > 1.0)
         assert grasp.utilisation >= used - 1e-6
     assert all(grasp.outside_model for grasp in strong)
-    assert 'outside of the model; so it is in 1 of the others' in plan_in_words(strong)
-    behind = replace(strong, grasps=(plans['north'][0], *strong))
-    assert 'in 2 of the others a tube wrinkles' in plan_in_words(behind)
     assert 'outside of the model' in str(table(strong, needs).caption)
-    assert not any('outside' in plan_in_words(plan) for plan in plans.values())
     assert table(plans['north'], needs).caption is None
 
 

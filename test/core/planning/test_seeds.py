@@ -12,7 +12,6 @@ import math
 
 import closings
 from isotruss_ros.core import ConvexObject, GraspRequirements, load_robot
-from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.planning import seeds
 from isotruss_ros.core.planning.facing import friction_angles
 from isotruss_ros.core.planning.grasp_plan import SearchTally
@@ -79,21 +78,6 @@ def test_only_the_members_that_are_asked_for_are_tried(wanted, number):
     assert len(found) == (8 if number else 1)
     for seed in found:
         assert {NAMES[i] for i in seed.members} == {'north/P-Z', 'north/Z-R'}
-
-
-def test_members_that_are_not_around_the_object_are_not_tried():
-    assert find_seeds(HOME, BODY, GraspRequirements(module='east/R'), 0, 0, SearchTally()) == []
-    with pytest.raises(GraspError, match='north/Q'):
-        find_seeds(HOME, BODY, GraspRequirements(module='north/Q'), 0, 0, SearchTally())
-
-
-def test_nothing_is_tried_where_nothing_goes_around_the_object():
-    for center in ((0.5, 2.0), (-1.0, 0.0)):
-        for number in (0, 1):
-            assert (
-                find_seeds(HOME, ConvexObject.disc(center, 0.1), ANY, 0, number, SearchTally())
-                == []
-            )
 
 
 @pytest.mark.parametrize('seed', range(6))
