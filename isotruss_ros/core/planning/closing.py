@@ -24,6 +24,10 @@ import numpy as np
 
 #: A step uses at most this share of the distance from a bound.
 BOUND_SHARE = 0.5
+#: Members close by so much from waypoint to waypoint, in diameters of the tube; ...
+CLOSING_STEP = 0.12
+#: ... steps become shorter by this factor where a bound ends them, while longer than this share.
+REFINEMENT, LEAST_SHARE = 0.34, 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,12 +119,3 @@ def evaluate_state(config: Configuration, body: ConvexObject) -> SearchState:
         rigidity_index(config.robot).modes(config),
         model.distances(config),
     )
-
-
-def mean_member_length(config: Configuration) -> float:
-    """
-    Return the mean length of the members at home, which steps are measured by [m].
-
-    :param config: a configuration of the robot.
-    """
-    return float(config.robot.home.member_lengths.mean())

@@ -29,17 +29,10 @@ from isotruss_ros.core.holding.loaded_frame import held_utilisation
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.pose import pose_difference
-from isotruss_ros.core.planning.closed_grip import (
-    ClosedGrip,
-    CLOSING_STEP,
-    find_loads,
-    LEAST_SHARE,
-    REFINEMENT,
-)
-from isotruss_ros.core.planning.closing import Closing
+from isotruss_ros.core.planning.closing import Closing, CLOSING_STEP, LEAST_SHARE, REFINEMENT
 from isotruss_ros.core.planning.closing_step import press
 from isotruss_ros.core.planning.facing import contact_ends
-from isotruss_ros.core.planning.grasp_plan import RequirementError, SearchTally
+from isotruss_ros.core.planning.grasp_plan import ClosedGrip, RequirementError, SearchTally
 from isotruss_ros.core.planning.motion_in_place import squeeze_in_place, SQUEEZE_TOLERANCE
 from isotruss_ros.core.planning.requirements import GraspRequirements
 import numpy as np
@@ -119,7 +112,7 @@ def _judge(
     moved = pose_difference(grasp.pose, closing.body.pose) * (1.0, 1.0, grasp.arm)
     body = closing.body if np.abs(moved).max() < SAME_PLACE else grasp.body
     analysis = analyze_grasp(grasp.config, body, needs.friction, needs.external_wrench)
-    loads = find_loads(needs, analysis, grasp.normal_forces, held_utilisation(grasp))
+    loads = needs.find_loads(analysis, grasp.normal_forces, held_utilisation(grasp))
     margin = None
     if needs.squeeze is None or _reached(grasp, needs.squeeze):
         with tally.recording():

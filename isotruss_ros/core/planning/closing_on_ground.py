@@ -24,16 +24,9 @@ from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.holding.settle_grasp import settle_grasp
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.arrays import Array, as_xy
-from isotruss_ros.core.planning.closed_grip import (
-    ClosedGrip,
-    CLOSING_STEP,
-    find_loads,
-    LEAST_SHARE,
-    REFINEMENT,
-)
-from isotruss_ros.core.planning.closing import Closing
+from isotruss_ros.core.planning.closing import Closing, CLOSING_STEP, LEAST_SHARE, REFINEMENT
 from isotruss_ros.core.planning.closing_step import press
-from isotruss_ros.core.planning.grasp_plan import SearchTally
+from isotruss_ros.core.planning.grasp_plan import ClosedGrip, SearchTally
 from isotruss_ros.core.planning.requirements import GraspRequirements
 import numpy as np
 from numpy.typing import ArrayLike
@@ -82,7 +75,7 @@ def _judge(
     """Return a grip with what it does, unless a bound is exceeded."""
     settled = settle_grasp(config, closing.body, needs.friction, needs.external_wrench)
     bears = [*settled.utilisation.values()] if settled.hold.at_rest else []
-    loads = find_loads(needs, analysis, [], bears)
+    loads = needs.find_loads(analysis, [], bears)
     total, friction = float(analysis.normal_forces.sum()), analysis.required_friction
     margin, slip = analysis.closure_margin, None
     if total == 0.0:

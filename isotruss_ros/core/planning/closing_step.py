@@ -30,7 +30,6 @@ from isotruss_ros.core.planning.closing import (
     BOUND_SHARE,
     Closing,
     evaluate_state,
-    mean_member_length,
     SearchState,
 )
 from isotruss_ros.core.planning.grasp_plan import RequirementError, SearchTally
@@ -135,7 +134,7 @@ def solve_step(state: SearchState, closing: Closing, targets: Array, share: floa
     :raises SolverError: the quadratic program was not solved.
     """
     config, members = state.config, list(closing.members)
-    size = share * mean_member_length(config)
+    size = share * config.robot.home.member_lengths.mean()
     matrix = (state.gaps_by_nodes @ config.node_jacobian)[members]
     aim = np.maximum(targets - state.gaps[members], -MAX_GAP_STEP * size)
     if closing.facing is not None:
@@ -183,8 +182,8 @@ def _bound_rows(state: SearchState, closing: Closing, targets: Array) -> tuple[A
     They are those of gaps, by targets (s,) for grasping members [m], by a clearance for others; of
     the rigidity; of distances of near parts of the robot; and the limits.
     """
-    config, members, length = state.config, list(closing.members), mean_member_length(state.config)
-    robot, collisions = config.robot, collision_model(config.robot)
+    config, members, robot = state.config, list(closing.members), state.config.robot
+    collisions, length = collision_model(robot), robot.home.member_lengths.mean()
     gaps = BOUND_SHARE * (CLEARANCE * robot.description.tube_diameter - state.gaps)
     gaps[members] = targets - state.gaps[members]
     values, rows, nodes = state.modes

@@ -19,13 +19,17 @@ from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.planning.approach import approach, never
-from isotruss_ros.core.planning.closed_grip import ClosedGrip, rate_grip
 from isotruss_ros.core.planning.closing import Closing
 from isotruss_ros.core.planning.closing_in_place import close_in_place
 from isotruss_ros.core.planning.closing_on_ground import close_on_ground
 from isotruss_ros.core.planning.closing_step import press
 from isotruss_ros.core.planning.foresee_path import foresee_grip
-from isotruss_ros.core.planning.grasp_plan import PlannedGrasp, RequirementError, SearchTally
+from isotruss_ros.core.planning.grasp_plan import (
+    ClosedGrip,
+    PlannedGrasp,
+    RequirementError,
+    SearchTally,
+)
 from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.safety.margins import shape_margins
 import numpy as np
@@ -93,7 +97,7 @@ def close_grip(
             if grip.slip_margin is None:
                 continue
             # The path as far as here is shorter than all of it.
-            score = rate_grip(needs, grip, -grip.squeeze)
+            score = needs.rate_grip(grip, -grip.squeeze)
             if score <= best_score:
                 break
             best, best_score = (path[:], grip), score
@@ -125,7 +129,7 @@ def _planned(
         members=tuple(analysis.contact_lengths),
         config=grip.config,
         analysis=analysis,
-        score=rate_grip(needs, grip, -travel),
+        score=needs.rate_grip(grip, -travel),
         squeeze=grip.squeeze,
         slip_margin=grip.slip_margin,
         closure_margin=analysis.closure_margin,

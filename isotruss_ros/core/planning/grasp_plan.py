@@ -14,11 +14,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 import contextlib
 from dataclasses import astuple, dataclass
+from typing import NamedTuple
 
 from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip, members_at
+from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array
 
 
@@ -80,6 +82,22 @@ class SearchTally:
         self.analyses += other.analyses
         if other.closest is not None:
             self.record(*astuple(other.closest))
+
+
+class ClosedGrip(NamedTuple):
+    """
+    A grip that presses on the object.
+
+    Its slip margin is zero where the free object would not be held, None where the grip does not
+    fulfil the requirements; see `SettledGrasp.slip_margin`.
+    """
+
+    config: Configuration  #: configuration of the robot
+    body: ConvexObject  #: the object where it lay, or where it went as the grip closed
+    analysis: GraspAnalysis  #: of the object held fast
+    loads: dict[str, float]  #: see `GraspRequirements.find_loads`
+    squeeze: float  #: mean normal force of the grasping members [N]
+    slip_margin: float | None  #: of the free object [N], see above
 
 
 @dataclass(frozen=True, eq=False)

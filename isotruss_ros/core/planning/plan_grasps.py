@@ -28,7 +28,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.planning.approach import never
-from isotruss_ros.core.planning.closing import Closing, mean_member_length
+from isotruss_ros.core.planning.closing import Closing
 from isotruss_ros.core.planning.grasp_candidate import judge_candidate
 from isotruss_ros.core.planning.grasp_plan import GraspPlan, PlannedGrasp, Progress, SearchTally
 from isotruss_ros.core.planning.requirements import GraspRequirements
@@ -142,7 +142,7 @@ class _Search:
 
     def best(self) -> list[PlannedGrasp]:
         """Return the distinct grasps, best first."""
-        same = SAME_SHARE * mean_member_length(self._config)
+        same = SAME_SHARE * self._config.robot.home.member_lengths.mean()
         distinct: list[PlannedGrasp] = []
         for grasp in sorted(self._grasps, key=lambda grasp: -grasp.score):
             if not any(

@@ -11,15 +11,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
 from enum import Enum
 import math
 
+from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.errors import GraspError, quote
 from isotruss_ros.core.manipulation.grip import FEWEST, MOST
 from isotruss_ros.core.numerics.arrays import finite_array
+from isotruss_ros.core.planning.grasp_plan import ClosedGrip, RequirementError
 from isotruss_ros.core.statics.wrinkling import MAX_UTILISATION
+import numpy as np
 
 #: Smallest rigidity index along the path, 1 at home.
 MIN_RIGIDITY = 0.15
@@ -118,6 +121,48 @@ class GraspRequirements:
     def object_is_free(self) -> bool:
         """Return whether nothing but the members holds the object while they close."""
         return self.min_margin is None or self.squeeze is not None or self.min_slip_margin > 0.0
+
+    def find_loads(
+        self, analysis: GraspAnalysis, normal_forces: Iterable[float], utilisation: Iterable[float]
+    ) -> dict[str, float]:
+        """
+        Return the loads of a grasp by requirement, the larger of the object held fast and free.
+
+        :param analysis: of the object held fast.
+        :param normal_forces: of the members on the free object [N]; none where it lies on ground.
+        :param utilisation: of members under the forces of the free object [-].
+        :raises RequirementError: one exceeds its bound.
+        """
+        loads = {
+            'max_contact_force': max(
+                [*analysis.contact_forces.values(), *normal_forces], default=0.0
+            ),
+            'max_total_force': max(analysis.normal_forces.sum(), sum(normal_forces)),
+            'max_utilisation': max(*analysis.utilisation.values(), *utilisation),
+        }
+        for name, value in loads.items():
+            bound = getattr(self, name)
+            if value > bound:
+                raise RequirementError(name, value, bound, 1.0 - bound / value)
+        return {name: float(value) for name, value in loads.items()}
+
+    def rate_grip(self, grip: ClosedGrip, shortness: float) -> float:
+        """
+        Return the score of a grip by the measure; larger is better.
+
+        :param grip: one that fulfils the requirements.
+        :param shortness: the larger, the shorter is the path.
+        """
+        if self.measure is Measure.TRAVEL:
+            return shortness
+        if self.measure is Measure.TOTAL_FORCE:
+            return -grip.loads['max_total_force']
+        if self.measure is Measure.STIFFNESS:
+            along = np.array(self.direction) / np.linalg.norm(self.direction)
+            return float(along @ grip.analysis.stiffness @ along)
+        if self.measure is Measure.CLOSURE_MARGIN:
+            return grip.analysis.closure_margin
+        return grip.slip_margin
 
     def _check_members(self) -> None:
         names = self.members

@@ -97,9 +97,9 @@ class Searcher:
         """
         Begin a search, while there is none.
 
-        :param config: configuration of the robot.
+        :param config: see `plan_grasps`, as for the next three.
         :param body: the object.
-        :param requirements: what a grasp must fulfil.
+        :param requirements: of the grasps.
         :param seed: of the search.
         :param time_limit: of the search [s]; none if 0.
         """

@@ -21,7 +21,7 @@ from isotruss_ros.core.manipulation.grip import find_members, members_at
 from isotruss_ros.core.manipulation.limits import MemberLengthLimit
 from isotruss_ros.core.model.convex_object import ConvexObject, segment_gaps
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.planning.closing import BOUND_SHARE, Closing, mean_member_length
+from isotruss_ros.core.planning.closing import BOUND_SHARE, Closing
 from isotruss_ros.core.planning.facing import balances, CONE_SHARE, find_facing, TURNING_PRICE
 from isotruss_ros.core.planning.grasp_plan import SearchTally
 from isotruss_ros.core.planning.requirements import GraspRequirements
@@ -74,7 +74,7 @@ def find_seeds(
         turning, cone, posture = TURNING_PRICE, math.atan(needs.friction), None
         if number > 0:
             turning *= rng.uniform(0.0, 1.0)
-            size = RANDOM_POSTURE * mean_member_length(config)
+            size = RANDOM_POSTURE * config.robot.home.member_lengths.mean()
             away = size * rng.standard_normal(len(config.roller_positions))
             posture = config.roller_positions + away
             cone *= rng.uniform(*RANDOM_CONES)
@@ -146,4 +146,4 @@ def _effort(config: Configuration, closing: Closing, turns: Array) -> float:
     topology, numbers = config.robot.topology, list(closing.members)
     ends = topology.b[numbers], topology.c[topology.following[numbers]]
     gaps = segment_gaps(closing.body, *(config.points[nodes] for nodes in ends)).gaps
-    return float(gaps.sum() + 0.5 * mean_member_length(config) * np.abs(turns).sum())
+    return float(gaps.sum() + 0.5 * config.robot.home.member_lengths.mean() * np.abs(turns).sum())

@@ -87,7 +87,7 @@ def test_what_was_picked_up_stays_where_it_is_let_go(body, members, moved):
         assert ARMS * robot.object_pose == pytest.approx(ARMS * held, abs=moved)
     assert (np.diff(squeezes) <= 0.0).all()
     shares = np.array(squeezes[1:10]) / squeezes[0]
-    assert shares == pytest.approx(np.linspace(0.9, 0.1, 9), rel=0.03)
+    assert shares == pytest.approx(np.linspace(0.9, 0.1, 9), rel=0.05)
     assert squeezes[-1] < 0.01 * squeezes[0]
     closings.drive(robot, release.path[apart - 1 : apart + 1])
     assert thing.grasp is None

@@ -12,7 +12,6 @@
 from types import SimpleNamespace
 
 from isotruss_ros.core import GraspRequirements
-from isotruss_ros.core.planning.closed_grip import find_loads
 from isotruss_ros.core.planning.grasp_plan import RequirementError
 import numpy as np
 import pytest
@@ -56,15 +55,15 @@ def test_loads_are_the_larger_ones_and_exceed_bounds_from_where_these_are(
     needs = GraspRequirements(max_contact_force=3.0, max_total_force=8.0, max_utilisation=0.5)
     for analysis, utilisation in ((fast(forces, used), [0.1]), (fast(forces, 0.1), [used])):
         if exceeded is None:
-            loads = find_loads(needs, analysis, free, utilisation)
+            loads = needs.find_loads(analysis, free, utilisation)
             assert tuple(loads.values()) == (3.0, 8.0, 0.5)
             continue
         with pytest.raises(RequirementError) as missed:
-            find_loads(needs, analysis, free, utilisation)
+            needs.find_loads(analysis, free, utilisation)
         distance = pytest.approx(1.0 - exceeded[2] / exceeded[1])
         assert missed.value.args == (*exceeded, distance)
 
 
 def test_what_does_not_press_has_no_loads():
-    found = find_loads(GraspRequirements(), fast((), 0.0), [], [])
+    found = GraspRequirements().find_loads(fast((), 0.0), [], [])
     assert set(found.values()) == {0.0}
