@@ -133,12 +133,11 @@ class GraspRequirements:
         :param utilisation: of members under the forces of the free object [-].
         :raises RequirementError: one exceeds its bound.
         """
+        pressing = [*analysis.contact_forces.values(), *normal_forces]
         loads = {
-            'max_contact_force': max(
-                [*analysis.contact_forces.values(), *normal_forces], default=0.0
-            ),
+            'max_contact_force': max(pressing, default=0.0),
             'max_total_force': max(analysis.normal_forces.sum(), sum(normal_forces)),
-            'max_utilisation': max(*analysis.utilisation.values(), *utilisation),
+            'max_utilisation': max([*analysis.utilisation.values(), *utilisation]),
         }
         for name, value in loads.items():
             bound = getattr(self, name)
