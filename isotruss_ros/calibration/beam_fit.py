@@ -25,7 +25,7 @@ from isotruss_ros.calibration.measurements import MeasurementError, MODES
 from isotruss_ros.core.model.robot_schema import MAX_MAGNITUDE
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.statics.beam import local_stiffness
-from isotruss_ros.core.statics.tube_stiffness import InflatableBeam, KAPPA, TubeStiffness
+from isotruss_ros.core.statics.tube_stiffness import InflatableBeam, TubeStiffness
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
@@ -125,7 +125,7 @@ def fit_beam(
     found = least_squares(
         residual,
         start,
-        jac=lambda logs: _sensitivity(logs, *measured, radius),
+        jac='3-point',
         bounds=(start - reach, start + reach),
         xtol=1e-14,
         ftol=1e-14,
@@ -169,41 +169,6 @@ def _stiffnesses(
         of_mode = modes == mode
         found[of_mode] = end_stiffness(beam, MODES[mode], lengths[of_mode], pressures[of_mode])
     return found
-
-
-def _sensitivity(
-    logs: Array, modes: Indices, lengths: Array, pressures: Array, radius: float
-) -> Array:
-    """Return (n, 3): derivatives of the stiffnesses' logarithms by those of the constants."""
-    wall, shear_wall, softening = np.exp(logs)
-    beam = InflatableBeam(radius, wall, shear_wall, softening)
-    section = beam.section_stiffness(lengths, pressures)
-    # What share of EI and GA the fabric has; the rest is the pressure's.
-    bending_share = wall * np.pi * radius**3 / section.flexural
-    shear_share = KAPPA * shear_wall * 2.0 * np.pi * radius / section.shear
-    # 1/k_axial = L / (E t 2 pi R) + 2 / (c p R); 1/k_transverse = L^3 / (12 EI) + L / GA;
-    # k_rotary = EI / L + L^2 k_transverse / 4.
-    axial = section.axial / lengths
-    bend, slide = lengths**3 / (12.0 * section.flexural), lengths / section.shear
-    transverse = 1.0 / (bend + slide)
-    arch, sway = section.flexural / lengths, 0.25 * lengths**2 * transverse
-    zero = np.zeros(len(modes))
-    by_mode = np.array(
-        [
-            [
-                axial * lengths / (wall * 2.0 * np.pi * radius),
-                zero,
-                axial * 2.0 / (softening * pressures * radius),
-            ],
-            [transverse * bend * bending_share, transverse * slide * shear_share, zero],
-            [
-                (arch + sway * transverse * bend) / (arch + sway) * bending_share,
-                sway * transverse * slide / (arch + sway) * shear_share,
-                zero,
-            ],
-        ]
-    )
-    return by_mode[modes, :, np.arange(len(modes))]
 
 
 def _estimate(
