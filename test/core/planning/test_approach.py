@@ -30,7 +30,6 @@ from isotruss_ros.core.planning.grasp_plan import SearchTally
 from isotruss_ros.core.planning.seeds import find_seeds
 import numpy as np
 import pytest
-import robots
 
 HOME = load_robot('nine_member').home
 SEEDS = range(5)
@@ -228,44 +227,6 @@ def test_a_posture_draws_what_the_task_leaves_free():
         ]
         one, other = (way.path[-1].roller_positions for way in pulled)
         assert (one - other) @ away > 0.0
-
-
-def mirrored(document, body):
-    """Return the mirror image of a robot and an object."""
-    joints = {name: [-x, y] for name, (x, y) in document['joints'].items()}
-    x, y, _ = body.pose
-    return document | {'joints': joints}, ConvexObject.disc((-x, y), 2.0 * body.arm)
-
-
-def reversed_tubes(document, body):
-    """Return a robot whose tubes run the other way."""
-    tubes = {
-        name: tube | {'joints': tube['joints'][::-1]} for name, tube in document['tubes'].items()
-    }
-    return document | {'tubes': tubes}, body
-
-
-def at_home(document, body):
-    """Return whether approaches from home arrive, by the ends of the members."""
-    home, found = robots.load(document).home, {}
-    for closing in find_seeds(home, body, NEEDS, 0, 0, SearchTally()):
-        if len(closing.members) == 2:
-            way = approach(home, closing)
-            key = frozenset(
-                frozenset(home.robot.member_names[i].split('/')[1].split('-'))
-                for i in closing.members
-            )
-            found[key] = way.unmet is None
-    return found
-
-
-@pytest.mark.parametrize('change', [mirrored, reversed_tubes])
-def test_mirrored_robots_and_tubes_that_run_the_other_way_grasp_by_the_same_members(change):
-    document, body = robots.example(), ConvexObject.disc((0.45, 0.35), 0.15)
-    plain, other = at_home(document, body), at_home(*change(document, body))
-    assert len(plain) >= 3
-    assert other == plain
-    assert len(plain) == 3
 
 
 def test_members_turn_to_where_friction_holds_to_spare():

@@ -30,7 +30,6 @@ from isotruss_ros.core.planning.grasp_plan import RequirementError, SearchTally
 from isotruss_ros.core.planning.seeds import find_seeds
 import numpy as np
 import pytest
-import robots
 from scipy.optimize import linprog
 
 SPACINGS = (0.00125, 0.0025, 0.005)
@@ -268,27 +267,3 @@ def test_no_margin_is_enough_where_none_is_asked_for(monkeypatch):
 
     monkeypatch.setattr(closing_on_ground, 'analyze_grasp', barely)
     assert close_grip(*opened('top'), UNBOUNDED, SearchTally()) is not None
-
-
-def symmetric():
-    """Return a triangle that is its own mirror image, and so are its supports."""
-    document = robots.example()
-    document['joints'] = {'P': [-0.5, 0.0], 'Q': [0.5, 0.0], 'X': [0.0, 0.9]}
-    document['supports'] = {'P': ['y'], 'Q': ['y'], 'X': ['x']}
-    return robots.load(document)
-
-
-@pytest.mark.parametrize('friction', [0.3, 0.6])
-def test_symmetric_robots_press_alike_on_both_sides(friction):
-    config, body = symmetric().home, ConvexObject.disc((0.0, 0.35), 0.25)
-    needs = GraspRequirements(friction=friction, min_margin=0.0, module='south/X')
-    seed = find_seeds(config, body, needs, 0, 0, SearchTally())[0]
-    path, unmet = approach(config, seed, SearchTally())
-    assert unmet is None
-    _, pressed = close_grip(path[-1], seed, needs, SearchTally())
-    depths = side_gaps(pressed.config, seed)
-    assert depths[0] == pytest.approx(depths[1], rel=1e-3)
-    one, other = pressed.config.roller_positions
-    assert one == pytest.approx(-other, abs=1e-5)
-    left, right = pressed.analysis.contact_forces.values()
-    assert left == pytest.approx(right, rel=1e-2)

@@ -214,34 +214,6 @@ def trouble(config, there, closing, targets):
     return None
 
 
-@pytest.mark.parametrize('seed', SEEDS)
-def test_steps_lead_where_they_may_and_are_no_longer_than_they_may(seed):
-    config, todo, rng = tasks(seed)
-    for closing in todo:
-        place = evaluate_state(config, closing.body)
-        targets = np.full(len(closing.members), STANDOFF) - rng.uniform(0.0, 0.04)
-        tubes, share = closings.tube_lengths(config), 1.0
-        for _ in range(12):
-            made = step(place, closing, targets, share, SearchTally())
-            if made.blocked:
-                assert made.state is place
-                break
-            here, there = place.config, made.state.config
-            longest = min(
-                0.035 * share * config.robot.home.member_lengths.mean(),
-                closing.limits[1].max_speed,
-            )
-            moved = np.abs(there.roller_positions - here.roller_positions)
-            assert moved.max() <= longest * (1.0 + 1e-6)
-            assert closings.tube_lengths(there) == pytest.approx(tubes, abs=1e-9)
-            assert there.member_lengths.min() >= closing.limits[0].min_length - 1e-6
-            assert closings.rigidity(there) >= min(0.15, closings.rigidity(here)) - 1e-3
-            assert closings.clearance(there) >= min(0.0, closings.clearance(here)) - 1e-5
-            distances = np.concatenate(closings.gaps(there, closing.body))
-            assert (distances >= floors(here, closing, targets) - 1e-5).all()
-            place, share = made.state, made.share
-
-
 def crowded(seed):
     """Return what closes on an object that nearly touches something, or does, and a generator."""
     config, body, tube = closings.scene(seed)
