@@ -23,7 +23,6 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.planning.closing import Closing, evaluate_state
 from isotruss_ros.core.planning.closing_step import take_closing_step
 from isotruss_ros.core.planning.facing import balances, CONE_SHARE, find_facing, USED_SHARE
-from isotruss_ros.core.planning.grasp_plan import SearchTally
 import numpy as np
 
 #: Gap of the grasping members at the end, and by how much more it may be, in tube diameters.
@@ -42,7 +41,6 @@ def never() -> bool:
 def approach(
     config: Configuration,
     closing: Closing,
-    tally: SearchTally,
     should_stop: Callable[[], bool] = never,
 ) -> tuple[list[Configuration], tuple[str, float, float] | None]:
     """
@@ -50,7 +48,6 @@ def approach(
 
     :param config: configuration of the robot.
     :param closing: what closes.
-    :param tally: of the search.
     :param should_stop: called before every step; an approach that was stopped returns the
         requirement that was not met yet.
     :return: configurations along the path, the present one first, straight in roller travel
@@ -72,7 +69,7 @@ def approach(
         best = min(best, left) if idle else left
         if unmet is None or idle > MAX_IDLE_STEPS or len(path) > MAX_STEPS or should_stop():
             return path, unmet
-        state, share, blocked = take_closing_step(state, turned, targets, share, tally)
+        state, share, blocked = take_closing_step(state, turned, targets, share)
         if blocked is not None:
             return path, blocked
         path.append(state.config)

@@ -11,7 +11,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from isotruss_ros.core.holding.pressed_contacts import member_lines
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -19,6 +19,7 @@ from isotruss_ros.core.kinematics.rigidity import Modes, rigidity_index
 from isotruss_ros.core.manipulation.limits import Limit
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, Points
+from isotruss_ros.core.planning.grasp_plan import SearchTally
 from isotruss_ros.core.safety.distances import collision_model
 import numpy as np
 
@@ -44,6 +45,7 @@ class Closing:
         present ones if None.
     :ivar facing: (s,) unit normals out of the object, x + iy, that the members are turned to face;
         they stay as they are if None.
+    :ivar tally: what was looked at so far.
     """
 
     body: ConvexObject
@@ -53,6 +55,7 @@ class Closing:
     friction_angle: float = 0.0
     nominal_posture: Array | None = None
     facing: Points | None = None
+    tally: SearchTally = field(default_factory=SearchTally)
 
     def normals(self, config: Configuration) -> Points:
         """

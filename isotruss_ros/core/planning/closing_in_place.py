@@ -32,7 +32,7 @@ from isotruss_ros.core.model.pose import pose_difference
 from isotruss_ros.core.planning.closing import Closing, CLOSING_STEP, LEAST_SHARE, REFINEMENT
 from isotruss_ros.core.planning.closing_step import press
 from isotruss_ros.core.planning.facing import contact_ends
-from isotruss_ros.core.planning.grasp_plan import ClosedGrip, RequirementError, SearchTally
+from isotruss_ros.core.planning.grasp_plan import ClosedGrip, RequirementError
 from isotruss_ros.core.planning.motion_in_place import squeeze_in_place, SQUEEZE_TOLERANCE
 from isotruss_ros.core.planning.requirements import GraspRequirements
 import numpy as np
@@ -50,7 +50,7 @@ SQUEEZE_GROWTH, SQUEEZE_RISE = 2.0, 4.0
 
 
 def close_in_place(
-    touch: Configuration, closing: Closing, needs: GraspRequirements, tally: SearchTally
+    touch: Configuration, closing: Closing, needs: GraspRequirements
 ) -> Iterator[ClosedGrip]:
     """
     Yield grips that press harder and harder, until a bound is reached.
@@ -58,17 +58,16 @@ def close_in_place(
     :param touch: configuration in which the members touch the object.
     :param closing: what closes.
     :param needs: what the grasp must fulfil.
-    :param tally: of the search.
     :raises SolverError: a quadratic program, or the contact, was not solved.
     :raises StructureError: see `structure_of`.
     """
     wanted, pair = needs.squeeze, len(closing.members) == 2
-    grasp = _hold(touch, closing, tally)
+    grasp = _hold(touch, closing)
     _check_hold(grasp, needs.friction)
     # Two members bring the object back to its place with the next step only.
     if not pair:
-        with tally.recording():
-            yield _judge(grasp, closing, needs, tally)
+        with closing.tally.recording():
+            yield _judge(grasp, closing, needs)
     share = 1.0
     while share > LEAST_SHARE and not (wanted and _reached(grasp, wanted)):
         rise = min((SQUEEZE_GROWTH - 1.0) * grasp.squeeze, SQUEEZE_RISE)
@@ -76,15 +75,15 @@ def close_in_place(
             step = CLOSING_STEP * touch.robot.description.tube_diameter
             rise = -step * grasp.squeeze_stiffness()
         force = min(grasp.squeeze + share * rise, wanted or math.inf)
-        with tally.recording():
-            moved = squeeze_in_place(grasp, force, closing, tally)
-            yield _judge(moved, closing, needs, tally)
+        with closing.tally.recording():
+            moved = squeeze_in_place(grasp, force, closing)
+            yield _judge(moved, closing, needs)
             grasp = moved
             continue
         share *= REFINEMENT
 
 
-def _hold(touch: Configuration, closing: Closing, tally: SearchTally) -> HeldGrip:
+def _hold(touch: Configuration, closing: Closing) -> HeldGrip:
     """Return how the object is held first; three members press as deep as keeps it there."""
     body, members = closing.body, np.array(closing.members)
     one, other = contact_ends(body, closing.normals(touch))
@@ -92,7 +91,7 @@ def _hold(touch: Configuration, closing: Closing, tally: SearchTally) -> HeldGri
     depths = np.full(len(members), depth * touch.robot.description.tube_diameter)
     config = touch
     for _ in range(MAX_BALANCE_STEPS):
-        config = press(config, closing, depths, tally)
+        config = press(config, closing, depths)
         found = attach_grip(config, body, members)
         if isinstance(found, HoldStatus):
             raise RequirementError('held', 0.0, 1.0, 30.0)
@@ -103,19 +102,17 @@ def _hold(touch: Configuration, closing: Closing, tally: SearchTally) -> HeldGri
     return roll_grip(found, config)  # from here on contacts roll
 
 
-def _judge(
-    grasp: HeldGrip, closing: Closing, needs: GraspRequirements, tally: SearchTally
-) -> ClosedGrip:
+def _judge(grasp: HeldGrip, closing: Closing, needs: GraspRequirements) -> ClosedGrip:
     """Return a grip with what it does, unless a contact slips or a bound is exceeded."""
     _check_hold(grasp, needs.friction)
-    tally.analyses += 1
+    closing.tally.analyses += 1
     moved = pose_difference(grasp.pose, closing.body.pose) * (1.0, 1.0, grasp.arm)
     body = closing.body if np.abs(moved).max() < SAME_PLACE else grasp.body
     analysis = analyze_grasp(grasp.config, body, needs.friction, needs.external_wrench)
     loads = needs.find_loads(analysis, grasp.normal_forces, held_utilisation(grasp))
     margin = None
     if needs.squeeze is None or _reached(grasp, needs.squeeze):
-        with tally.recording():
+        with closing.tally.recording():
             margin = _find_margin(grasp, closing, analysis, needs)
     return ClosedGrip(grasp.config, body, analysis, loads, grasp.squeeze, margin)
 

@@ -26,7 +26,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.arrays import Array, as_xy
 from isotruss_ros.core.planning.closing import Closing, CLOSING_STEP, LEAST_SHARE, REFINEMENT
 from isotruss_ros.core.planning.closing_step import press
-from isotruss_ros.core.planning.grasp_plan import ClosedGrip, SearchTally
+from isotruss_ros.core.planning.grasp_plan import ClosedGrip
 from isotruss_ros.core.planning.requirements import GraspRequirements
 import numpy as np
 from numpy.typing import ArrayLike
@@ -42,7 +42,7 @@ MAX_DEPTH = 0.8
 
 
 def close_on_ground(
-    touch: Configuration, closing: Closing, needs: GraspRequirements, tally: SearchTally
+    touch: Configuration, closing: Closing, needs: GraspRequirements
 ) -> Iterator[ClosedGrip]:
     """
     Yield deeper and deeper grips, until a bound is reached.
@@ -50,15 +50,14 @@ def close_on_ground(
     :param touch: configuration in which the members touch the object.
     :param closing: what closes.
     :param needs: what the grasp must fulfil.
-    :param tally: of the search.
     :raises SolverError: a quadratic program, or the contact, was not solved.
     """
     config, depth, share = touch, 0.0, 1.0
     tube, shares = touch.robot.description.tube_diameter, np.ones(len(closing.members))
     while share > LEAST_SHARE and depth < MAX_DEPTH * tube:
         deeper = depth + share * CLOSING_STEP * tube
-        with tally.recording():
-            grip, depths = _balance(config, deeper * shares, closing, needs, tally)
+        with closing.tally.recording():
+            grip, depths = _balance(config, deeper * shares, closing, needs)
             yield grip
             config, depth, shares = grip.config, deeper, depths / deeper
             continue
@@ -70,7 +69,6 @@ def _judge(
     analysis: GraspAnalysis,
     closing: Closing,
     needs: GraspRequirements,
-    tally: SearchTally,
 ) -> ClosedGrip:
     """Return a grip with what it does, unless a bound is exceeded."""
     settled = settle_grasp(config, closing.body, needs.friction, needs.external_wrench)
@@ -79,11 +77,12 @@ def _judge(
     total, friction = float(analysis.normal_forces.sum()), analysis.required_friction
     margin, slip = analysis.closure_margin, None
     if total == 0.0:
-        tally.record('force_closure', 0.0, 1.0, 30.0)
+        closing.tally.record('force_closure', 0.0, 1.0, 30.0)
     elif not analysis.force_closure or margin < 0.0:
-        tally.record('force_closure', friction, needs.friction, 1.0 - margin / total)
+        closing.tally.record('force_closure', friction, needs.friction, 1.0 - margin / total)
     elif margin < needs.min_margin:
-        tally.record('min_margin', margin, needs.min_margin, 1.0 - margin / needs.min_margin)
+        least = needs.min_margin
+        closing.tally.record('min_margin', margin, least, 1.0 - margin / least)
     else:
         slip = settled.slip_margin if settled.held else 0.0
     mean = total / len(closing.members)
@@ -95,13 +94,12 @@ def _balance(
     depths: Array,
     closing: Closing,
     needs: GraspRequirements,
-    tally: SearchTally,
 ) -> tuple[ClosedGrip, Array]:
     """Return the grip that balances best about some depths (s,), the mean kept, and its depths."""
     mean, names = depths.mean(), [config.robot.member_names[i] for i in closing.members]
     for _ in range(MAX_BALANCE_STEPS):
-        config, used = press(config, closing, depths, tally), depths
-        tally.analyses += 1
+        config, used = press(config, closing, depths), depths
+        closing.tally.analyses += 1
         analysis = analyze_grasp(config, closing.body, needs.friction, needs.external_wrench)
         forces = np.array([analysis.contact_forces.get(name, 0.0) for name in names])
         if forces.min() <= 0.0:
@@ -111,7 +109,7 @@ def _balance(
             break
         depths = depths * np.clip(1.0 + GIVE * change / forces, 0.5, 2.0)
         depths = depths * (mean / depths.mean())
-    return _judge(config, analysis, closing, needs, tally), used
+    return _judge(config, analysis, closing, needs), used
 
 
 def find_correction(

@@ -32,7 +32,7 @@ from isotruss_ros.core.planning.closing import (
     evaluate_state,
     SearchState,
 )
-from isotruss_ros.core.planning.grasp_plan import RequirementError, SearchTally
+from isotruss_ros.core.planning.grasp_plan import RequirementError
 from isotruss_ros.core.safety.distances import collision_model
 import numpy as np
 
@@ -60,16 +60,13 @@ MAX_PRESS_STEPS, GAP_TOLERANCE = 15, 1e-9
 GAP_ROUNDING = 1e-12  # [m]
 
 
-def press(
-    config: Configuration, closing: Closing, depths: Array, tally: SearchTally
-) -> Configuration:
+def press(config: Configuration, closing: Closing, depths: Array) -> Configuration:
     """
     Bring the grasping members to given indentations; the object stands still.
 
     :param config: where to begin.
     :param closing: what closes.
     :param depths: (s,) indentation of each grasping member [m].
-    :param tally: of the search.
     :raises RequirementError: a requirement stops the motion.
     :raises SolverError: a quadratic program was not solved.
     """
@@ -79,14 +76,14 @@ def press(
         left = float(np.abs(state.gaps[members] + depths).max())
         if left <= GAP_TOLERANCE:
             return state.config
-        state, share, blocked = take_closing_step(state, closing, -depths, share, tally)
+        state, share, blocked = take_closing_step(state, closing, -depths, share)
         if blocked is not None:
             raise RequirementError(*blocked, 50.0)
     raise RequirementError('reach', left, 0.0, 40.0 + left)
 
 
 def take_closing_step(
-    state: SearchState, closing: Closing, targets: Array, share: float, tally: SearchTally
+    state: SearchState, closing: Closing, targets: Array, share: float
 ) -> tuple[SearchState, float, tuple[str, float, float] | None]:
     """
     Bring the gaps of the grasping members closer to their targets.
@@ -95,7 +92,6 @@ def take_closing_step(
     :param closing: what closes.
     :param targets: (s,) gaps of the grasping members [m].
     :param share: of the longest step, 1 at first; then that which the step before returned.
-    :param tally: of the search.
     :return: the state at the end; the share for the next step; and name, value and bound of what
         is violated where no step is admissible, None if one was made.
     :raises SolverError: the quadratic program was not solved.
@@ -109,7 +105,7 @@ def take_closing_step(
     bounds = np.minimum(bounds, state.gaps - GAP_ROUNDING)
     blocked: tuple[str, float, float] | None = None
     for halving in range(MAX_HALVINGS):
-        tally.evaluations += 1
+        closing.tally.evaluations += 1
         try:
             moved = config.moved_to(config.roller_positions + 0.5**halving * move)
             there = evaluate_state(moved, closing.body)

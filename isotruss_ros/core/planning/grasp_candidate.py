@@ -50,28 +50,25 @@ def judge_candidate(
     :param should_stop: called before every step toward the open grip.
     :return: the grasp, None if there is none; and what was looked at, with the violation.
     """
-    tally = SearchTally()
+    grasp, tally = None, closing.tally
     try:
-        opened, unmet = approach(config, closing, tally, should_stop)
-        if unmet is not None:
-            tally.record(*unmet, 100.0)
-            return None, tally
-        closed = close_grip(opened[-1], closing, needs, tally)
-        if closed is not None and needs.carry:
-            tally.closest = None
-            _check_carry(closed[1], needs)
-    except RequirementError as error:
-        tally.record(*error.args)
-        return None, tally
+        with tally.recording():
+            opened, unmet = approach(config, closing, should_stop)
+            if unmet is not None:
+                raise RequirementError(*unmet, 100.0)
+            closed = close_grip(opened[-1], closing, needs)
+            if closed is not None and needs.carry:
+                tally.closest = None
+                _check_carry(closed[1], needs)
+            grasp = None if closed is None else _planned(closing, needs, opened, *closed)
     except IsotrussError as error:
         # A candidate that cannot be computed is none; what was found out before still counts.
         tally.record(str(error), 0.0, 0.0, 100.0)
-        return None, tally
-    return None if closed is None else _planned(closing, needs, opened, *closed), tally
+    return grasp, tally
 
 
 def close_grip(
-    opened: Configuration, closing: Closing, needs: GraspRequirements, tally: SearchTally
+    opened: Configuration, closing: Closing, needs: GraspRequirements
 ) -> tuple[list[Configuration], ClosedGrip] | None:
     """
     Return the path from the touch to the best grip that fulfils the requirements, and that grip.
@@ -81,8 +78,7 @@ def close_grip(
     :param opened: configuration in which the members are close to the object.
     :param closing: what closes.
     :param needs: what the grasp must fulfil.
-    :param tally: of the search.
-    :return: None where there is none; then the tally has the closest violation.
+    :return: None where there is none; then the tally of what closes has the violation.
     :raises SolverError: a quadratic program, or the contact, was not solved.
     :raises StructureError: see `structure_of`.
     """
@@ -90,9 +86,9 @@ def close_grip(
     closing = replace(closing, nominal_posture=None, facing=None)
     rise = close_in_place if needs.object_is_free else close_on_ground
     best, best_score = None, -math.inf
-    with tally.recording():
-        path = [press(opened, closing, np.zeros(len(closing.members)), tally)]
-        for grip in rise(path[0], closing, needs, tally):
+    with closing.tally.recording():
+        path = [press(opened, closing, np.zeros(len(closing.members)))]
+        for grip in rise(path[0], closing, needs):
             path.append(grip.config)
             if grip.slip_margin is None:
                 continue

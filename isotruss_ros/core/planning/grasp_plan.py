@@ -38,19 +38,13 @@ class RequirementError(IsotrussError):
     """What ends a motion or a candidate: the arguments are the fields of a `Violation`."""
 
 
+@dataclass
 class SearchTally:
-    """
-    What a search has looked at so far.
+    """What a search has looked at so far."""
 
-    :ivar evaluations: configurations that were computed, by kinematics or statics.
-    :ivar analyses: of them, how many by `analyze_grasp`.
-    :ivar closest: the violation whose value is closest to its bound, the first of such; None while
-        there is none.
-    """
-
-    def __init__(self) -> None:
-        self.evaluations = self.analyses = 0
-        self.closest: Violation | None = None
+    evaluations: int = 0  #: configurations that were computed, by kinematics or statics
+    analyses: int = 0  #: of them, how many by `analyze_grasp`
+    closest: Violation | None = None  #: whose value is closest to its bound, the first of such
 
     def record(self, requirement: str, value: float, bound: float, distance: float) -> None:
         """

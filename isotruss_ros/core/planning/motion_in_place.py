@@ -30,7 +30,7 @@ from isotruss_ros.core.model.pose import pose_difference
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
 from isotruss_ros.core.planning.closing import Closing, evaluate_state
-from isotruss_ros.core.planning.grasp_plan import RequirementError, SearchTally
+from isotruss_ros.core.planning.grasp_plan import RequirementError
 import numpy as np
 
 #: Newton steps with which a waypoint is brought to its squeeze and place ...
@@ -49,16 +49,13 @@ MOTION_WEIGHT = 2e4
 SLOW = 0.7
 
 
-def squeeze_in_place(
-    grasp: HeldGrip, force: float, closing: Closing, tally: SearchTally
-) -> HeldGrip:
+def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGrip:
     """
     Return a grasp with another squeeze, the object where it lay.
 
     :param grasp: how the object is held, from `roll_grip`.
     :param force: mean normal force of the members, positive [N].
     :param closing: the grip, where the object is to stay, and the bounds of the motion.
-    :param tally: of the search.
     :raises RequirementError: what ends the motion before.
     :raises StructureError: see `structure_of`.
     """
@@ -104,7 +101,7 @@ def squeeze_in_place(
         if abs(missing[0]) < 1.0 and (np.abs(gain).max() < 1.0 or errors[1] > SLOW * errors[0]):
             _check_place(grasp, closing)
             return grasp
-        tally.evaluations += 1
+        closing.tally.evaluations += 1
         try:
             config = grasp.config.moved_to(grasp.config.roller_positions + travel)
         except ConfigurationError:

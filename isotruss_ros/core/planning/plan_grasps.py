@@ -99,7 +99,9 @@ def plan_grasps(
         search.tally.record('free', gap, 0.0, 2000.0)
         return search.plan()
     for number in range(max_rounds):
-        seeds = find_seeds(config, body, needs, int(seed), number, search.tally)
+        seeds: list[Closing] = []
+        with search.tally.recording():
+            seeds = find_seeds(config, body, needs, int(seed), number)
         search.judge(seeds, thorough)
         if search.stopped or len(search.best()) >= needs.count:
             break

@@ -33,7 +33,7 @@ from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.planning.closing import BOUND_SHARE, Closing
 from isotruss_ros.core.planning.closing_step import press
-from isotruss_ros.core.planning.grasp_plan import RequirementError, SearchTally, Violation
+from isotruss_ros.core.planning.grasp_plan import RequirementError, Violation
 from isotruss_ros.core.planning.motion_in_place import squeeze_in_place
 from isotruss_ros.core.planning.requirements import MIN_RIGIDITY
 import numpy as np
@@ -93,20 +93,17 @@ def plan_release(
     numbers = find_members(config.robot, Grip(tuple(members), body).members).members
     limit = MemberLengthLimit(file.min_length, file.max_length, BOUND_SHARE)
     closing = Closing(body, tuple(numbers.tolist()), (limit,), min_rigidity)
-    tally = SearchTally()
     try:
-        path, closing = _unload(config, closing, tally)
+        path, closing = _unload(config, closing)
         apart = len(path) - 1 if len(path) > 1 else 1
         for gap in np.linspace(0.0, clearance, OPENING_STEPS + 1)[1:]:
-            path.append(press(path[-1], closing, np.full(len(closing.members), -gap), tally))
+            path.append(press(path[-1], closing, np.full(len(closing.members), -gap)))
     except RequirementError as error:
         return Release(np.empty((0, len(config.roller_positions))), 0, Violation(*error.args))
     return Release(np.array([where.roller_positions for where in path]), apart)
 
 
-def _unload(
-    config: Configuration, closing: Closing, tally: SearchTally
-) -> tuple[list[Configuration], Closing]:
+def _unload(config: Configuration, closing: Closing) -> tuple[list[Configuration], Closing]:
     """
     Return the path on which the squeeze falls, only its beginning where nothing presses.
 
@@ -122,7 +119,7 @@ def _unload(
     if grasp.normal_forces.min() <= LEAST_FORCE:
         return path, closing
     for force in grasp.squeeze * np.array(UNLOADING):
-        grasp = squeeze_in_place(grasp, force, closing, tally)
+        grasp = squeeze_in_place(grasp, force, closing)
         path.append(grasp.config)
     # In place: members that merely moved away would roll the object along as they touch it yet.
     grip, config = Grip(grasp.member_names, grasp.body), grasp.config

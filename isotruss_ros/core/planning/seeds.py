@@ -23,7 +23,7 @@ from isotruss_ros.core.model.convex_object import ConvexObject, segment_gaps
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.planning.closing import BOUND_SHARE, Closing
 from isotruss_ros.core.planning.facing import balances, CONE_SHARE, find_facing, TURNING_PRICE
-from isotruss_ros.core.planning.grasp_plan import SearchTally
+from isotruss_ros.core.planning.grasp_plan import RequirementError
 from isotruss_ros.core.planning.requirements import GraspRequirements
 import numpy as np
 
@@ -42,7 +42,6 @@ def find_seeds(
     needs: GraspRequirements,
     seed: int,
     number: int,
-    tally: SearchTally,
 ) -> list[Closing]:
     """
     Return the seeds of one round, pairs first, the easiest first.
@@ -54,7 +53,7 @@ def find_seeds(
     :param seed: of the random numbers.
     :param number: of the round; the first is 0. In the others cones and postures are random,
         and few groups of members are tried several times.
-    :param tally: of the search; has the reason where there are no seeds.
+    :raises RequirementError: why there are no seeds.
     :raises GraspError: the robot has no such module or members as those required.
     """
     around, file = enclosing_members(config, body.middle), config.robot.description
@@ -88,7 +87,7 @@ def find_seeds(
         if facing is not None:
             found.append((_effort(config, closing, np.angle(facing / normals)), closing))
     if not found:
-        tally.record(*_explain_none(around, wanted), 1000.0)
+        raise RequirementError(*_explain_none(around, wanted), 1000.0)
     # A tube that keeps its length seldom brings three members to an object at once.
     found.sort(key=lambda item: (len(item[1].members), item[0]))
     return [closing for _, closing in found[:MAX_SEEDS]]

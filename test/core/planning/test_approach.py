@@ -47,18 +47,17 @@ class Way(NamedTuple):
 
 def approach(config, closing, should_stop=never):
     """Approach an object."""
-    tally = SearchTally()
-    return Way(
-        closing, *approaching.approach(config, closing, tally, should_stop), tally.evaluations
-    )
+    closing = replace(closing, tally=SearchTally())
+    path, unmet = approaching.approach(config, closing, should_stop)
+    return Way(closing, path, unmet, closing.tally.evaluations)
 
 
 @functools.lru_cache(maxsize=64)
 def reached(seed):
     """Return an object in a robot, and some approaches to it."""
     config, body, _ = closings.scene(seed)
-    found = find_seeds(config, body, NEEDS, 0, 0, SearchTally())
-    found += find_seeds(config, body, NEEDS, 0, 1, SearchTally())[:2]
+    found = find_seeds(config, body, NEEDS, 0, 0)
+    found += find_seeds(config, body, NEEDS, 0, 1)[:2]
     ways = [approach(config, closing) for closing in found]
     return config, body, ways
 

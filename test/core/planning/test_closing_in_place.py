@@ -55,15 +55,16 @@ def planned(**values):
 @functools.lru_cache(maxsize=2)
 def opened():
     """Return an open grip, and what closes."""
-    seed = find_seeds(HOME, BODY, GraspRequirements(module=MODULE), 0, 0, SearchTally())[0]
-    return approach(HOME, seed, SearchTally())[0][-1], seed
+    seed = find_seeds(HOME, BODY, GraspRequirements(module=MODULE), 0, 0)[0]
+    return approach(HOME, seed)[0][-1], seed
 
 
 def close(**values):
     """Close an open grip; return the path, the grip, None without one, and the violation."""
-    tally = SearchTally()
-    found = close_grip(*opened(), GraspRequirements(**values), tally)
-    return (*(found or (None, None)), tally)
+    config, seed = opened()
+    seed = replace(seed, tally=SearchTally())
+    found = close_grip(config, seed, GraspRequirements(**values))
+    return (*(found or (None, None)), seed.tally)
 
 
 @pytest.mark.parametrize(
@@ -99,10 +100,10 @@ def test_the_slip_margin_is_that_of_the_settled_grasp():
 def test_the_squeeze_rises_from_waypoint_to_waypoint_in_place():
     config, seed = opened()
     seed = replace(seed, facing=None)
-    touch = press(config, seed, np.zeros(2), SearchTally())
+    touch = press(config, seed, np.zeros(2))
     forces = []
     needs = GraspRequirements(squeeze=16.0)
-    for grip in close_in_place(touch, seed, needs, SearchTally()):
+    for grip in close_in_place(touch, seed, needs):
         assert grip.body is BODY
         assert settle_grasp(grip.config, BODY, FRICTION).required_friction < FRICTION
         forces.append(grip.squeeze)

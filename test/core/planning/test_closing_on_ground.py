@@ -53,8 +53,8 @@ def opened(name):
     preset, module, center, diameter, number = GRIPS[name]
     config = load_robot(preset).home
     body, wanted = ConvexObject.disc(center, diameter), GraspRequirements(module=module)
-    seed = find_seeds(config, body, wanted, 0, 0, SearchTally())[number]
-    path, unmet = approach(config, seed, SearchTally())
+    seed = find_seeds(config, body, wanted, 0, 0)[number]
+    path, unmet = approach(config, seed)
     assert unmet is None
     return path[-1], dataclasses.replace(seed, facing=None)
 
@@ -62,14 +62,15 @@ def opened(name):
 @functools.lru_cache(maxsize=32)
 def squeezed(name, needs=NEEDS):
     """Return the path from the touch to a grasp on the ground, and the grasp."""
-    return close_grip(*opened(name), needs, SearchTally())
+    return close_grip(*opened(name), needs)
 
 
 def missed_by(name, needs):
     """Return the violation of what is no grasp."""
-    tally = SearchTally()
-    assert close_grip(*opened(name), needs, tally) is None
-    return tally.closest
+    config, closing = opened(name)
+    closing = dataclasses.replace(closing, tally=SearchTally())
+    assert close_grip(config, closing, needs) is None
+    return closing.tally.closest
 
 
 def side_gaps(config, closing):
@@ -118,21 +119,21 @@ def test_sides_press_with_the_same_force_along_the_line_between_them(name):
 def test_sides_are_pressed_as_deep_as_is_said(seed):
     config, body, _ = closings.scene(seed)
     rng = np.random.default_rng(seed)
-    for closing in find_seeds(config, body, NEEDS, 0, 0, SearchTally())[:6]:
-        path, unmet = approach(config, closing, SearchTally())
+    for closing in find_seeds(config, body, NEEDS, 0, 0)[:6]:
+        path, unmet = approach(config, closing)
         if unmet is not None:
             continue
-        start, tally = path[-1], SearchTally()
-        closing = dataclasses.replace(closing, facing=None)
+        start = path[-1]
+        closing = dataclasses.replace(closing, facing=None, tally=SearchTally())
         depths = rng.uniform(0.0, 0.03, len(closing.members))
         with contextlib.suppress(RequirementError):
-            there = press(start, closing, depths, tally)
+            there = press(start, closing, depths)
             reached = closings.gaps(there, body)[0][list(closing.members)]
             assert reached == pytest.approx(-depths, abs=1e-4)
             # Nothing else comes near that was not.
             least = np.minimum(0.005, others(start, closing))
             assert (others(there, closing) >= least - 2e-5).all()
-        assert tally.evaluations > 0
+        assert closing.tally.evaluations > 0
 
 
 @pytest.mark.parametrize(
@@ -249,7 +250,7 @@ def test_what_the_ground_alone_holds_has_no_slip_margin(monkeypatch):
 
     assert squeezed('tight', UNBOUNDED)[1].slip_margin > 0.0
     monkeypatch.setattr(closing_on_ground, 'settle_grasp', slips)
-    assert close_grip(*opened('tight'), UNBOUNDED, SearchTally())[1].slip_margin == 0.0
+    assert close_grip(*opened('tight'), UNBOUNDED)[1].slip_margin == 0.0
 
 
 @pytest.mark.parametrize('fields', [{'force_closure': False}, {'closure_margin': -1e-9}])
@@ -266,4 +267,4 @@ def test_no_margin_is_enough_where_none_is_asked_for(monkeypatch):
         return dataclasses.replace(analyze_grasp(*arguments, **options), closure_margin=1e-9)
 
     monkeypatch.setattr(closing_on_ground, 'analyze_grasp', barely)
-    assert close_grip(*opened('top'), UNBOUNDED, SearchTally()) is not None
+    assert close_grip(*opened('top'), UNBOUNDED) is not None

@@ -245,8 +245,8 @@ def test_a_step_is_halved_until_it_leads_where_it_may(seed, monkeypatch):
             * rng.uniform(-1.0, 1.0, len(config.roller_positions))
         )
         monkeypatch.setattr(closing_step, 'solve_step', lambda *_, move=move: move)
-        tally = SearchTally()
-        made = step(place, closing, targets, 0.3, tally)
+        closing = replace(closing, tally=SearchTally())
+        made = step(place, closing, targets, 0.3)
         for halving in range(5):
             goal = config.roller_positions + move / 2**halving
             try:
@@ -260,11 +260,11 @@ def test_a_step_is_halved_until_it_leads_where_it_may(seed, monkeypatch):
         if expected is None:
             assert made.blocked is None
             assert (made.state.config.roller_positions == goal).all()
-            assert tally.evaluations == halving + 1
+            assert closing.tally.evaluations == halving + 1
             assert made.share == (0.6 if halving == 0 else pytest.approx(0.3 * 0.5**halving))
         else:
             assert made.state is place
-            assert (tally.evaluations, made.share) == (5, 0.3)
+            assert (closing.tally.evaluations, made.share) == (5, 0.3)
             assert made.blocked[0] == expected[0]
             assert made.blocked[1] == pytest.approx(expected[1], abs=1e-3)
 
@@ -277,7 +277,7 @@ def test_where_there_is_no_shape_there_is_no_rigidity(monkeypatch):
     )
     far[::2] *= -1.0
     monkeypatch.setattr(closing_step, 'solve_step', lambda *_: far)
-    made = step(place, closing, np.full(len(closing.members), STANDOFF), 1.0, SearchTally())
+    made = step(place, closing, np.full(len(closing.members), STANDOFF), 1.0)
     assert made.blocked[:2] == ('rigidity', 0.0)
     assert made.state is place
 
@@ -288,7 +288,7 @@ def test_who_stands_still_is_not_blocked_wherever_that_is(seed, monkeypatch):
     still = np.zeros(len(config.roller_positions))
     monkeypatch.setattr(closing_step, 'solve_step', lambda *_: still)
     place, targets = evaluate_state(config, closing.body), np.full(len(closing.members), STANDOFF)
-    assert step(place, closing, targets, 1.0, SearchTally()).blocked is None
+    assert step(place, closing, targets, 1.0).blocked is None
 
 
 def test_members_that_do_not_reach_say_how_far_they_are(monkeypatch):
@@ -298,7 +298,7 @@ def test_members_that_do_not_reach_say_how_far_they_are(monkeypatch):
     found = []
     for depth in (0.0, 0.01, 0.02):
         with pytest.raises(RequirementError) as missed:
-            press(config, closing, np.full(len(closing.members), depth), SearchTally())
+            press(config, closing, np.full(len(closing.members), depth))
         name, value, bound, distance = missed.value.args
         assert (name, bound) == ('reach', 0.0)
         assert value == pytest.approx(np.abs(gaps + depth).max())

@@ -15,14 +15,13 @@ import closings
 from isotruss_ros.core import ConvexObject, GraspRequirements, load_robot
 from isotruss_ros.core.planning import grasp_candidate as candidates
 from isotruss_ros.core.planning.grasp_candidate import judge_candidate
-from isotruss_ros.core.planning.grasp_plan import SearchTally
 from isotruss_ros.core.planning.seeds import find_seeds
 import numpy as np
 import pytest
 
 HOME = load_robot('triangle').home
 BODY = ConvexObject.disc((0.716, 0.5), 0.4)
-SEED = find_seeds(HOME, BODY, GraspRequirements(module='main/T'), 0, 0, SearchTally())[0]
+SEED = find_seeds(HOME, BODY, GraspRequirements(module='main/T'), 0, 0)[0]
 
 
 def judge(**values):

@@ -29,7 +29,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.limits import RollerSpeedLimit
 from isotruss_ros.core.planning import motion_in_place
 from isotruss_ros.core.planning.closing import Closing
-from isotruss_ros.core.planning.grasp_plan import RequirementError, SearchTally
+from isotruss_ros.core.planning.grasp_plan import RequirementError
 from isotruss_ros.core.planning.motion_in_place import rolling_rates, squeeze_in_place
 import numpy as np
 import pytest
@@ -74,10 +74,9 @@ def held_by(grasp, **fields):
 
 def ended(grasp, force, closing):
     """Return requirement, value and bound of what ends a motion, and what it took."""
-    tally = SearchTally()
     with pytest.raises(RequirementError) as end:
-        squeeze_in_place(grasp, force, closing, tally)
-    return end.value.args[:3], tally.evaluations
+        squeeze_in_place(grasp, force, closing)
+    return end.value.args[:3], closing.tally.evaluations
 
 
 BOTH = pytest.mark.parametrize('held', [pair, three])
@@ -85,12 +84,12 @@ BOTH = pytest.mark.parametrize('held', [pair, three])
 
 @BOTH
 def test_the_squeeze_becomes_what_is_wanted_in_place(held):
-    (closing, grasp), tally = held(), SearchTally()
+    closing, grasp = held()
     force = 1.1 * grasp.squeeze
-    found = squeeze_in_place(grasp, force, closing, tally)
+    found = squeeze_in_place(grasp, force, closing)
     assert found.squeeze == pytest.approx(force, rel=1e-3)
     assert math.dist(found.pose[:2], grasp.pose[:2]) < 2e-5
-    assert 0 < tally.evaluations <= 4
+    assert 0 < closing.tally.evaluations <= 4
 
 
 def box():
@@ -116,8 +115,8 @@ def test_rates_are_those_of_rolling_contacts(held):
 def test_a_squeeze_that_is_right_to_a_thousandth_is_left(held):
     closing, grasp = held()
     near, far = 1.0008 * grasp.squeeze, 1.0012 * grasp.squeeze
-    assert squeeze_in_place(grasp, near, closing, SearchTally()).squeeze == grasp.squeeze
-    assert squeeze_in_place(grasp, far, closing, SearchTally()).squeeze != grasp.squeeze
+    assert squeeze_in_place(grasp, near, closing).squeeze == grasp.squeeze
+    assert squeeze_in_place(grasp, far, closing).squeeze != grasp.squeeze
 
 
 @pytest.mark.parametrize('away', [5e-5, 0.02, 2.0 * math.pi, 6.3])
@@ -125,7 +124,7 @@ def test_what_has_been_turned_comes_back(away):
     closing, grasp = box()
     x, y, angle = grasp.pose
     turned = replace(closing, body=grasp.body.moved_to((x, y, angle + away)))
-    placed = squeeze_in_place(grasp, grasp.squeeze, turned, SearchTally())
+    placed = squeeze_in_place(grasp, grasp.squeeze, turned)
     assert math.remainder(placed.pose.angle - angle - away, 2.0 * math.pi) == pytest.approx(
         0.0, abs=1e-3
     )
@@ -156,7 +155,7 @@ def test_what_rollers_cannot_bring_back_goes_along_a_little(share, monkeypatch):
     tube = HOME.robot.description.tube_diameter
     closing = replace(closing, body=grasp.body.moved_to((x + share * tube, y, angle)))
     if share < 0.25:
-        assert squeeze_in_place(grasp, grasp.squeeze, closing, SearchTally()) is grasp
+        assert squeeze_in_place(grasp, grasp.squeeze, closing) is grasp
     else:
         bound = pytest.approx(0.25 * tube)
         said, _ = ended(grasp, grasp.squeeze, closing)

@@ -248,9 +248,9 @@ def test_an_object_that_only_just_touches_is_free(indentation, free):
 def test_rounds_follow_until_there_are_enough_grasps(count, rounds, monkeypatch):
     begun, find = [], search.find_seeds
 
-    def find_seeds(config, body, needs, seed, number, tally):
+    def find_seeds(config, body, needs, seed, number):
         begun.append(number)
-        return find(config, body, needs, seed, number, tally)[:1]
+        return find(config, body, needs, seed, number)[:1]
 
     monkeypatch.setattr(search, 'find_seeds', find_seeds)
     needs = GraspRequirements(module='north/Z', squeeze=10.0, count=count)

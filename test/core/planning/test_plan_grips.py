@@ -24,7 +24,6 @@ from isotruss_ros.core import (
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.planning.describe_plan import export_figures, plan_in_words
 from isotruss_ros.core.planning.facing import balances, contact_ends, find_facing, friction_angles
-from isotruss_ros.core.planning.grasp_plan import SearchTally
 from isotruss_ros.core.planning.seeds import find_seeds
 import numpy as np
 import pytest
@@ -129,7 +128,7 @@ def test_only_the_members_that_are_named_grip():
     numbers = {ROBOT.member_names.index(name) for name in SIDES}
     for number in range(3):
         needs = GraspRequirements(friction=0.9, members=SIDES)
-        seeds = find_seeds(HOME, body, needs, 0, number, SearchTally())
+        seeds = find_seeds(HOME, body, needs, 0, number)
         assert seeds
         assert all(set(seed.members) == numbers for seed in seeds)
     needs = GraspRequirements(friction=0.9, squeeze=12.0, members=SIDES[::-1], count=1)
