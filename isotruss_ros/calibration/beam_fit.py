@@ -38,38 +38,23 @@ INDIFFERENT = 1e-4
 
 
 class BeamConstants(NamedTuple):
-    """
-    E t [N/m], G t [N/m] and c, named as in a robot file.
+    """E t [N/m], G t [N/m] and c, named as in a robot file."""
 
-    :ivar membrane_modulus: E t of the fabric along the tube [N/m].
-    :ivar membrane_shear_modulus: G t of the fabric [N/m].
-    :ivar end_softening: c of the bending stiffness at the held ends [-].
-    """
-
-    membrane_modulus: float
-    membrane_shear_modulus: float
-    end_softening: float
+    membrane_modulus: float  #: E t of the fabric along the tube [N/m]
+    membrane_shear_modulus: float  #: G t of the fabric [N/m]
+    end_softening: float  #: c of the bending stiffness at the held ends [-]
 
 
 @dataclass(frozen=True)
 class FittedBeam:
-    """
-    An inflatable beam and how well its constants are known.
+    """An inflatable beam and how well its constants are known."""
 
-    :ivar radius: R of the tube [m].
-    :ivar constants: the best ones.
-    :ivar low: lower ends of the confidence intervals, of each constant on its own.
-    :ivar high: upper ends; infinite where the points do not bound a constant.
-    :ivar misfits: root mean square of ln(measured / fitted stiffness) by mode.
-    :ivar count: number of stiffnesses.
-    """
-
-    radius: float
-    constants: BeamConstants
-    low: BeamConstants
-    high: BeamConstants
-    misfits: Mapping[str, float]
-    count: int
+    radius: float  #: R of the tube [m]
+    constants: BeamConstants  #: the best ones
+    low: BeamConstants  #: lower ends of the confidence intervals, of each constant on its own
+    high: BeamConstants  #: upper ends; infinite where the points do not bound a constant
+    misfits: Mapping[str, float]  #: root mean square of ln(measured / fitted stiffness) by mode
+    count: int  #: number of stiffnesses
 
     @property
     def beam(self) -> InflatableBeam:

@@ -25,23 +25,14 @@ ROUNDING = 1e-12
 
 @dataclass(frozen=True)
 class FittedLaw:
-    """
-    A stiffness law and how well it is known.
+    """A stiffness law and how well it is known."""
 
-    :ivar law: the law k = C p^a L^b in SI units.
-    :ivar low: lower ends of the confidence intervals of C, a and b, each on its own.
-    :ivar high: upper ends.
-    :ivar r_squared: part of the variance of ln k that the law explains; NaN if k does not vary.
-    :ivar misfit: root mean square of ln(measured / fitted stiffness).
-    :ivar count: number of stiffnesses.
-    """
-
-    law: Law
-    low: Law
-    high: Law
-    r_squared: float
-    misfit: float
-    count: int
+    law: Law  #: the law k = C p^a L^b in SI units
+    low: Law  #: lower ends of the confidence intervals of C, a and b, each on its own
+    high: Law  #: upper ends
+    r_squared: float  #: part of the variance of ln k that the law explains; NaN if k does not vary
+    misfit: float  #: root mean square of ln(measured / fitted stiffness)
+    count: int  #: number of stiffnesses
 
 
 def fit_law(

@@ -35,23 +35,14 @@ ALONE = 'the only displacement of its trial in the linear range; a slope needs t
 
 @dataclass(frozen=True, eq=False)
 class Slope:
-    """
-    The slope of a group of points.
+    """The slope of a group of points."""
 
-    :ivar group: the measured points that it belongs to.
-    :ivar stiffness: [N/m], rotary [N m/rad]; NaN if there is none.
-    :ivar offsets: (n,) load at zero displacement in the trial of each point.
-    :ivar limit: largest |displacement| of the linear range.
-    :ivar used: (n,) points that the slope goes through.
-    :ivar reasons: (n,) why the others are not used; empty for those that are.
-    """
-
-    group: Group
-    stiffness: float
-    offsets: Array
-    limit: float
-    used: Flags
-    reasons: tuple[str, ...]
+    group: Group  #: the measured points that it belongs to
+    stiffness: float  #: [N/m], rotary [N m/rad]; NaN if there is none
+    offsets: Array  #: (n,) load at zero displacement in the trial of each point
+    limit: float  #: largest |displacement| of the linear range
+    used: Flags  #: (n,) points that the slope goes through
+    reasons: tuple[str, ...]  #: (n,) why the others are not used; empty for those that are
 
 
 def fit_slope(

@@ -39,21 +39,13 @@ INDIFFERENT = 1e-3
 
 @dataclass(frozen=True)
 class FittedLocalStiffness:
-    """
-    The local stiffness against that of the theory, and how well it is known.
+    """The local stiffness against that of the theory, and how well it is known."""
 
-    :ivar value: the factor [-].
-    :ivar low: lower end of its confidence interval, by the profile of the squares.
-    :ivar high: upper end.
-    :ivar misfit: root mean square of ln(measured / fitted load).
-    :ivar count: number of points.
-    """
-
-    value: float
-    low: float
-    high: float
-    misfit: float
-    count: int
+    value: float  #: the factor [-]
+    low: float  #: lower end of its confidence interval, by the profile of the squares
+    high: float  #: upper end
+    misfit: float  #: root mean square of ln(measured / fitted load)
+    count: int  #: number of points
 
 
 def fit_local_stiffness(

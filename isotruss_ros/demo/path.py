@@ -29,15 +29,12 @@ class Phase:
     """
     One part of the path.
 
-    :ivar name: what the object does.
-    :ivar duration: [s].
-    :ivar twist: the twist at a time since the phase began [s].
     :ivar pull: what pulls at the object in the middle of the phase; None for nothing.
     """
 
-    name: str
-    duration: float
-    twist: Callable[[float], Twist]
+    name: str  #: what the object does
+    duration: float  #: [s]
+    twist: Callable[[float], Twist]  #: the twist at a time since the phase began [s]
     pull: Wrench | None = None
 
     def wrench(self, time: float) -> Wrench:

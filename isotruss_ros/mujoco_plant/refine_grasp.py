@@ -37,13 +37,11 @@ class RefinedGrasp(NamedTuple):
 
     :ivar grasp: the plan, with other roller positions behind where its members touch; the rest of
         it is as planned.
-    :ivar measured: (n, 2) squeeze and slip margin in each round [N].
-    :ivar agrees: whether the last ones are those that were planned.
     """
 
     grasp: PlannedGrasp
-    measured: Array
-    agrees: bool
+    measured: Array  #: (n, 2) squeeze and slip margin in each round [N]
+    agrees: bool  #: whether the last ones are those that were planned
 
 
 def refine_grasp(

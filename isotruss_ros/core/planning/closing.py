@@ -36,26 +36,21 @@ class Closing:
     """
     What closes on which object, within which bounds.
 
-    :ivar body: the object, which stands still.
-    :ivar members: numbers of the grasping members.
-    :ivar limits: of the rollers; a step is their motion in a unit of time.
-    :ivar min_rigidity: see `rigidity_index`, 1 at home [-].
     :ivar friction_angle: of the cones within which the forces of an open grip balance [rad].
     :ivar nominal_posture: (r,) roller positions that the remaining freedom is drawn to [m]; the
         present ones if None.
     :ivar facing: (s,) unit normals out of the object, x + iy, that the members are turned to face;
         they stay as they are if None.
-    :ivar tally: what was looked at so far.
     """
 
-    body: ConvexObject
-    members: tuple[int, ...]
-    limits: tuple[Limit, ...]
-    min_rigidity: float
+    body: ConvexObject  #: the object, which stands still
+    members: tuple[int, ...]  #: numbers of the grasping members
+    limits: tuple[Limit, ...]  #: of the rollers; a step is their motion in a unit of time
+    min_rigidity: float  #: see `rigidity_index`, 1 at home [-]
     friction_angle: float = 0.0
     nominal_posture: Array | None = None
     facing: Points | None = None
-    tally: SearchTally = field(default_factory=SearchTally)
+    tally: SearchTally = field(default_factory=SearchTally)  #: what was looked at so far
 
     def normals(self, config: Configuration) -> Points:
         """
