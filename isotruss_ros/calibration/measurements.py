@@ -40,17 +40,13 @@ class MeasurementError(IsotrussError, ValueError):
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """
-    All points of one mode, pressure and length.
-
-    :ivar trials: (n,) number of the trial of each point, 0 ... t - 1.
-    """
+    """All points of one mode, pressure and length."""
 
     mode: str  #: axial, transverse or rotary
     pressure: float  #: gauge [Pa]
     length: float  #: undeflected: pinch to pinch in the axial mode, ring to ring in the others [m]
     lines: Indices  #: (n,) line numbers in the file
-    trials: Indices
+    trials: Indices  #: (n,) number of the trial of each, 0 ... t - 1
     displacements: Array  #: (n,) [m], rotary [rad]
     loads: Array  #: (n,) [N], rotary [N m]
 

@@ -45,7 +45,6 @@ class PlantOptions:
 
     :ivar tube_relaxation: time in which a tube that bends or shears would come to rest by its own
         losses, had it no mass [s].
-    :ivar ground_friction: force along x or y at which an object begins to slide on the ground [N].
     :ivar roller_force: largest force along the tube of a roller, its torque over its radius; it
         stands where the members it feeds pull harder against its motion [N].
     :raises PlantError: a value is not usable.
@@ -61,7 +60,7 @@ class PlantOptions:
     joint_drag: float = 5.0  #: resistance of each joint of the robot against its speed [N s/m]
     tube_relaxation: float = 0.1
     object_drag: float = 0.5  #: resistance of the ground against an object's speed [N s/m]
-    ground_friction: float = 0.0
+    ground_friction: float = 0.0  #: at which a lying object begins to slide [N]
     module_friction: float = 0.0  #: the same for each joint of the robot with its modules [N]
     roller_lag: float = 0.0  #: time constant of the rollers' speeds behind their commands [s]
     roller_force: float = float('inf')

@@ -33,23 +33,15 @@ REFINEMENT, LEAST_SHARE = 0.34, 0.3
 
 @dataclass(frozen=True, eq=False)
 class Closing:
-    """
-    What closes on which object, within which bounds.
-
-    :ivar friction_angle: of the cones within which the forces of an open grip balance [rad].
-    :ivar nominal_posture: (r,) roller positions that the remaining freedom is drawn to [m]; the
-        present ones if None.
-    :ivar facing: (s,) unit normals out of the object, x + iy, that the members are turned to face;
-        they stay as they are if None.
-    """
+    """What closes on which object, within which bounds."""
 
     body: ConvexObject  #: the object, which stands still
     members: tuple[int, ...]  #: numbers of the grasping members
     limits: tuple[Limit, ...]  #: of the rollers; a step is their motion in a unit of time
     min_rigidity: float  #: see `rigidity_index`, 1 at home [-]
-    friction_angle: float = 0.0
-    nominal_posture: Array | None = None
-    facing: Points | None = None
+    friction_angle: float = 0.0  #: of the cones in which an open grip balances [rad]
+    nominal_posture: Array | None = None  #: (r,) roller positions to be drawn to [m], if any
+    facing: Points | None = None  #: (s,) unit normals, x + iy, to be turned to, if any
     tally: SearchTally = field(default_factory=SearchTally)  #: what was looked at so far
 
     def normals(self, config: Configuration) -> Points:
