@@ -69,10 +69,7 @@ def spring_damping(stiffness: Array, along: Array, options: PlantOptions) -> Arr
 
 
 def segment_counts(
-    robot: Robot,
-    objects: Sequence[ConvexObject],
-    options: PlantOptions,
-    reach: float = 0.5,
+    robot: Robot, objects: Sequence[ConvexObject], options: PlantOptions, reach: float = 0.5
 ) -> Indices:
     """
     Return the number of segments of each member, (m,): more next to an object.
@@ -195,12 +192,7 @@ def _add_joints(world: ET.Element, robot: Robot, options: PlantOptions) -> list[
 
 
 def _add_member(
-    module: ET.Element,
-    robot: Robot,
-    i: int,
-    count: int,
-    springs: Springs,
-    options: PlantOptions,
+    module: ET.Element, robot: Robot, i: int, count: int, springs: Springs, options: PlantOptions
 ) -> None:
     """Add the chain from B of module i to C of the next."""
     topology, points, file = robot.topology, robot.home.points, robot.description

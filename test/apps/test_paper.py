@@ -18,9 +18,7 @@ from isotruss_ros.calibration.measurements import MODES
 from isotruss_ros.calibration.pressed_tube import ClampedTube, press
 from isotruss_ros.core.statics.frame import Frame
 from isotruss_ros.core.statics.structure import structure_of
-from isotruss_ros.core.statics.tube_stiffness import (
-    InflatableBeam,
-)
+from isotruss_ros.core.statics.tube_stiffness import InflatableBeam
 from matplotlib import rc_context
 import numpy as np
 from paper import figure_4, figure_5, figure_6, figure_7, figure_9, membrane, synthetic, wrinkling
@@ -320,11 +318,7 @@ def test_grasps_differ(results):
     regions = [each.analysis.points[each.analysis.normal_forces > 0.0] for each in held]
     values = np.array(
         [
-            [
-                each.analysis.normal_forces.sum(),
-                each.deflection,
-                *np.diag(each.analysis.stiffness),
-            ]
+            [each.analysis.normal_forces.sum(), each.deflection, *np.diag(each.analysis.stiffness)]
             for each in held
         ]
     )

@@ -39,9 +39,7 @@ def never() -> bool:
 
 
 def approach(
-    config: Configuration,
-    closing: Closing,
-    should_stop: Callable[[], bool] = never,
+    config: Configuration, closing: Closing, should_stop: Callable[[], bool] = never
 ) -> tuple[list[Configuration], tuple[str, float, float] | None]:
     """
     Bring the grasping members close to the object, facing it so that friction can hold it.

@@ -65,10 +65,7 @@ def close_on_ground(
 
 
 def _judge(
-    config: Configuration,
-    analysis: GraspAnalysis,
-    closing: Closing,
-    needs: GraspRequirements,
+    config: Configuration, analysis: GraspAnalysis, closing: Closing, needs: GraspRequirements
 ) -> ClosedGrip:
     """Return a grip with what it does, unless a bound is exceeded."""
     settled = settle_grasp(config, closing.body, needs.friction, needs.external_wrench)
@@ -90,10 +87,7 @@ def _judge(
 
 
 def _balance(
-    config: Configuration,
-    depths: Array,
-    closing: Closing,
-    needs: GraspRequirements,
+    config: Configuration, depths: Array, closing: Closing, needs: GraspRequirements
 ) -> tuple[ClosedGrip, Array]:
     """Return the grip that balances best about some depths (s,), the mean kept, and its depths."""
     mean, names = depths.mean(), [config.robot.member_names[i] for i in closing.members]
@@ -113,10 +107,7 @@ def _balance(
 
 
 def find_correction(
-    config: Configuration,
-    closing: Closing,
-    analysis: GraspAnalysis,
-    external_wrench: ArrayLike,
+    config: Configuration, closing: Closing, analysis: GraspAnalysis, external_wrench: ArrayLike
 ) -> Array:
     """
     Return the changes (s,) of normal forces, zero in sum, that balance what friction cannot take.

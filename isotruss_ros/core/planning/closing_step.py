@@ -26,12 +26,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.rigidity import Modes, rigidity_index
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
-from isotruss_ros.core.planning.closing import (
-    BOUND_SHARE,
-    Closing,
-    evaluate_state,
-    SearchState,
-)
+from isotruss_ros.core.planning.closing import BOUND_SHARE, Closing, evaluate_state, SearchState
 from isotruss_ros.core.planning.grasp_plan import RequirementError
 from isotruss_ros.core.safety.distances import collision_model
 import numpy as np

@@ -37,11 +37,7 @@ RANDOM_CONES, RANDOM_POSTURE = (0.5, 1.0), 0.3
 
 
 def find_seeds(
-    config: Configuration,
-    body: ConvexObject,
-    needs: GraspRequirements,
-    seed: int,
-    number: int,
+    config: Configuration, body: ConvexObject, needs: GraspRequirements, seed: int, number: int
 ) -> list[Closing]:
     """
     Return the seeds of one round, pairs first, the easiest first.

@@ -15,13 +15,7 @@ import itertools
 from typing import NamedTuple
 
 import closings
-from isotruss_ros.core import (
-    ConvexObject,
-    Disc,
-    GraspRequirements,
-    load_robot,
-    plan_grasps,
-)
+from isotruss_ros.core import ConvexObject, Disc, GraspRequirements, load_robot, plan_grasps
 from isotruss_ros.core.planning import approach as approaching
 from isotruss_ros.core.planning.approach import find_turn, never
 from isotruss_ros.core.planning.closing import Closing
@@ -218,10 +212,7 @@ def test_a_posture_draws_what_the_task_leaves_free():
             config.roller_positions,
         )
         pulled = [
-            approach(
-                config,
-                Closing(**fields | {'nominal_posture': start + s * away}),
-            )
+            approach(config, Closing(**fields | {'nominal_posture': start + s * away}))
             for s in (1.0, -1.0)
         ]
         one, other = (way.path[-1].roller_positions for way in pulled)

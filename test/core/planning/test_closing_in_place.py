@@ -130,10 +130,7 @@ def test_members_press_only_where_friction_holds_the_wedge(share):
         ({'squeeze': 200.0}, 'max_utilisation'),
         ({'squeeze': 200.0, 'max_utilisation': math.inf}, None),
         ({'min_slip_margin': 50.0, 'max_utilisation': math.inf}, 'min_slip_margin'),
-        (
-            {'min_slip_margin': 0.5, 'min_margin': 50.0, 'max_utilisation': math.inf},
-            'min_margin',
-        ),
+        ({'min_slip_margin': 0.5, 'min_margin': 50.0, 'max_utilisation': math.inf}, 'min_margin'),
         ({'max_contact_force': 1e-3}, 'max_contact_force'),
         ({'external_wrench': (0.0, 60.0, 0.0)}, None),
         ({'external_wrench': (0.0, 1e4, 0.0), 'max_utilisation': math.inf}, 'held'),

@@ -17,10 +17,7 @@ from isotruss_ros.core import ConvexObject
 from isotruss_ros.core.errors import ConfigurationError, SolverError
 from isotruss_ros.core.kinematics.rigidity import rigidity_index
 from isotruss_ros.core.planning import closing_step
-from isotruss_ros.core.planning.closing import (
-    evaluate_state,
-    SearchState,
-)
+from isotruss_ros.core.planning.closing import evaluate_state, SearchState
 from isotruss_ros.core.planning.closing_step import press, solve_step
 from isotruss_ros.core.planning.grasp_plan import RequirementError, SearchTally
 from isotruss_ros.core.safety.distances import collision_model
@@ -271,10 +268,7 @@ def test_a_step_is_halved_until_it_leads_where_it_may(seed, monkeypatch):
 
 def test_where_there_is_no_shape_there_is_no_rigidity(monkeypatch):
     config, (closing, _), _ = tasks(0)
-    place, far = (
-        evaluate_state(config, closing.body),
-        np.full(len(config.roller_positions), 1e3),
-    )
+    place, far = (evaluate_state(config, closing.body), np.full(len(config.roller_positions), 1e3))
     far[::2] *= -1.0
     monkeypatch.setattr(closing_step, 'solve_step', lambda *_: far)
     made = step(place, closing, np.full(len(closing.members), STANDOFF), 1.0)

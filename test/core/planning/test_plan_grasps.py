@@ -207,11 +207,7 @@ def test_none_found_comes_with_what_is_missed(body, needs, missed):
     needs = GraspRequirements(module=needs.pop('module', 'north/Z'), **needs)
     told = []
     plan = plan_grasps(
-        ROBOT.home,
-        body,
-        needs,
-        on_progress=told.append,
-        should_stop=lambda: len(told) > 4,
+        ROBOT.home, body, needs, on_progress=told.append, should_stop=lambda: len(told) > 4
     )
     assert not plan
     miss = plan.closest_violation

@@ -89,7 +89,7 @@ def test_what_was_picked_up_stays_where_it_is_let_go(body, members, moved):
     shares = np.array(squeezes[1:10]) / squeezes[0]
     assert shares == pytest.approx(np.linspace(0.9, 0.1, 9), rel=0.05)
     assert squeezes[-1] < 0.01 * squeezes[0]
-    closings.drive(robot, release.path[apart - 1 : apart + 1])
+    closings.drive(robot, release.path[[apart - 1, apart]])
     assert thing.grasp is None
     closings.drive(robot, release.path[apart:])
     lies = np.array(robot.object_pose)
