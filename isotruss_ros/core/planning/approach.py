@@ -33,13 +33,8 @@ TURN_TOLERANCE = 1e-3
 MAX_STEPS, MAX_IDLE_STEPS, MIN_PROGRESS = 100, 12, 0.02
 
 
-def never() -> bool:
-    """Return that nothing is to stop."""
-    return False
-
-
 def approach(
-    config: Configuration, closing: Closing, should_stop: Callable[[], bool] = never
+    config: Configuration, closing: Closing, should_stop: Callable[[], bool] | None = None
 ) -> tuple[list[Configuration], tuple[str, float, float] | None]:
     """
     Bring the grasping members close to the object, facing it so that friction can hold it.
@@ -65,7 +60,9 @@ def approach(
         left = max(gap, 0.0) / diameter + missing
         idle = 0 if left < best - MIN_PROGRESS else idle + 1
         best = min(best, left) if idle else left
-        if unmet is None or idle > MAX_IDLE_STEPS or len(path) > MAX_STEPS or should_stop():
+        if unmet is None or idle > MAX_IDLE_STEPS or len(path) > MAX_STEPS:
+            return path, unmet
+        if should_stop is not None and should_stop():
             return path, unmet
         state, share, blocked = take_closing_step(state, turned, targets, share)
         if blocked is not None:

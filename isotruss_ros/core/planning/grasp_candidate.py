@@ -18,7 +18,7 @@ import math
 from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
-from isotruss_ros.core.planning.approach import approach, never
+from isotruss_ros.core.planning.approach import approach
 from isotruss_ros.core.planning.closing import Closing
 from isotruss_ros.core.planning.closing_in_place import close_in_place
 from isotruss_ros.core.planning.closing_on_ground import close_on_ground
@@ -39,7 +39,7 @@ def judge_candidate(
     config: Configuration,
     closing: Closing,
     needs: GraspRequirements,
-    should_stop: Callable[[], bool] = never,
+    should_stop: Callable[[], bool] | None = None,
 ) -> tuple[PlannedGrasp | None, SearchTally]:
     """
     Bring the members of a seed to the object and close them there, in any process.

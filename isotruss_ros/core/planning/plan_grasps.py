@@ -27,7 +27,6 @@ from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.blas_threads import single_threaded
-from isotruss_ros.core.planning.approach import never
 from isotruss_ros.core.planning.closing import Closing
 from isotruss_ros.core.planning.grasp_candidate import judge_candidate
 from isotruss_ros.core.planning.grasp_plan import GraspPlan, PlannedGrasp, Progress, SearchTally
@@ -93,7 +92,7 @@ def plan_grasps(
     # As another process has it: nothing is known of it but the shape.
     config = Configuration(config.robot, config.roller_positions, config.points)
     structure_of(config)  # contradictory stiffness laws are reported here, once
-    search = _Search(config, needs, executor, on_progress, should_stop or never)
+    search = _Search(config, needs, executor, on_progress, should_stop)
     gap = float(object_distances(config, body).min())
     if gap < -OVERLAP:  # there is no path to a grasp
         search.tally.record('free', gap, 0.0, 2000.0)
@@ -117,7 +116,7 @@ class _Search:
         needs: GraspRequirements,
         executor: Executor | None,
         on_progress: Callable[[Progress], None] | None,
-        should_stop: Callable[[], bool],
+        should_stop: Callable[[], bool] | None,
     ) -> None:
         self._config, self._needs, self._executor = config, needs, executor
         self._on_progress, self._should_stop = on_progress, should_stop
@@ -208,5 +207,6 @@ class _Search:
         )
 
     def _check_stop(self) -> bool:
-        self.stopped = self.stopped or self._should_stop()
+        if self._should_stop is not None:
+            self.stopped = self.stopped or self._should_stop()
         return self.stopped
