@@ -37,7 +37,7 @@ def core_count() -> int:
     return os.cpu_count() or 1
 
 
-class WorkerPool:
+class WorkerPool(contextlib.AbstractContextManager):
     """
     Processes that are there from the first task until `close`, or until this process is gone.
 
@@ -53,10 +53,6 @@ class WorkerPool:
         self.executor = ProcessPoolExecutor(
             workers or core_count(), _Context(), initializer=_begin, initargs=(wanted,)
         )
-
-    def __enter__(self) -> WorkerPool:
-        """Return the pool; it is closed at the end of the block."""
-        return self
 
     def __exit__(self, *_error: object) -> None:
         """Close the pool."""
