@@ -73,16 +73,6 @@ def missed_by(name, needs):
     return closing.tally.closest
 
 
-def side_gaps(config, closing):
-    """Return how far the sides that are to touch are from the object [m]; exact."""
-    begin, end, _ = closings.parts(config)
-    sides, center = list(closing.members), closing.body.center
-    along = end[sides] - begin[sides]
-    across = ((center - begin[sides]).conj() * along).imag / np.abs(along)
-    tube = config.robot.description.tube_diameter
-    return np.abs(across) - closing.body.arm - 0.5 * tube
-
-
 def others(config, closing):
     """Return how far all else is from the object [m]."""
     members, *modules = closings.gaps(config, closing.body)

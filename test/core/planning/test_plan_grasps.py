@@ -14,6 +14,7 @@ from dataclasses import replace
 import itertools
 from types import SimpleNamespace
 
+import closings
 from isotruss_ros.cli.plan_report import table
 from isotruss_ros.core import (
     analyze_grasp,
@@ -59,15 +60,6 @@ def plans():
 def each(plans):
     """Return every object with every grasp of it."""
     return [(OBJECTS[name], grasp) for name, plan in plans.items() for grasp in plan]
-
-
-def distances(config, body):
-    """Return the distances of the tubes' skins from the object by brute force, (m,) [m]."""
-    topology, points = config.robot.topology, config.points
-    share = np.linspace(0.0, 1.0, 2001)[:, None]
-    start, end = points[topology.b], points[topology.c[topology.following]]
-    way = np.abs(start + share * (end - start) - body.center).min(axis=0)
-    return way - body.arm - 0.5 * config.robot.description.tube_diameter
 
 
 def along(path, pieces=5):
@@ -117,8 +109,8 @@ def test_path_begins_here_and_touches_nothing_before_it_says_so(plans):
         sides = [ROBOT.member_names.index(name) for name in grasp.members]
         until = grasp.touch + 1
         for row, config in along(grasp.path[:until]):
-            assert distances(config, body).min() > -1e-6, row
-        touching = distances(config, body)[sides]
+            assert closings.gaps(config, body)[0].min() > -1e-6, row
+        touching = closings.gaps(config, body)[0][sides]
         assert np.abs(touching).max() < 1e-6
 
 
@@ -128,7 +120,7 @@ def test_only_the_grip_presses_after_the_touch_and_all_of_it_together(plans):
         before = np.zeros(len(sides))
         touch = grasp.touch
         for _, config in along(grasp.path[touch:]):
-            gaps = distances(config, body)
+            gaps = closings.gaps(config, body)[0]
             assert np.delete(gaps, sides).min() > 0.0
             assert (gaps[sides] <= before + 1e-4).all()
             before = gaps[sides]
@@ -219,7 +211,7 @@ def test_none_found_comes_with_what_is_missed(body, needs, missed):
     if missed == 'enclosed':
         assert (miss.value, miss.bound) == (0.0, 1.0)
     if missed == 'free':
-        assert miss.value == pytest.approx(distances(ROBOT.home, body).min(), abs=1e-4)
+        assert miss.value == pytest.approx(closings.gaps(ROBOT.home, body)[0].min(), abs=1e-4)
         assert miss.bound == 0.0
 
 
