@@ -21,6 +21,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from isotruss_ros.calibration.law import half_widths
 from isotruss_ros.calibration.measurements import MeasurementError, MODES
 from isotruss_ros.core.model.robot_schema import MAX_MAGNITUDE
 from isotruss_ros.core.numerics.arrays import Array, Indices
@@ -29,7 +30,6 @@ from isotruss_ros.core.statics.tube_stiffness import InflatableBeam, TubeStiffne
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
-from scipy.stats import t as student_t
 
 #: Constants are sought within this factor of a first estimate; beyond, they act no more.
 RANGE = 1e6
@@ -80,12 +80,7 @@ def end_stiffness(tube: TubeStiffness, mode: str, length: ArrayLike, pressure: A
 
 
 def fit_beam(
-    modes: Indices,
-    lengths: Array,
-    pressures: Array,
-    stiffnesses: Array,
-    radius: float,
-    confidence: float = 0.95,
+    modes: Indices, lengths: Array, pressures: Array, stiffnesses: Array, radius: float
 ) -> FittedBeam:
     """
     Fit the constants of an inflatable beam.
@@ -95,7 +90,6 @@ def fit_beam(
     :param pressures: (n,) gauge [Pa].
     :param stiffnesses: (n,) [N/m], rotary [N m/rad].
     :param radius: R of the tube [m].
-    :param confidence: of the intervals.
     :raises MeasurementError: the points do not determine the constants; says what is missing.
     """
     _require_modes(modes)
@@ -117,11 +111,7 @@ def fit_beam(
         gtol=1e-14,
     )
     _require_determined(found.jac)
-    freedom = len(target) - len(start)
-    error = np.sqrt(
-        (np.linalg.pinv(found.jac) ** 2).sum(axis=1) * (found.fun @ found.fun) / freedom
-    )
-    width = student_t.ppf(0.5 + 0.5 * confidence, freedom) * error
+    width = half_widths(found.jac, found.fun)
     # Where a constant does not act, any larger or smaller one fits as well.
     width = np.where(np.linalg.norm(found.jac, axis=0) > INDIFFERENT, width, np.inf)
     constants = np.exp(found.x)

@@ -35,16 +35,26 @@ class FittedLaw:
     count: int  #: number of stiffnesses
 
 
-def fit_law(
-    pressures: Array, lengths: Array, stiffnesses: Array, confidence: float = 0.95
-) -> FittedLaw:
+def half_widths(matrix: Array, rest: Array) -> Array:
+    """
+    Return half the widths of the 95 % confidence intervals of what was fitted, (k,).
+
+    :param matrix: (n, k) of the least squares, their Jacobian at the solution.
+    :param rest: (n,) what they leave.
+    """
+    freedom = len(rest) - matrix.shape[1]
+    # pinv pinv^T is (X^T X)^-1 without squaring the condition of X.
+    error = np.sqrt((np.linalg.pinv(matrix) ** 2).sum(axis=1) * (rest @ rest) / freedom)
+    return student_t.ppf(0.975, freedom) * error
+
+
+def fit_law(pressures: Array, lengths: Array, stiffnesses: Array) -> FittedLaw:
     """
     Fit a law to stiffnesses of one mode, all of equal weight.
 
     :param pressures: (n,) gauge [Pa].
     :param lengths: (n,) [m].
     :param stiffnesses: (n,) [N/m] or [N m/rad].
-    :param confidence: of the intervals.
     :raises MeasurementError: the points do not determine the exponents; says what is missing.
     """
     n = len(stiffnesses)
@@ -56,11 +66,7 @@ def fit_law(
     matrix = np.column_stack([np.ones(n), logs])
     solution, *_ = np.linalg.lstsq(matrix, target, rcond=None)
     rest = target - matrix @ solution
-    freedom = n - 3
-    inverse = np.linalg.pinv(matrix)
-    # pinv pinv^T is (X^T X)^-1 without squaring the condition of X.
-    error = np.sqrt((inverse**2).sum(axis=1) * (rest @ rest) / freedom)
-    reach = student_t.ppf(0.5 + 0.5 * confidence, freedom) * error
+    reach = half_widths(matrix, rest)
     spread = target - target.mean()
     total = spread @ spread
     return FittedLaw(

@@ -63,11 +63,7 @@ class Release:
 
 @single_threaded
 def plan_release(
-    config: Configuration,
-    body: ConvexObject,
-    members: Sequence[str],
-    clearance: float,
-    min_rigidity: float = MIN_RIGIDITY,
+    config: Configuration, body: ConvexObject, members: Sequence[str], clearance: float
 ) -> Release:
     """
     Plan the path that lets a held object go and backs off.
@@ -77,7 +73,6 @@ def plan_release(
     :param members: names `t/j-k` of the two members, or three, that hold it.
     :param clearance: gap of each of these at the end, positive, at most as long as all tubes
         together [m].
-    :param min_rigidity: smallest rigidity index along the path, 1 at home.
     :raises GraspError: no such members, or a clearance out of range.
     :raises ConfigurationError: the shape in which the grip opens is singular.
     :raises SolverError: a quadratic program was not solved.
@@ -92,7 +87,7 @@ def plan_release(
         )
     numbers = find_members(config.robot, Grip(tuple(members), body).members).members
     limit = MemberLengthLimit(file.min_length, file.max_length, BOUND_SHARE)
-    closing = Closing(body, tuple(numbers.tolist()), (limit,), min_rigidity)
+    closing = Closing(body, tuple(numbers.tolist()), (limit,), MIN_RIGIDITY)
     try:
         path, closing = _unload(config, closing)
         apart = len(path) - 1 if len(path) > 1 else 1
