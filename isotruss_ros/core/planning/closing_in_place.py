@@ -10,10 +10,9 @@
 """
 Closing in place: members press on a free object, which stays where it is.
 
-Two members face it so that friction holds it as soon as both press. From there on it is held and
-the contacts roll: the squeeze rises while the twist of the object is zero. The path is what the
-rollers do then, by the mechanics of the elastic plant. A path for an object that the ground holds
-would drag a free one along, by several centimetres.
+Two members face it so that friction holds it as soon as both press. From there on the contacts
+roll, by the mechanics of the elastic plant, and the squeeze rises while the object stays. A path
+for an object that the ground holds would drag a free one along, by several centimetres.
 """
 
 from __future__ import annotations

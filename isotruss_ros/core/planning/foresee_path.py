@@ -56,10 +56,7 @@ def foresee_grip(
     :param friction: coefficient between tubes and object.
     :param poses: see `foresee_path`.
     :return: None where no members hold the object: what they push has no slip margin.
-    :raises GraspError: see `foresee_path`, as do the others.
-    :raises ConfigurationError: the configuration is singular.
-    :raises SolverError: a quadratic program was not solved.
-    :raises StructureError: see `structure_of`.
+    :raises IsotrussError: see `foresee_path`.
     """
     held = attach_grip(config, body)
     if isinstance(held, HoldStatus) or held.hold(friction) is not HoldStatus.HELD:

@@ -84,7 +84,6 @@ class Searcher:
         self._workers, self._pool = workers, WorkerPool(workers)
         self._search: Future[GraspPlan] | None = None
         self._stop = Stop()
-        self._progress = Progress(0, 0, None, 0.0, None), 0.0
 
     def begin(
         self,
