@@ -132,12 +132,12 @@ fuzz: venv $(STAMPS)/fuzz
 soak: MINUTES = 15
 soak: venv
 	$(BIN)/python test/helpers/soak.py --minutes $(MINUTES)
-	$(BIN)/python test/helpers/walks.py --walks $(WALKS)
+	WALKS=$(WALKS) $(PYTEST) test/core/safety/test_walks.py -k other
 
 calls: venv
 	set -e; first=0; for kind in $(CORETYPES); do \
-		OPENBLAS_CORETYPE=$$kind $(BIN)/python test/helpers/random_calls.py \
-			--first $$first --calls $$(($(CALLS) / $(words $(CORETYPES)))); first=$$((first + $(CALLS))); done
+		OPENBLAS_CORETYPE=$$kind FIRST_CALL=$$first CALLS=$$(($(CALLS) / $(words $(CORETYPES)))) \
+			$(PYTEST) test/core/test_random_calls.py; first=$$((first + $(CALLS))); done
 
 coverage: venv
 	EXAMPLES_SHARE=1 $(PYTEST) -m 'not system and not linter and not nightly' --cov=isotruss_ros.core --cov-branch \

@@ -54,21 +54,13 @@ KINDS = ('disc', 'ellipse', 'polygon')
 
 
 class Result(NamedTuple):
-    """
-    What came of one object.
+    """What came of one object."""
 
-    :ivar kind: of its shape.
-    :ivar width: in the mean [m].
-    :ivar margin: the largest slip margin; zero where none was found [N].
-    :ivar members: that hold it.
-    :ivar seconds: of the search.
-    """
-
-    kind: str
-    width: float
-    margin: float
-    members: tuple[str, ...]
-    seconds: float
+    kind: str  #: of its shape
+    width: float  #: in the mean [m]
+    margin: float  #: the largest slip margin; zero where none was found [N]
+    members: tuple[str, ...]  #: that hold it
+    seconds: float  #: of the search
 
 
 def random_shape(rng: np.random.Generator, kind: str, width: float) -> Shape:

@@ -54,21 +54,15 @@ INDENTATION, SQUEEZE = 0.01, 10.0
 
 @dataclass(frozen=True)
 class Case:
-    """
-    What is measured.
-
-    :ivar rate: of manipulation [Hz].
-    :ivar goal: what is asked for, in words.
-    :ivar beside: busy processes that run meanwhile.
-    """
+    """What is measured."""
 
     name: str
-    rate: float
-    goal: str
+    rate: float  #: of manipulation [Hz]
+    goal: str  #: what is asked for, in words
     simulator: Mapping[str, object] = field(default_factory=dict)
     manipulation: Mapping[str, object] = field(default_factory=dict)
     analysis: bool = False
-    beside: int = 0
+    beside: int = 0  #: busy processes that run meanwhile
 
 
 CORES = os.cpu_count() or 1

@@ -50,25 +50,15 @@ CROSSOVER_SIZES = (9, 15, 21, 27, 33, 39, 51, 75, 99, 201, 303)
 
 @dataclass(frozen=True)
 class Times:
-    """
-    Medians [s] on one robot.
+    """Medians [s] on one robot."""
 
-    :ivar forward: forward kinematics over one cycle at 200 Hz, full speed.
-    :ivar factor: matrix of (12) and its factorization.
-    :ivar free: twist to rollers where no limit binds.
-    :ivar limited: twist to rollers at twice of what the limits allow: as far as possible.
-    :ivar regularized: the same as the nodes have it, regularized for loops of 5 ms.
-    :ivar paper: the free twist as the paper's (20), one dense linear system; 0 if left out.
-    :ivar memory: peak of a limited twist [bytes].
-    """
-
-    forward: float
-    factor: float
-    free: float
-    limited: float
-    regularized: float
-    paper: float
-    memory: int
+    forward: float  #: forward kinematics over one cycle at 200 Hz, full speed
+    factor: float  #: matrix of (12) and its factorization
+    free: float  #: twist to rollers where no limit binds
+    limited: float  #: twist to rollers at twice of what the limits allow: as far as possible
+    regularized: float  #: the same as the nodes have it, regularized for loops of 5 ms
+    paper: float  #: the free twist as the paper's (20), one dense linear system; 0 if left out
+    memory: int  #: peak of a limited twist [bytes]
 
 
 def measure(robot: core.Robot, module: str, peer: bool = False) -> Times:

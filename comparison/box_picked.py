@@ -62,19 +62,12 @@ PHASES = (
 
 @dataclass(frozen=True)
 class Stage:
-    """
-    The robot and the box at one time.
+    """The robot and the box at one time."""
 
-    :ivar name: what was done.
-    :ivar config: of the rollers.
-    :ivar pose: of the box.
-    :ivar forces: of the members on it, by member.
-    """
-
-    name: str
-    config: Configuration
-    pose: Pose
-    forces: dict[str, ContactForce]
+    name: str  #: what was done
+    config: Configuration  #: of the rollers
+    pose: Pose  #: of the box
+    forces: dict[str, ContactForce]  #: of the members on it, by member
 
 
 @dataclass(frozen=True)
@@ -82,14 +75,12 @@ class Picked:
     """
     What became of the box.
 
-    :ivar stages: one after the other.
     :ivar carried: while the sides close, wait, carry it with its squeeze regulated, and open.
-    :ivar statuses: of the commands that carried it.
     """
 
-    stages: list[Stage] = field(default_factory=list)
+    stages: list[Stage] = field(default_factory=list)  #: one after the other
     carried: list[Carried] = field(default_factory=list)
-    statuses: set[Status] = field(default_factory=set)
+    statuses: set[Status] = field(default_factory=set)  #: of the commands that carried it
 
     def shift(self, name: str) -> float:
         """

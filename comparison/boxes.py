@@ -42,19 +42,12 @@ FINE = replace(STILL, contact_segments=16)
 
 @dataclass(frozen=True)
 class Case:
-    """
-    What lies between the two sides.
+    """What lies between the two sides."""
 
-    :ivar name: of the object.
-    :ivar shape: of the object.
-    :ivar angle: of the object [rad].
-    :ivar indentation: of both sides by the object, tubes unbent [m].
-    """
-
-    name: str
-    shape: Shape
-    angle: float
-    indentation: float
+    name: str  #: of the object
+    shape: Shape  #: of the object
+    angle: float  #: of the object [rad]
+    indentation: float  #: of both sides by the object, tubes unbent [m]
 
     def grip(self, config: Configuration) -> Grip:
         """
@@ -77,19 +70,12 @@ CASES = (
 
 @dataclass(frozen=True)
 class Compared:
-    """
-    One object in both models.
+    """One object in both models."""
 
-    :ivar case: what lies there.
-    :ivar fast: (2, 2) normal forces held fast, without friction: MuJoCo's, ours [N].
-    :ivar free: (2, 2) normal forces of the free object, held by friction: MuJoCo's, ours [N].
-    :ivar required: (2,) friction that it requires: MuJoCo's, ours.
-    """
-
-    case: Case
-    fast: Array
-    free: Array
-    required: Array
+    case: Case  #: what lies there
+    fast: Array  #: (2, 2) normal forces held fast, without friction: MuJoCo's, ours [N]
+    free: Array  #: (2, 2) normal forces of the free object, held by friction: MuJoCo's, ours [N]
+    required: Array  #: (2,) friction that it requires: MuJoCo's, ours
 
 
 def compare(cases: Sequence[Case] = CASES, phases: Sequence[Phase] = PHASES) -> Section:

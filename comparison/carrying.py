@@ -151,21 +151,13 @@ class Regulated:
 
 @dataclass(frozen=True)
 class Carried:
-    """
-    What became of an object on its path.
+    """What became of an object on its path."""
 
-    :ivar times: (n,) [s].
-    :ivar poses: (n, 3) of the object [m, rad].
-    :ivar goals: (n, 3) where it should have been [m, rad].
-    :ivar squeezes: (n,) mean normal force of the members [N].
-    :ivar frictions: (n,) largest friction used |T| / N [-].
-    """
-
-    times: Array
-    poses: Array
-    goals: Array
-    squeezes: Array
-    frictions: Array
+    times: Array  #: (n,) [s]
+    poses: Array  #: (n, 3) of the object [m, rad]
+    goals: Array  #: (n, 3) where it should have been [m, rad]
+    squeezes: Array  #: (n,) mean normal force of the members [N]
+    frictions: Array  #: (n,) largest friction used |T| / N [-]
 
     @property
     def position_error(self) -> float:

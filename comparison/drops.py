@@ -53,36 +53,22 @@ DROPPED = 0.03
 
 @dataclass(frozen=True)
 class Case:
-    """
-    A grasp with a load and a motion.
+    """A grasp with a load and a motion."""
 
-    :ivar grip: what presses on the object.
-    :ivar friction: coefficient between tube and object.
-    :ivar direction: (3,) unit wrench of the load; None for the weakest direction.
-    :ivar twist: (3,) of the object [m/s, rad/s].
-    """
-
-    grip: PressedCase
-    friction: float
-    direction: Array | None
-    twist: Array
+    grip: PressedCase  #: what presses on the object
+    friction: float  #: coefficient between tube and object
+    direction: Array | None  #: (3,) unit wrench of the load; None for the weakest direction
+    twist: Array  #: (3,) of the object [m/s, rad/s]
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """
-    What became of a case.
+    """What became of a case."""
 
-    :ivar margin: smallest slip margin on the path, without the load, by our model [N].
-    :ivar load: its size, moments over the radius [N].
-    :ivar off: distance from where our model has the object at the end [m].
-    :ivar dropped: whether it was dropped.
-    """
-
-    margin: float
-    load: float
-    off: float
-    dropped: bool
+    margin: float  #: smallest slip margin on the path, without the load, by our model [N]
+    load: float  #: its size, moments over the radius [N]
+    off: float  #: distance from where our model has the object at the end [m]
+    dropped: bool  #: whether it was dropped
 
 
 def compare(cases: int = CASES) -> Section:

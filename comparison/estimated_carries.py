@@ -66,29 +66,17 @@ CASES = (
 
 @dataclass(frozen=True)
 class Carried:
-    """
-    What became of one object.
+    """What became of one object."""
 
-    :ivar squeeze: of MuJoCo against the target, a second after the path [-].
-    :ivar worst: the same where it was farthest off on the path [-].
-    :ivar estimated: estimated squeeze against MuJoCo's, then [-].
-    :ivar surprise: error of that in its standard deviations.
-    :ivar encoders: how far joints were off by the encoders alone, the worst one [m].
-    :ivar joints: the same by the estimate [m].
-    :ivar joint_surprise: largest error of a coordinate in its standard deviations.
-    :ivar update: median time of an update, of the processor [s].
-    :ivar slips: names of the rollers that seemed to slip at some time.
-    """
-
-    squeeze: float
-    worst: float
-    estimated: float
-    surprise: float
-    encoders: float
-    joints: float
-    joint_surprise: float
-    update: float
-    slips: tuple[str, ...]
+    squeeze: float  #: of MuJoCo against the target, a second after the path [-]
+    worst: float  #: the same where it was farthest off on the path [-]
+    estimated: float  #: estimated squeeze against MuJoCo's, then [-]
+    surprise: float  #: error of that in its standard deviations
+    encoders: float  #: how far joints were off by the encoders alone, the worst one [m]
+    joints: float  #: the same by the estimate [m]
+    joint_surprise: float  #: largest error of a coordinate in its standard deviations
+    update: float  #: median time of an update, of the processor [s]
+    slips: tuple[str, ...]  #: names of the rollers that seemed to slip at some time
 
 
 def carry(

@@ -39,27 +39,16 @@ PULLS, REST = np.diag([0.3, 0.3, 0.03]), 2.0
 
 @dataclass(frozen=True)
 class Compared:
-    """
-    One grasp in both models.
+    """One grasp in both models."""
 
-    :ivar grip: what presses.
-    :ivar normals: (2, 2) normal forces held fast, without friction: MuJoCo's, ours [N].
-    :ivar places: (2,) how far apart the places of contact are [m].
-    :ivar gives: (2, 3) by which the object gives when it is released: MuJoCo's, ours [m, rad].
-    :ivar free: (2, 2) normal forces of the free object: MuJoCo's, ours [N].
-    :ivar required: (2,) friction that it requires: MuJoCo's, ours.
-    :ivar utilisation: largest bending moment over that at which a tube wrinkles.
-    :ivar stiffness: (2, 3, 3) of the grasp: MuJoCo's, ours [N/m, N, N m].
-    """
-
-    grip: PressedCase
-    normals: Array
-    places: Array
-    gives: Array
-    free: Array
-    required: Array
-    utilisation: float
-    stiffness: Array
+    grip: PressedCase  #: what presses
+    normals: Array  #: (2, 2) normal forces held fast, without friction: MuJoCo's, ours [N]
+    places: Array  #: (2,) how far apart the places of contact are [m]
+    gives: Array  #: (2, 3) by which the object gives when it is released: MuJoCo's, ours [m, rad]
+    free: Array  #: (2, 2) normal forces of the free object: MuJoCo's, ours [N]
+    required: Array  #: (2,) friction that it requires: MuJoCo's, ours
+    utilisation: float  #: largest bending moment over that at which a tube wrinkles
+    stiffness: Array  #: (2, 3, 3) of the grasp: MuJoCo's, ours [N/m, N, N m]
 
 
 def compare(

@@ -39,17 +39,11 @@ REST = 1.0
 
 @dataclass(frozen=True)
 class PressedCase:
-    """
-    What presses on an object.
+    """What presses on an object."""
 
-    :ivar degrees: angle of the wedge at `MODULE`.
-    :ivar indentation: of each member by the object, tubes unbent [m].
-    :ivar diameter: of the object [m].
-    """
-
-    degrees: float
-    indentation: float
-    diameter: float = 0.3
+    degrees: float  #: angle of the wedge at `MODULE`
+    indentation: float  #: of each member by the object, tubes unbent [m]
+    diameter: float = 0.3  #: of the object [m]
 
 
 @functools.cache

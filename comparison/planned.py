@@ -47,33 +47,20 @@ GROUND = 0.5
 
 @dataclass(frozen=True)
 class Wanted:
-    """
-    A grasp to be planned.
+    """A grasp to be planned."""
 
-    :ivar center: where the object lies [m].
-    :ivar diameter: of it [m].
-    :ivar module: that is to grip.
-    :ivar squeeze: normal force of each member [N].
-    """
-
-    center: tuple[float, float]
-    diameter: float
-    module: str
-    squeeze: float
+    center: tuple[float, float]  #: where the object lies [m]
+    diameter: float  #: of it [m]
+    module: str  #: that is to grip
+    squeeze: float  #: normal force of each member [N]
 
 
 class Closed(NamedTuple):
-    """
-    An object between members that have closed on it.
+    """An object between members that have closed on it."""
 
-    :ivar squeeze: mean normal force of the members [N].
-    :ivar planned: the same as planned [N].
-    :ivar away: distance of the object from the planned place [m].
-    """
-
-    squeeze: float
-    planned: float
-    away: float
+    squeeze: float  #: mean normal force of the members [N]
+    planned: float  #: the same as planned [N]
+    away: float  #: distance of the object from the planned place [m]
 
 
 #: The first one is that of the demonstration, which is carried on.

@@ -88,14 +88,12 @@ class Outcome:
     """
     What became of an object.
 
-    :ivar end: one of `ENDS`.
     :ivar error: from where its twists lead, a second after the path; nan if it was not moved [m].
-    :ivar squeeze: of the plant over the target, then.
     """
 
-    end: str
+    end: str  #: one of `ENDS`
     error: float
-    squeeze: float
+    squeeze: float  #: of the plant over the target, then
 
 
 def compare_discs(count: int = 20) -> Section:

@@ -20,21 +20,13 @@ from paper.tables import number, Table
 
 @dataclass(frozen=True)
 class Check:
-    """
-    A difference between the two models, and what it may be.
+    """A difference between the two models, and what it may be."""
 
-    :ivar what: that is compared.
-    :ivar found: the largest difference.
-    :ivar bound: on it.
-    :ivar unit: of both.
-    :ivar why: it is not zero.
-    """
-
-    what: str
-    found: float
-    bound: float
-    unit: str
-    why: str
+    what: str  #: that is compared
+    found: float  #: the largest difference
+    bound: float  #: on it
+    unit: str  #: of both
+    why: str  #: it is not zero
 
     @property
     def kept(self) -> bool:
@@ -50,23 +42,14 @@ class Check:
 
 @dataclass(frozen=True)
 class Section:
-    """
-    One comparison.
+    """One comparison."""
 
-    :ivar heading: of its section.
-    :ivar words: what was done, and what is to be seen.
-    :ivar checks: the differences, each with its bound.
-    :ivar tables: the numbers.
-    :ivar figure: a drawing; None for none.
-    :ivar picture: its alternative text.
-    """
-
-    heading: str
-    words: str
-    checks: tuple[Check, ...]
-    tables: tuple[Table, ...] = ()
-    figure: Figure | None = None
-    picture: str = ''
+    heading: str  #: of its section
+    words: str  #: what was done, and what is to be seen
+    checks: tuple[Check, ...]  #: the differences, each with its bound
+    tables: tuple[Table, ...] = ()  #: the numbers
+    figure: Figure | None = None  #: a drawing; None for none
+    picture: str = ''  #: its alternative text
 
 
 #: Makes one comparison.

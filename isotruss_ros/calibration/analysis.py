@@ -33,27 +33,16 @@ DIAMETER = 0.102
 
 @dataclass(frozen=True)
 class Analysis:
-    """
-    What was fitted.
+    """What was fitted."""
 
-    :ivar slopes: of all groups that have one, by mode.
-    :ivar fitted: the beam that comes nearest to the slopes of all modes; None if there is none.
-    :ivar refusal: why there is no beam; empty if there is one.
-    :ivar local: the local stiffness; None without such points, or where they do not determine it.
-    :ivar local_refusal: why there is none; empty if there is one, or no such points.
-    :ivar laws: Table I: power laws by mode, those that could be fitted, each on its own.
-    :ivar missing: by mode, why there is no power law.
-    :ivar unused: all rows that no slope rests on.
-    """
-
-    slopes: Mapping[str, Sequence[Slope]]
-    fitted: FittedBeam | None
-    refusal: str
-    local: FittedLocalStiffness | None
-    local_refusal: str
-    laws: Mapping[str, FittedLaw]
-    missing: Mapping[str, str]
-    unused: Unused
+    slopes: Mapping[str, Sequence[Slope]]  #: of all groups that have one, by mode
+    fitted: FittedBeam | None  #: nearest to the slopes of all modes; None if there is none
+    refusal: str  #: why there is no beam; empty if there is one
+    local: FittedLocalStiffness | None  #: None without such points, or if undetermined
+    local_refusal: str  #: why there is none; empty if there is one, or no such points
+    laws: Mapping[str, FittedLaw]  #: Table I: power laws by mode, each on its own
+    missing: Mapping[str, str]  #: by mode, why there is no power law
+    unused: Unused  #: all rows that no slope rests on
 
     def points(self, mode: str) -> int:
         """

@@ -21,15 +21,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from isotruss_ros.calibration.law import half_widths
 from isotruss_ros.calibration.measurements import MeasurementError, MODES
 from isotruss_ros.core.model.robot_schema import MAX_MAGNITUDE
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.statics.beam import local_stiffness
-from isotruss_ros.core.statics.tube_stiffness import InflatableBeam, KAPPA, TubeStiffness
+from isotruss_ros.core.statics.tube_stiffness import InflatableBeam, TubeStiffness
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
-from scipy.stats import t as student_t
 
 #: Constants are sought within this factor of a first estimate; beyond, they act no more.
 RANGE = 1e6
@@ -38,38 +38,23 @@ INDIFFERENT = 1e-4
 
 
 class BeamConstants(NamedTuple):
-    """
-    E t [N/m], G t [N/m] and c, named as in a robot file.
+    """E t [N/m], G t [N/m] and c, named as in a robot file."""
 
-    :ivar membrane_modulus: E t of the fabric along the tube [N/m].
-    :ivar membrane_shear_modulus: G t of the fabric [N/m].
-    :ivar end_softening: c of the bending stiffness at the held ends [-].
-    """
-
-    membrane_modulus: float
-    membrane_shear_modulus: float
-    end_softening: float
+    membrane_modulus: float  #: E t of the fabric along the tube [N/m]
+    membrane_shear_modulus: float  #: G t of the fabric [N/m]
+    end_softening: float  #: c of the bending stiffness at the held ends [-]
 
 
 @dataclass(frozen=True)
 class FittedBeam:
-    """
-    An inflatable beam and how well its constants are known.
+    """An inflatable beam and how well its constants are known."""
 
-    :ivar radius: R of the tube [m].
-    :ivar constants: the best ones.
-    :ivar low: lower ends of the confidence intervals, of each constant on its own.
-    :ivar high: upper ends; infinite where the points do not bound a constant.
-    :ivar misfits: root mean square of ln(measured / fitted stiffness) by mode.
-    :ivar count: number of stiffnesses.
-    """
-
-    radius: float
-    constants: BeamConstants
-    low: BeamConstants
-    high: BeamConstants
-    misfits: Mapping[str, float]
-    count: int
+    radius: float  #: R of the tube [m]
+    constants: BeamConstants  #: the best ones
+    low: BeamConstants  #: lower ends of the confidence intervals, of each constant on its own
+    high: BeamConstants  #: upper ends; infinite where the points do not bound a constant
+    misfits: Mapping[str, float]  #: root mean square of ln(measured / fitted stiffness) by mode
+    count: int  #: number of stiffnesses
 
     @property
     def beam(self) -> InflatableBeam:
@@ -95,12 +80,7 @@ def end_stiffness(tube: TubeStiffness, mode: str, length: ArrayLike, pressure: A
 
 
 def fit_beam(
-    modes: Indices,
-    lengths: Array,
-    pressures: Array,
-    stiffnesses: Array,
-    radius: float,
-    confidence: float = 0.95,
+    modes: Indices, lengths: Array, pressures: Array, stiffnesses: Array, radius: float
 ) -> FittedBeam:
     """
     Fit the constants of an inflatable beam.
@@ -110,7 +90,6 @@ def fit_beam(
     :param pressures: (n,) gauge [Pa].
     :param stiffnesses: (n,) [N/m], rotary [N m/rad].
     :param radius: R of the tube [m].
-    :param confidence: of the intervals.
     :raises MeasurementError: the points do not determine the constants; says what is missing.
     """
     _require_modes(modes)
@@ -125,18 +104,14 @@ def fit_beam(
     found = least_squares(
         residual,
         start,
-        jac=lambda logs: _sensitivity(logs, *measured, radius),
+        jac='3-point',
         bounds=(start - reach, start + reach),
         xtol=1e-14,
         ftol=1e-14,
         gtol=1e-14,
     )
     _require_determined(found.jac)
-    freedom = len(target) - len(start)
-    error = np.sqrt(
-        (np.linalg.pinv(found.jac) ** 2).sum(axis=1) * (found.fun @ found.fun) / freedom
-    )
-    width = student_t.ppf(0.5 + 0.5 * confidence, freedom) * error
+    width = half_widths(found.jac, found.fun)
     # Where a constant does not act, any larger or smaller one fits as well.
     width = np.where(np.linalg.norm(found.jac, axis=0) > INDIFFERENT, width, np.inf)
     constants = np.exp(found.x)
@@ -169,41 +144,6 @@ def _stiffnesses(
         of_mode = modes == mode
         found[of_mode] = end_stiffness(beam, MODES[mode], lengths[of_mode], pressures[of_mode])
     return found
-
-
-def _sensitivity(
-    logs: Array, modes: Indices, lengths: Array, pressures: Array, radius: float
-) -> Array:
-    """Return (n, 3): derivatives of the stiffnesses' logarithms by those of the constants."""
-    wall, shear_wall, softening = np.exp(logs)
-    beam = InflatableBeam(radius, wall, shear_wall, softening)
-    section = beam.section_stiffness(lengths, pressures)
-    # What share of EI and GA the fabric has; the rest is the pressure's.
-    bending_share = wall * np.pi * radius**3 / section.flexural
-    shear_share = KAPPA * shear_wall * 2.0 * np.pi * radius / section.shear
-    # 1/k_axial = L / (E t 2 pi R) + 2 / (c p R); 1/k_transverse = L^3 / (12 EI) + L / GA;
-    # k_rotary = EI / L + L^2 k_transverse / 4.
-    axial = section.axial / lengths
-    bend, slide = lengths**3 / (12.0 * section.flexural), lengths / section.shear
-    transverse = 1.0 / (bend + slide)
-    arch, sway = section.flexural / lengths, 0.25 * lengths**2 * transverse
-    zero = np.zeros(len(modes))
-    by_mode = np.array(
-        [
-            [
-                axial * lengths / (wall * 2.0 * np.pi * radius),
-                zero,
-                axial * 2.0 / (softening * pressures * radius),
-            ],
-            [transverse * bend * bending_share, transverse * slide * shear_share, zero],
-            [
-                (arch + sway * transverse * bend) / (arch + sway) * bending_share,
-                sway * transverse * slide / (arch + sway) * shear_share,
-                zero,
-            ],
-        ]
-    )
-    return by_mode[modes, :, np.arange(len(modes))]
 
 
 def _estimate(

@@ -32,33 +32,20 @@ INDIFFERENT = 1e-2
 
 @dataclass(frozen=True)
 class Posture:
-    """
-    Where joints of the empty robot were measured at one reading of the encoders.
+    """Where joints of the empty robot were measured at one reading of the encoders."""
 
-    :ivar roller_positions: (r,) readings [m].
-    :ivar joints: (x, y) by the name of the joint, robot frame [m].
-    """
-
-    roller_positions: Array
-    joints: Mapping[str, tuple[float, float]]
+    roller_positions: Array  #: (r,) readings [m]
+    joints: Mapping[str, tuple[float, float]]  #: (x, y) by the name of the joint, robot frame [m]
 
 
 @dataclass(frozen=True, eq=False)
 class HomeCalibration:
-    """
-    Zeros of the rollers, and the robot whose home is where the encoders read zero.
+    """Zeros of the rollers, and the robot whose home is where the encoders read zero."""
 
-    :ivar zeros: (r,) travel of the tubes since the home of the robot file where the encoders read
-        zero [m].
-    :ivar deviations: (r,) their standard deviations [m].
-    :ivar residuals: (k, 2) measured minus fitted joints, posture after posture [m].
-    :ivar description: of the robot, with the home that was found.
-    """
-
-    zeros: Array
-    deviations: Array
-    residuals: Array
-    description: RobotDescription
+    zeros: Array  #: (r,) travel since the home of the robot file where encoders read zero [m]
+    deviations: Array  #: (r,) their standard deviations [m]
+    residuals: Array  #: (k, 2) measured minus fitted joints, posture after posture [m]
+    description: RobotDescription  #: of the robot, with the home that was found
 
 
 def calibrate_home(

@@ -25,35 +25,36 @@ ROUNDING = 1e-12
 
 @dataclass(frozen=True)
 class FittedLaw:
+    """A stiffness law and how well it is known."""
+
+    law: Law  #: the law k = C p^a L^b in SI units
+    low: Law  #: lower ends of the confidence intervals of C, a and b, each on its own
+    high: Law  #: upper ends
+    r_squared: float  #: part of the variance of ln k that the law explains; NaN if k does not vary
+    misfit: float  #: root mean square of ln(measured / fitted stiffness)
+    count: int  #: number of stiffnesses
+
+
+def half_widths(matrix: Array, rest: Array) -> Array:
     """
-    A stiffness law and how well it is known.
+    Return half the widths of the 95 % confidence intervals of what was fitted, (k,).
 
-    :ivar law: the law k = C p^a L^b in SI units.
-    :ivar low: lower ends of the confidence intervals of C, a and b, each on its own.
-    :ivar high: upper ends.
-    :ivar r_squared: part of the variance of ln k that the law explains; NaN if k does not vary.
-    :ivar misfit: root mean square of ln(measured / fitted stiffness).
-    :ivar count: number of stiffnesses.
+    :param matrix: (n, k) of the least squares, their Jacobian at the solution.
+    :param rest: (n,) what they leave.
     """
-
-    law: Law
-    low: Law
-    high: Law
-    r_squared: float
-    misfit: float
-    count: int
+    freedom = len(rest) - matrix.shape[1]
+    # pinv pinv^T is (X^T X)^-1 without squaring the condition of X.
+    error = np.sqrt((np.linalg.pinv(matrix) ** 2).sum(axis=1) * (rest @ rest) / freedom)
+    return student_t.ppf(0.975, freedom) * error
 
 
-def fit_law(
-    pressures: Array, lengths: Array, stiffnesses: Array, confidence: float = 0.95
-) -> FittedLaw:
+def fit_law(pressures: Array, lengths: Array, stiffnesses: Array) -> FittedLaw:
     """
     Fit a law to stiffnesses of one mode, all of equal weight.
 
     :param pressures: (n,) gauge [Pa].
     :param lengths: (n,) [m].
     :param stiffnesses: (n,) [N/m] or [N m/rad].
-    :param confidence: of the intervals.
     :raises MeasurementError: the points do not determine the exponents; says what is missing.
     """
     n = len(stiffnesses)
@@ -65,11 +66,7 @@ def fit_law(
     matrix = np.column_stack([np.ones(n), logs])
     solution, *_ = np.linalg.lstsq(matrix, target, rcond=None)
     rest = target - matrix @ solution
-    freedom = n - 3
-    inverse = np.linalg.pinv(matrix)
-    # pinv pinv^T is (X^T X)^-1 without squaring the condition of X.
-    error = np.sqrt((inverse**2).sum(axis=1) * (rest @ rest) / freedom)
-    reach = student_t.ppf(0.5 + 0.5 * confidence, freedom) * error
+    reach = half_widths(matrix, rest)
     spread = target - target.mean()
     total = spread @ spread
     return FittedLaw(

@@ -27,6 +27,8 @@ from scipy.stats import f as f_distribution
 
 #: A cubic that departs from the line by at most this part of the line's rise is still a line.
 TOLERANCE = 0.02
+#: Level of the F test by which a cubic may fit better by chance.
+SIGNIFICANCE = 0.01
 #: Ranges that are tried, in parts of the largest displacement.
 RANGES = np.linspace(1.0, 0.1, 19)
 
@@ -35,30 +37,18 @@ ALONE = 'the only displacement of its trial in the linear range; a slope needs t
 
 @dataclass(frozen=True, eq=False)
 class Slope:
-    """
-    The slope of a group of points.
+    """The slope of a group of points."""
 
-    :ivar group: the measured points that it belongs to.
-    :ivar stiffness: [N/m], rotary [N m/rad]; NaN if there is none.
-    :ivar offsets: (n,) load at zero displacement in the trial of each point.
-    :ivar limit: largest |displacement| of the linear range.
-    :ivar used: (n,) points that the slope goes through.
-    :ivar reasons: (n,) why the others are not used; empty for those that are.
-    """
-
-    group: Group
-    stiffness: float
-    offsets: Array
-    limit: float
-    used: Flags
-    reasons: tuple[str, ...]
+    group: Group  #: the measured points that it belongs to
+    stiffness: float  #: [N/m], rotary [N m/rad]; NaN if there is none
+    offsets: Array  #: (n,) load at zero displacement in the trial of each point
+    limit: float  #: largest |displacement| of the linear range
+    used: Flags  #: (n,) points that the slope goes through
+    reasons: tuple[str, ...]  #: (n,) why the others are not used; empty for those that are
 
 
 def fit_slope(
-    group: Group,
-    tolerance: float = TOLERANCE,
-    max_displacement: float | None = None,
-    significance: float = 0.01,
+    group: Group, tolerance: float = TOLERANCE, max_displacement: float | None = None
 ) -> Slope:
     """
     Return the slope of load over displacement; each trial has an offset of its own.
@@ -66,7 +56,6 @@ def fit_slope(
     :param group: points of one mode, pressure and length.
     :param tolerance: part of the line's rise by which a cubic may depart from a line.
     :param max_displacement: the linear range, instead of the test for one [m or rad].
-    :param significance: level of the F test by which a cubic may fit better by chance.
     """
     size = np.abs(group.displacements)
     if max_displacement is not None:
@@ -75,7 +64,7 @@ def fit_slope(
     for limit in RANGES * size.max():
         # The largest displacement itself is inside its own range, rounding or not.
         inside = size <= limit * (1.0 + 1e-12)
-        if _is_linear(group, inside, tolerance, significance):
+        if _is_linear(group, inside, tolerance):
             return _slope(group, inside, float(limit))
     reason = f'{group.name}: no linear range from a tenth of the largest displacement up'
     return _no_slope(group, reason)
@@ -119,7 +108,7 @@ def _spread(group: Group, inside: Flags) -> Flags:
     return (high > low)[group.trials]
 
 
-def _is_linear(group: Group, inside: Flags, tolerance: float, significance: float) -> bool:
+def _is_linear(group: Group, inside: Flags, tolerance: float) -> bool:
     used = inside & _spread(group, inside)
     if not used.any():
         return True  # there is no slope either
@@ -134,7 +123,7 @@ def _is_linear(group: Group, inside: Flags, tolerance: float, significance: floa
     if not (left > 0.0 and extra > 0):
         return False
     ratio = gain / extra / (left / freedom)
-    return float(f_distribution.sf(ratio, extra, freedom)) > significance
+    return float(f_distribution.sf(ratio, extra, freedom)) > SIGNIFICANCE
 
 
 def _fit(group: Group, used: Flags, degree: int) -> tuple[float, Array, int]:

@@ -39,32 +39,21 @@ INDIFFERENT = 1e-3
 
 @dataclass(frozen=True)
 class FittedLocalStiffness:
-    """
-    The local stiffness against that of the theory, and how well it is known.
+    """The local stiffness against that of the theory, and how well it is known."""
 
-    :ivar value: the factor [-].
-    :ivar low: lower end of its confidence interval, by the profile of the squares.
-    :ivar high: upper end.
-    :ivar misfit: root mean square of ln(measured / fitted load).
-    :ivar count: number of points.
-    """
-
-    value: float
-    low: float
-    high: float
-    misfit: float
-    count: int
+    value: float  #: the factor [-]
+    low: float  #: lower end of its 95 % confidence interval, by the profile of the squares
+    high: float  #: upper end
+    misfit: float  #: root mean square of ln(measured / fitted load)
+    count: int  #: number of points
 
 
-def fit_local_stiffness(
-    presses: Presses, beam: InflatableBeam, confidence: float = 0.95
-) -> FittedLocalStiffness:
+def fit_local_stiffness(presses: Presses, beam: InflatableBeam) -> FittedLocalStiffness:
     """
     Fit the factor on the local stiffness.
 
     :param presses: the points, cylinders pressed into the middle of a clamped tube.
     :param beam: the tube as a beam.
-    :param confidence: of the interval.
     :raises MeasurementError: the points do not determine the factor, or the tube wrinkled.
     """
     target = np.log(presses.loads)
@@ -100,7 +89,7 @@ def fit_local_stiffness(
             'press a shorter piece, or narrower cylinders'
         )
     # The interval of the profile: beyond it the squares are larger by more than noise makes them.
-    share = student_t.ppf(0.5 + 0.5 * confidence, count - 1) ** 2 / (count - 1)
+    share = student_t.ppf(0.975, count - 1) ** 2 / (count - 1)
     bound = (1.0 + share) * least + count * EXACT**2
     low, high = (
         brentq(lambda log_factor: misfit(log_factor) - bound, best, end, xtol=ENDS)

@@ -40,25 +40,15 @@ class MeasurementError(IsotrussError, ValueError):
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """
-    All points of one mode, pressure and length.
+    """All points of one mode, pressure and length."""
 
-    :ivar mode: axial, transverse or rotary.
-    :ivar pressure: gauge [Pa].
-    :ivar length: undeflected: pinch to pinch in the axial mode, ring to ring in the others [m].
-    :ivar lines: (n,) line numbers in the file.
-    :ivar trials: (n,) number of the trial of each point, 0 ... t - 1.
-    :ivar displacements: (n,) [m], rotary [rad].
-    :ivar loads: (n,) [N], rotary [N m].
-    """
-
-    mode: str
-    pressure: float
-    length: float
-    lines: Indices
-    trials: Indices
-    displacements: Array
-    loads: Array
+    mode: str  #: axial, transverse or rotary
+    pressure: float  #: gauge [Pa]
+    length: float  #: undeflected: pinch to pinch in the axial mode, ring to ring in the others [m]
+    lines: Indices  #: (n,) line numbers in the file
+    trials: Indices  #: (n,) number of the trial of each, 0 ... t - 1
+    displacements: Array  #: (n,) [m], rotary [rad]
+    loads: Array  #: (n,) [N], rotary [N m]
 
     @property
     def name(self) -> str:
@@ -68,32 +58,20 @@ class Group:
 
 @dataclass(frozen=True, eq=False)
 class Presses:
-    """
-    Cylinders pressed into the middle of a clamped tube, one point each.
+    """Cylinders pressed into the middle of a clamped tube, one point each."""
 
-    :ivar pressures: (n,) gauge [Pa].
-    :ivar lengths: (n,) of the tube between the clamps [m].
-    :ivar cylinders: (n,) diameters of the cylinders [m].
-    :ivar depths: (n,) below the skin of the undeformed tube, positive [m].
-    :ivar loads: (n,) positive [N].
-    """
-
-    pressures: Array
-    lengths: Array
-    cylinders: Array
-    depths: Array
-    loads: Array
+    pressures: Array  #: (n,) gauge [Pa]
+    lengths: Array  #: (n,) of the tube between the clamps [m]
+    cylinders: Array  #: (n,) diameters of the cylinders [m]
+    depths: Array  #: (n,) below the skin of the undeformed tube, positive [m]
+    loads: Array  #: (n,) positive [N]
 
 
 @dataclass
 class Unused:
-    """
-    The rows that were not used: line numbers by reason.
+    """The rows that were not used: line numbers by reason."""
 
-    :ivar lines: numbers of the lines by reason.
-    """
-
-    lines: dict[str, list[int]] = field(default_factory=dict)
+    lines: dict[str, list[int]] = field(default_factory=dict)  #: numbers of the lines by reason
 
     def add(self, reason: str, lines: Sequence[int]) -> None:
         """
@@ -113,21 +91,13 @@ class Unused:
 
 @dataclass(frozen=True)
 class Measurements:
-    """
-    The contents of a file of measured points.
+    """The contents of a file of measured points."""
 
-    :ivar groups: of the modes of a beam, ordered by mode, pressure and length.
-    :ivar presses: the points of the mode interference.
-    :ivar unused: the rows that are in no group.
-    :ivar rows: number of rows in the file, the header aside.
-    :ivar ignored_columns: columns of other names.
-    """
-
-    groups: tuple[Group, ...]
-    presses: Presses
-    unused: Unused
-    rows: int
-    ignored_columns: tuple[str, ...]
+    groups: tuple[Group, ...]  #: of the modes of a beam, ordered by mode, pressure and length
+    presses: Presses  #: the points of the mode interference
+    unused: Unused  #: the rows that are in no group
+    rows: int  #: number of rows in the file, the header aside
+    ignored_columns: tuple[str, ...]  #: columns of other names
 
 
 def read_measurements(path: Path) -> Measurements:

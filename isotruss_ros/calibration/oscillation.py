@@ -28,17 +28,11 @@ LARGEST_DAMPING = 0.7
 
 
 class Oscillation(NamedTuple):
-    """
-    One damped oscillation.
+    """One damped oscillation."""
 
-    :ivar frequency: undamped [rad/s].
-    :ivar damping_ratio: against the critical damping [-].
-    :ivar amplitude: largest distance from the place of rest in the measured time [m].
-    """
-
-    frequency: float
-    damping_ratio: float
-    amplitude: float
+    frequency: float  #: undamped [rad/s]
+    damping_ratio: float  #: against the critical damping [-]
+    amplitude: float  #: largest distance from the place of rest in the measured time [m]
 
 
 def fit_oscillation(times: ArrayLike, poses: ArrayLike, arm: float) -> Oscillation:

@@ -31,34 +31,21 @@ SPACING = 0.001
 
 @dataclass(frozen=True)
 class ClampedTube:
-    """
-    A straight tube whose ends do not move.
+    """A straight tube whose ends do not move."""
 
-    :ivar stiffness: of the tube as a beam, and the constants of its wall.
-    :ivar radius: R [m].
-    :ivar length: between the clamps [m].
-    :ivar local_stiffness: of the section against flattening, against that of the theory [-].
-    :ivar pinned: whether the ends turn freely, instead of being clamped.
-    """
-
-    stiffness: TubeStiffness
-    radius: float
-    length: float
-    local_stiffness: float = 1.0
-    pinned: bool = False
+    stiffness: TubeStiffness  #: of the tube as a beam, and the constants of its wall
+    radius: float  #: R [m]
+    length: float  #: between the clamps [m]
+    local_stiffness: float = 1.0  #: against flattening, over that of the theory [-]
+    pinned: bool = False  #: whether the ends turn freely, instead of being clamped
 
 
 @dataclass(frozen=True)
 class Pressed:
-    """
-    What it takes to press the cylinder in.
+    """What it takes to press the cylinder in."""
 
-    :ivar stiffness: force across the tube over the depth [N/m].
-    :ivar contact: length of tube in contact [m].
-    """
-
-    stiffness: float
-    contact: float
+    stiffness: float  #: force across the tube over the depth [N/m]
+    contact: float  #: length of tube in contact [m]
 
 
 def press(

@@ -23,17 +23,11 @@ LARGEST_ERROR = 0.2
 
 
 class RollerMotion(NamedTuple):
-    """
-    What moved the joints.
+    """What moved the joints."""
 
-    :ivar roller: the roller whose motion explains them best.
-    :ivar travel: of the tube through it [m].
-    :ivar rest: what that leaves of the displacements, root mean square [m].
-    """
-
-    roller: str
-    travel: float
-    rest: float
+    roller: str  #: the roller whose motion explains them best
+    travel: float  #: of the tube through it [m]
+    rest: float  #: what that leaves of the displacements, root mean square [m]
 
 
 def identify_roller(

@@ -26,15 +26,10 @@ LARGEST_SHARE = 0.3
 
 
 class StiffnessCalibration(NamedTuple):
-    """
-    One factor on the stiffness of all tubes.
+    """One factor on the stiffness of all tubes."""
 
-    :ivar scale: stiffness against that of the robot file without its `tube.stiffness_scale` [-].
-    :ivar deviation: its standard deviation [-].
-    """
-
-    scale: float
-    deviation: float
+    scale: float  #: against the robot file without its `tube.stiffness_scale` [-]
+    deviation: float  #: its standard deviation [-]
 
 
 def calibrate_stiffness(

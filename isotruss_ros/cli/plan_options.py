@@ -12,11 +12,37 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import fields
 import math
+from typing import Any
 
 from isotruss_ros.core import GraspRequirements
 from isotruss_ros.core.planning.requirements import Measure
 from isotruss_ros.core.planning.workers import MAX_WORKERS
+
+#: Of each requirement that is an option: what stands for its value, or for each of several, and
+#: what it is.
+OPTIONS = {
+    'friction': ('MU', 'between tubes and object (default %(default)s)'),
+    'external_wrench': (('FX', 'FY', 'M'), 'on the object about its centre [N, N m]'),
+    'module': ('T/J', 'the module that is to grip; any if left out'),
+    'members': ('T/J-K', 'the two or three members that are to grip, in place of a module'),
+    'squeeze': ('N', 'normal force of each grasping member [N]; the best one if left out'),
+    'min_slip_margin': ('N', 'wrench at which a member slips, the object free [N]'),
+    'min_margin': ('N', 'closure margin of the object held fast [N]; open too if left out'),
+    'max_contact_force': ('N', 'of one member on the object [N]'),
+    'max_total_force': ('N', 'of all members [N]'),
+    'max_utilisation': ('U', 'bending over wrinkling moment of any member (default %(default)s)'),
+    'min_rigidity': ('R', 'on the whole path, against 1 at home (default %(default)s)'),
+    'min_length': ('M', 'of members [m]'),
+    'max_length': ('M', 'of members [m]'),
+    'measure': (None, 'what the grasps are ranked by (default slip_margin)'),
+    'direction': (
+        ('DX', 'DY', 'DTHETA'),
+        'for the measure stiffness: along what motion of the object [m, m, rad]',
+    ),
+    'count': ('N', 'of distinct grasps (default %(default)s)'),
+}
 
 
 def add_requirements(parser: argparse.ArgumentParser) -> None:
@@ -26,88 +52,21 @@ def add_requirements(parser: argparse.ArgumentParser) -> None:
     :param parser: gets the options.
     """
     group = parser.add_argument_group('requirements')
-    usual = GraspRequirements()
-    group.add_argument('--friction', type=float, default=usual.friction, metavar='MU')
-    group.add_argument(
-        '--external-wrench',
-        type=float,
-        nargs=3,
-        default=usual.external_wrench,
-        metavar=('FX', 'FY', 'M'),
-        help='on the object about its centre [N, N m]',
-    )
-    group.add_argument('--module', help='the module t/j that is to grip; any if left out')
-    group.add_argument(
-        '--members',
-        nargs='+',
-        metavar='T/J-K',
-        help='the two or three members that are to grip, in place of a module',
-    )
-    group.add_argument(
-        '--squeeze',
-        type=float,
-        metavar='N',
-        help='normal force of each of two grasping members [N]; the best one if left out',
-    )
-    group.add_argument(
-        '--min-slip-margin',
-        type=float,
-        default=usual.min_slip_margin,
-        metavar='N',
-        help='wrench at which a member slips, the object free [N]',
-    )
-    group.add_argument(
-        '--min-margin',
-        type=float,
-        metavar='N',
-        help='closure margin of the object held fast [N]; open grasps too if left out',
-    )
-    group.add_argument(
-        '--max-contact-force',
-        type=float,
-        default=math.inf,
-        metavar='N',
-        help='of one member on the object [N]',
-    )
-    group.add_argument(
-        '--max-total-force', type=float, default=math.inf, metavar='N', help='of all members [N]'
-    )
-    group.add_argument(
-        '--max-utilisation',
-        type=float,
-        default=usual.max_utilisation,
-        metavar='U',
-        help='bending moment of any member over its wrinkling moment (default %(default)s)',
-    )
-    group.add_argument(
-        '--min-rigidity',
-        type=float,
-        default=usual.min_rigidity,
-        metavar='R',
-        help='of every configuration of the motion, against 1 at home (default %(default)s)',
-    )
-    group.add_argument('--min-length', type=float, metavar='M', help='of members [m]')
-    group.add_argument('--max-length', type=float, metavar='M', help='of members [m]')
-    group.add_argument(
-        '--measure',
-        choices=[measure.value for measure in Measure],
-        default=usual.measure.value,
-        help='what the grasps are ranked by (default %(default)s)',
-    )
-    group.add_argument(
-        '--direction',
-        type=float,
-        nargs=3,
-        default=usual.direction,
-        metavar=('DX', 'DY', 'DTHETA'),
-        help='for the measure stiffness: along what motion of the object [m, m, rad]',
-    )
-    group.add_argument(
-        '--count',
-        type=int,
-        default=usual.count,
-        help='of distinct grasps (default %(default)s)',
-    )
+    for field in fields(GraspRequirements):
+        if field.name not in OPTIONS:
+            continue
+        metavar, said = OPTIONS[field.name]
+        kind: dict[str, Any] = {'type': float, 'metavar': metavar}
+        if field.name == 'measure':
+            kind = {'choices': [measure.value for measure in Measure]}
+        elif field.name == 'count':
+            kind['type'] = int
+        elif field.name in ('module', 'members'):
+            kind['type'] = str
+        if field.type.startswith('tuple'):
+            kind['nargs'] = len(metavar) if isinstance(metavar, tuple) else '+'
+        option = f'--{field.name.replace("_", "-")}'
+        group.add_argument(option, default=field.default, help=said, **kind)
 
 
 def requirements(options: argparse.Namespace) -> GraspRequirements:
@@ -117,24 +76,7 @@ def requirements(options: argparse.Namespace) -> GraspRequirements:
     :param options: the parsed command line.
     :raises GraspError: a value is not usable; says which and what would be right.
     """
-    return GraspRequirements(
-        friction=options.friction,
-        external_wrench=tuple(options.external_wrench),
-        module=options.module,
-        members=options.members,
-        squeeze=options.squeeze,
-        min_slip_margin=options.min_slip_margin,
-        min_margin=options.min_margin,
-        max_contact_force=options.max_contact_force,
-        max_total_force=options.max_total_force,
-        max_utilisation=options.max_utilisation,
-        min_rigidity=options.min_rigidity,
-        min_length=options.min_length,
-        max_length=options.max_length,
-        measure=options.measure,
-        direction=tuple(options.direction),
-        count=options.count,
-    )
+    return GraspRequirements(**{name: getattr(options, name) for name in OPTIONS})
 
 
 def worker_count(text: str) -> int:

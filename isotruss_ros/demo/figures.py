@@ -15,14 +15,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from isotruss_ros.core import (
-    analyze_grasp,
-    Configuration,
-    ConvexObject,
-    Pose,
-    Robot,
-    settle_grasp,
-)
+from isotruss_ros.core import analyze_grasp, Configuration, ConvexObject, Pose, Robot, settle_grasp
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.demo.path import Wrench
 from isotruss_ros.demo.record import PhaseRecord, Snapshot

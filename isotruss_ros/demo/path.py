@@ -26,19 +26,12 @@ PULLED = (0.4, 0.6)
 
 @dataclass(frozen=True)
 class Phase:
-    """
-    One part of the path.
+    """One part of the path."""
 
-    :ivar name: what the object does.
-    :ivar duration: [s].
-    :ivar twist: the twist at a time since the phase began [s].
-    :ivar pull: what pulls at the object in the middle of the phase; None for nothing.
-    """
-
-    name: str
-    duration: float
-    twist: Callable[[float], Twist]
-    pull: Wrench | None = None
+    name: str  #: what the object does
+    duration: float  #: [s]
+    twist: Callable[[float], Twist]  #: the twist at a time since the phase began [s]
+    pull: Wrench | None = None  #: in the middle of the phase; None for nothing
 
     def wrench(self, time: float) -> Wrench:
         """

@@ -69,10 +69,7 @@ def spring_damping(stiffness: Array, along: Array, options: PlantOptions) -> Arr
 
 
 def segment_counts(
-    robot: Robot,
-    objects: Sequence[ConvexObject],
-    options: PlantOptions,
-    reach: float = 0.5,
+    robot: Robot, objects: Sequence[ConvexObject], options: PlantOptions
 ) -> Indices:
     """
     Return the number of segments of each member, (m,): more next to an object.
@@ -80,7 +77,6 @@ def segment_counts(
     :param robot: the robot.
     :param objects: at the start.
     :param options: numbers of segments.
-    :param reach: members closer to an object's surface than this share of its diameter count [-].
     """
     topology, points = robot.topology, robot.home.points
     begin, end = points[topology.b], points[topology.c[topology.following]]
@@ -88,7 +84,7 @@ def segment_counts(
     for held in objects:
         distance = nearest_on_segment(held.center, begin, end)[0]
         near = held.shape.reach + 0.5 * robot.description.tube_diameter
-        counts[distance < near + reach * 2.0 * held.shape.reach] = options.contact_segments
+        counts[distance < near + held.shape.reach] = options.contact_segments
     return counts
 
 
@@ -195,12 +191,7 @@ def _add_joints(world: ET.Element, robot: Robot, options: PlantOptions) -> list[
 
 
 def _add_member(
-    module: ET.Element,
-    robot: Robot,
-    i: int,
-    count: int,
-    springs: Springs,
-    options: PlantOptions,
+    module: ET.Element, robot: Robot, i: int, count: int, springs: Springs, options: PlantOptions
 ) -> None:
     """Add the chain from B of module i to C of the next."""
     topology, points, file = robot.topology, robot.home.points, robot.description

@@ -43,38 +43,26 @@ class PlantOptions:
     """
     Settings of the MuJoCo model.
 
-    :ivar friction: coefficient between tube and object.
-    :ivar object_mass: of each object [kg].
-    :ivar module_mass: of each roller module [kg].
-    :ivar gravity: (x, y) in the plane of the robot [m/s^2].
-    :ivar time_step: of the integrator [s].
-    :ivar segments: of members near which no object is at the start.
-    :ivar contact_segments: of the members next to an object at the start.
-    :ivar joint_drag: resistance of each joint of the robot against its speed [N s/m].
     :ivar tube_relaxation: time in which a tube that bends or shears would come to rest by its own
         losses, had it no mass [s].
-    :ivar object_drag: resistance of the ground against an object's speed [N s/m].
-    :ivar ground_friction: force along x or y at which an object begins to slide on the ground [N].
-    :ivar module_friction: the same for each joint of the robot with its modules [N].
-    :ivar roller_lag: time constant of the rollers' speeds behind their commands [s].
     :ivar roller_force: largest force along the tube of a roller, its torque over its radius; it
         stands where the members it feeds pull harder against its motion [N].
     :raises PlantError: a value is not usable.
     """
 
-    friction: float = 0.5
-    object_mass: float = 0.5
-    module_mass: float = 1.0
-    gravity: tuple[float, float] = (0.0, 0.0)
-    time_step: float = 0.002
-    segments: int = 4
-    contact_segments: int = 8
-    joint_drag: float = 5.0
+    friction: float = 0.5  #: coefficient between tube and object
+    object_mass: float = 0.5  #: of each object [kg]
+    module_mass: float = 1.0  #: of each roller module [kg]
+    gravity: tuple[float, float] = (0.0, 0.0)  #: (x, y) in the plane of the robot [m/s^2]
+    time_step: float = 0.002  #: of the integrator [s]
+    segments: int = 4  #: of members near which no object is at the start
+    contact_segments: int = 8  #: of the members next to an object at the start
+    joint_drag: float = 5.0  #: resistance of each joint of the robot against its speed [N s/m]
     tube_relaxation: float = 0.1
-    object_drag: float = 0.5
-    ground_friction: float = 0.0
-    module_friction: float = 0.0
-    roller_lag: float = 0.0
+    object_drag: float = 0.5  #: resistance of the ground against an object's speed [N s/m]
+    ground_friction: float = 0.0  #: at which a lying object begins to slide [N]
+    module_friction: float = 0.0  #: the same for each joint of the robot with its modules [N]
+    roller_lag: float = 0.0  #: time constant of the rollers' speeds behind their commands [s]
     roller_force: float = float('inf')
 
     def __post_init__(self) -> None:

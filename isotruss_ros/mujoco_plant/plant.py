@@ -31,33 +31,20 @@ REFRESH = 10
 
 
 class ContactForce(NamedTuple):
-    """
-    The force of a member on an object.
+    """The force of a member on an object."""
 
-    :ivar normal: with which it presses [N].
-    :ivar friction: on the object, counter-clockwise positive [N].
-    :ivar point: where the resultant acts, x + iy in the robot frame [m].
-    """
-
-    normal: float
-    friction: float
-    point: complex
+    normal: float  #: with which it presses [N]
+    friction: float  #: on the object, counter-clockwise positive [N]
+    point: complex  #: where the resultant acts, x + iy in the robot frame [m]
 
 
 class Part(NamedTuple):
-    """
-    A contact of one piece of a member with one geom of an object.
+    """A contact of one piece of a member with one geom of an object."""
 
-    :ivar force: on the object, x + iy in the robot frame [N].
-    :ivar pressing: its normal part, x + iy [N].
-    :ivar point: where it acts, x + iy [m].
-    :ivar normal: size of the normal part [N].
-    """
-
-    force: complex
-    pressing: complex
-    point: complex
-    normal: float
+    force: complex  #: on the object, x + iy in the robot frame [N]
+    pressing: complex  #: its normal part, x + iy [N]
+    point: complex  #: where it acts, x + iy [m]
+    normal: float  #: size of the normal part [N]
 
 
 class MujocoPlant:

@@ -71,14 +71,12 @@ class PlantRecording:
     """
     States of a plant.
 
-    :ivar text: of the model (MJCF).
-    :ivar times: (n,) of the states, increasing [s].
     :ivar states: (n, k) coordinates, then for each geom the second number of its size and the
         first one of its place, as MuJoCo has them.
     """
 
-    text: str
-    times: Array
+    text: str  #: of the model (MJCF)
+    times: Array  #: (n,) of the states, increasing [s]
     states: Array
 
     def at(self, time: float) -> Array:

@@ -21,6 +21,8 @@ from isotruss_ros.core.planning.grasp_plan import PlannedGrasp
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
 
+#: By which squeeze and slip margin may differ, as a share of the planned ones; most measurements.
+TOLERANCE, ROUNDS = 0.02, 10
 #: Where an object waits while the rollers move: x, y [m], angle [rad].
 AWAY = (5.0, 5.0, 0.0)
 #: Duration of a motion of the rollers, and of the rest after it [s].
@@ -37,18 +39,14 @@ class RefinedGrasp(NamedTuple):
 
     :ivar grasp: the plan, with other roller positions behind where its members touch; the rest of
         it is as planned.
-    :ivar measured: (n, 2) squeeze and slip margin in each round [N].
-    :ivar agrees: whether the last ones are those that were planned.
     """
 
     grasp: PlannedGrasp
-    measured: Array
-    agrees: bool
+    measured: Array  #: (n, 2) squeeze and slip margin in each round [N]
+    agrees: bool  #: whether the last ones are those that were planned
 
 
-def refine_grasp(
-    grasp: PlannedGrasp, plant: MujocoPlant, tolerance: float = 0.02, rounds: int = 10
-) -> RefinedGrasp:
+def refine_grasp(grasp: PlannedGrasp, plant: MujocoPlant) -> RefinedGrasp:
     """
     Correct a planned grasp until the plant presses, and bears, what was planned.
 
@@ -58,8 +56,6 @@ def refine_grasp(
 
     :param grasp: the plan, of an object that two members hold.
     :param plant: of the same robot with the same object as its only one; nothing else pulls.
-    :param tolerance: by which squeeze and slip margin may differ, as a share of the planned ones.
-    :param rounds: most measurements.
     :raises PlantError: the simulation became unstable.
     :raises GraspError: where the object rests our model has no equilibrium.
     """
@@ -69,8 +65,8 @@ def refine_grasp(
         _press(plant, grasp, config.roller_positions)
         found.append(_measure(plant, grasp))
         off = found[-1] / planned - 1.0
-        agrees = bool((np.abs(off) <= tolerance).all())
-        if agrees or len(found) == rounds:
+        agrees = bool((np.abs(off) <= TOLERANCE).all())
+        if agrees or len(found) == ROUNDS:
             break
         if step is None:
             resting = grip.body.moved_to(plant.object_pose())

@@ -29,23 +29,14 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class Springs:
-    """
-    Stiffness and rest length of the elastic joints, member by member.
+    """Stiffness and rest length of the elastic joints, member by member."""
 
-    :ivar segment: (m,) length of a segment [m].
-    :ivar middle_slide: (m,) along, of the joints between whole pieces [N/m].
-    :ivar end_slide: (m,) along, of the first and the last [N/m].
-    :ivar shear: (m,) across [N/m].
-    :ivar bend: (m,) hinges within the piece [N m/rad].
-    :ivar ring: (m,) hinges at D and E' [N m/rad].
-    """
-
-    segment: Array
-    middle_slide: Array
-    end_slide: Array
-    shear: Array
-    bend: Array
-    ring: Array
+    segment: Array  #: (m,) length of a segment [m]
+    middle_slide: Array  #: (m,) along, of the joints between whole pieces [N/m]
+    end_slide: Array  #: (m,) along, of the first and the last [N/m]
+    shear: Array  #: (m,) across [N/m]
+    bend: Array  #: (m,) hinges within the piece [N m/rad]
+    ring: Array  #: (m,) hinges at D and E' [N m/rad]
 
 
 def springs_of(robot: Mechanism, lengths: Array, segments: Indices) -> Springs:

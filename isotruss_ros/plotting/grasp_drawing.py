@@ -34,10 +34,7 @@ AROUND = 1.0
 
 
 def draw_forces(
-    axes: Axes,
-    body: ConvexObject,
-    analysis: GraspAnalysis,
-    scale: float = ARROW_SCALE,
+    axes: Axes, body: ConvexObject, analysis: GraspAnalysis, scale: float = ARROW_SCALE
 ) -> None:
     """
     Draw the force of each grasping member on the object, friction included, as one arrow.

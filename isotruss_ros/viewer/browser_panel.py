@@ -24,19 +24,12 @@ AS_STARTED = 'as started'
 
 @dataclass(frozen=True)
 class Setting:
-    """
-    A slider.
+    """A slider."""
 
-    :ivar name: of the request that it leaves.
-    :ivar label: as it is shown.
-    :ivar bounds: smallest and largest value.
-    :ivar step: between values.
-    """
-
-    name: str
-    label: str
-    bounds: tuple[float, float]
-    step: float
+    name: str  #: of the request that it leaves
+    label: str  #: as it is shown
+    bounds: tuple[float, float]  #: smallest and largest value
+    step: float  #: between values
 
 
 SETTINGS = (

@@ -21,17 +21,11 @@ ZERO = (0.0, 0.0, 0.0)
 
 @dataclass
 class Control:
-    """
-    At most one browser has control; what it commands ends with it.
+    """At most one browser has control; what it commands ends with it."""
 
-    :ivar browser: number of the one in control; None while nobody has it.
-    :ivar drag: under way; None while nothing is to be moved.
-    :ivar wrench: (fx, fy, m) on the object [N, N m].
-    """
-
-    browser: int | None = None
-    drag: Drag | None = None
-    wrench: tuple[float, float, float] = ZERO
+    browser: int | None = None  #: number of the one in control; None while nobody has it
+    drag: Drag | None = None  #: under way; None while nothing is to be moved
+    wrench: tuple[float, float, float] = ZERO  #: (fx, fy, m) on the object [N, N m]
 
     def pass_on(self, wishes: Mapping[int, bool]) -> None:
         """

@@ -44,17 +44,11 @@ NOTHING = (np.array([-1.0, 0.0]), np.array([np.nan, np.nan]))
 
 @dataclass
 class Sample:
-    """
-    One point of the plots.
+    """One point of the plots."""
 
-    :ivar time: [s].
-    :ivar squeeze: mean normal force of the grasping members [N]; NaN if unknown.
-    :ivar error: distance of the object from its goal [m]; NaN without a goal.
-    """
-
-    time: float
-    squeeze: float
-    error: float
+    time: float  #: [s]
+    squeeze: float  #: mean normal force of the grasping members [N]; NaN if unknown
+    error: float  #: distance of the object from its goal [m]; NaN without a goal
 
 
 @dataclass
@@ -62,28 +56,22 @@ class Picture:
     """
     The latest messages, as the view needs them.
 
-    :ivar robot: the robot.
     :ivar config: its configuration by the last joint states.
     :ivar pose: (x, y, angle) of the object [m, rad]; None before the first message.
     :ivar goal: (x, y) to which the object is dragged [m]; None without one.
-    :ivar diameter: of the object [m].
-    :ivar shape: of an object that is no disc of that diameter; None for that.
-    :ivar goal_report: what becomes of the last goal, in words; empty before the first.
-    :ivar state: last grasp/state; None before the first.
-    :ivar status: last manipulation/status; None before the first.
     :ivar lines: points (k, 3) [m] of the markers by namespace and id: of lines, of the triangles
         of regions, the two ends of arrows.
     :ivar samples: points of the plots.
     """
 
-    robot: Robot
-    diameter: float
-    shape: Shape | None = None
+    robot: Robot  #: the robot
+    diameter: float  #: of the object [m]
+    shape: Shape | None = None  #: of an object that is no disc of that diameter; None for that
     pose: tuple[float, float, float] | None = None
     goal: tuple[float, float] | None = None
-    goal_report: str = ''
-    state: Any = None
-    status: Any = None
+    goal_report: str = ''  #: what becomes of the last goal, in words; empty before the first
+    state: Any = None  #: last grasp/state; None before the first
+    status: Any = None  #: last manipulation/status; None before the first
     lines: dict[tuple[str, int], Array] = field(default_factory=dict)
     samples: deque[Sample] = field(default_factory=lambda: deque(maxlen=SAMPLES))
 

@@ -14,27 +14,17 @@ import signal
 
 from geometry_msgs.msg import Point
 from isotruss_msgs.msg import PlannedGrasp, StateEstimate
-from isotruss_ros.core import (
-    load_robot,
-    Pose,
-)
+from isotruss_ros.core import load_robot, Pose
 from isotruss_ros.demo import processes
 from isotruss_ros.demo import run as demo
 from isotruss_ros.demo.figures import animate, draw_panels
 from isotruss_ros.demo.gripping import is_sure, slow_down, SURE
 from isotruss_ros.demo.path import figure_9
 from isotruss_ros.demo.record import PhaseRecord, Snapshot
-from isotruss_ros.demo.run import (
-    OBJECT_CENTER,
-    OBJECT_DIAMETER,
-    PULL,
-)
+from isotruss_ros.demo.run import OBJECT_CENTER, OBJECT_DIAMETER, PULL
 from isotruss_ros.demo.sensors import sensor_faults, truth_table
 from isotruss_ros.nodes import simulator
-from isotruss_ros.nodes.conversions.path_messages import (
-    read_duration,
-    to_trajectory_message,
-)
+from isotruss_ros.nodes.conversions.path_messages import read_duration, to_trajectory_message
 import numpy as np
 from PIL import Image
 import pytest

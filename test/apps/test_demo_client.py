@@ -21,81 +21,75 @@ import rclpy
 from sensor_msgs.msg import JointState
 
 
-def test_the_truth_is_recorded_beside_what_is_measured():
+@pytest.fixture
+def other():
+    """Return a node beside the client's."""
     begin_context()
-    try:
-        names = load_robot('triangle').roller_names
-        client = DemoClient(names, truth=True)
-        other = rclpy.create_node('other')
-        topics = {
-            'object_pose': PoseStamped(),
-            'truth/object_pose': PoseStamped(),
-            'truth/contact_forces': JointState(name=['a', 'b'], effort=[3.0, 5.0]),
-            'truth/joint_markers': to_joint_markers({'A': (1.0, 2.0)}),
-            'state_estimate': StateEstimate(offsets=[0.1, 0.2]),
-            'joint_states': JointState(name=names, position=[1.0, 1.0]),
-        }
-        topics['object_pose'].pose.position.x = 1.0
-        topics['truth/object_pose'].pose.position.x = 2.0
-        made = {
-            topic: other.create_publisher(type(message), topic, RELIABLE)
-            for topic, message in topics.items()
-        }
-        record = client.begin('truth')
-
-        def publish():
-            for topic, message in topics.items():
-                made[topic].publish(message)
-
-        client.wait(
-            lambda: (
-                client.pose
-                and client.measured
-                and record.squeezes
-                and record.joints
-                and client.rollers is not None
-                and client.rollers[0] != 1.0
-            ),
-            lambda: None,
-            'all topics',
-            meanwhile=publish,
-        )
-        assert (client.measured.x, client.pose.x) == (1.0, 2.0)
-        assert record.squeezes[-1] == 4.0
-        assert record.joints[-1].tolist() == [[1.0, 2.0]]
-        assert client.rollers == pytest.approx([1.1, 1.2])
-        assert record.estimates
-        client.destroy_node()
-        other.destroy_node()
-    finally:
-        rclpy.shutdown()
+    yield rclpy.create_node('other')
+    rclpy.shutdown()
 
 
-def test_a_topic_with_a_full_queue_starves_no_other():
-    begin_context()
-    try:
-        client = DemoClient(load_robot('triangle').roller_names)
-        other = rclpy.create_node('other')
-        poses = other.create_publisher(PoseStamped, 'object_pose', 200)
-        statuses = other.create_publisher(ManipulationStatus, 'manipulation/status', RELIABLE)
-        client.wait(
-            lambda: poses.get_subscription_count() and statuses.get_subscription_count(),
-            lambda: None,
-            'discovery',
-        )
-        rounds = []
+def test_the_truth_is_recorded_beside_what_is_measured(other):
+    names = load_robot('triangle').roller_names
+    client = DemoClient(names, truth=True)
+    topics = {
+        'object_pose': PoseStamped(),
+        'truth/object_pose': PoseStamped(),
+        'truth/contact_forces': JointState(name=['a', 'b'], effort=[3.0, 5.0]),
+        'truth/joint_markers': to_joint_markers({'A': (1.0, 2.0)}),
+        'state_estimate': StateEstimate(offsets=[0.1, 0.2]),
+        'joint_states': JointState(name=names, position=[1.0, 1.0]),
+    }
+    topics['object_pose'].pose.position.x = 1.0
+    topics['truth/object_pose'].pose.position.x = 2.0
+    made = {
+        topic: other.create_publisher(type(message), topic, RELIABLE)
+        for topic, message in topics.items()
+    }
+    record = client.begin('truth')
 
-        def publish():
-            rounds.append(None)
-            for _ in range(200):
-                poses.publish(PoseStamped())
-            if len(rounds) == 3:
-                statuses.publish(ManipulationStatus(message='heard'))
-            assert len(rounds) < 100
+    def publish():
+        for topic, message in topics.items():
+            made[topic].publish(message)
 
-        record = client.begin('flood')
-        client.wait(lambda: record.statuses, lambda: None, 'a status', meanwhile=publish)
-        client.destroy_node()
-        other.destroy_node()
-    finally:
-        rclpy.shutdown()
+    client.wait(
+        lambda: (
+            client.pose
+            and client.measured
+            and record.squeezes
+            and record.joints
+            and client.rollers is not None
+            and client.rollers[0] != 1.0
+        ),
+        lambda: None,
+        'all topics',
+        meanwhile=publish,
+    )
+    assert (client.measured.x, client.pose.x) == (1.0, 2.0)
+    assert record.squeezes[-1] == 4.0
+    assert record.joints[-1].tolist() == [[1.0, 2.0]]
+    assert client.rollers == pytest.approx([1.1, 1.2])
+    assert record.estimates
+
+
+def test_a_topic_with_a_full_queue_starves_no_other(other):
+    client = DemoClient(load_robot('triangle').roller_names)
+    poses = other.create_publisher(PoseStamped, 'object_pose', 200)
+    statuses = other.create_publisher(ManipulationStatus, 'manipulation/status', RELIABLE)
+    client.wait(
+        lambda: poses.get_subscription_count() and statuses.get_subscription_count(),
+        lambda: None,
+        'discovery',
+    )
+    rounds = []
+
+    def publish():
+        rounds.append(None)
+        for _ in range(200):
+            poses.publish(PoseStamped())
+        if len(rounds) == 3:
+            statuses.publish(ManipulationStatus(message='heard'))
+        assert len(rounds) < 100
+
+    record = client.begin('flood')
+    client.wait(lambda: record.statuses, lambda: None, 'a status', meanwhile=publish)

@@ -11,8 +11,6 @@
 
 from pathlib import Path
 import re
-import subprocess
-import sys
 import tempfile
 import tracemalloc
 import warnings
@@ -30,7 +28,6 @@ from isotruss_ros.calibration.measurements import (
 )
 from isotruss_ros.calibration.report import stretches
 from isotruss_ros.cli.fit_tube_stiffness import main
-from isotruss_ros.core import deform, load_robot
 from isotruss_ros.core.model.robot_file import read_robot_file
 from isotruss_ros.core.model.stiffness_law import Law
 from isotruss_ros.core.statics.tube_stiffness import InflatableBeam, tube_stiffness
@@ -62,16 +59,6 @@ def run(capsys, path, *options):
     code = main([str(path), *map(str, options)])
     captured = capsys.readouterr()
     return code, captured.out, captured.err
-
-
-def as_process(*arguments):
-    return subprocess.run(
-        [sys.executable, '-m', 'isotruss_ros.cli.fit_tube_stiffness', *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=300,
-    )
 
 
 def accepted(text):
@@ -107,32 +94,16 @@ def test_a_mode_that_the_beam_misses_is_named(tmp_path, capsys):
     assert 'the beam misses' not in run(capsys, scattered)[1]
 
 
-@pytest.mark.parametrize(('preset', 'scatter'), [('nine_member', 0.1), ('triangle', 0.0)])
-def test_fitted_tube_is_usable_in_the_whole_workspace_of_the_presets(
-    preset, scatter, tmp_path, capsys
-):
+def test_fitted_tube_is_usable_in_the_whole_workspace_of_a_robot(tmp_path, capsys):
     """What the paper's nine pressures and lengths give works from min_length to max_length."""
-    noise = 0.1 * scatter
-    rows = points(InflatableBeam(RADIUS), scatter=scatter, noise=noise, trials=5, seed=1)
-    block = tmp_path / 'block.yaml'
-    assert run(capsys, write(tmp_path, rows), '--block', block)[0] == 0
-    document = robots.preset_document(preset)
-    document['tube'] |= YAML(typ='safe', pure=True).load(block.read_text(encoding='utf-8'))
-    robot = robots.load(document)
-    file = robot.description
-    lengths = np.linspace(file.min_length, file.max_length, 50)
+    rows = points(InflatableBeam(RADIUS), scatter=0.1, noise=0.01, trials=5, seed=1)
+    _, out, _ = run(capsys, write(tmp_path, rows))
+    lengths = np.linspace(0.25, 2.0, 50)
     for pressure in (10e3, 34.5e3, 100e3):
-        fitted = tube_stiffness(file).section_stiffness(lengths, pressure)
+        fitted = accepted(out).section_stiffness(lengths, pressure)
         theory = InflatableBeam(RADIUS).section_stiffness(lengths, pressure)
-        tolerance = 1e-6 if scatter == 0.0 else 0.15
         for value, expected in zip(fitted, theory, strict=True):
-            assert value == pytest.approx(expected, rel=tolerance)
-    joint = 'T' if preset == 'triangle' else 'Z'
-    sinks = [
-        deform(config, {joint: (0.0, -10.0)}).displacement(joint)[1]
-        for config in (robot.home, load_robot(preset).home)
-    ]
-    assert sinks[0] == pytest.approx(sinks[1], rel=1e-6 if scatter == 0.0 else 0.15)
+            assert value == pytest.approx(expected, rel=0.15)
 
 
 def grid(repeats=1):
@@ -153,21 +124,6 @@ def test_end_stiffnesses_are_those_of_clamped_beams():
         assert found == pytest.approx(stiffness(mode, length, pressure), rel=1e-12)
 
 
-def test_intervals_hold_as_often_as_they_promise():
-    rng = np.random.default_rng(0)
-    case = grid()
-    exact = measured(*case)
-    held, runs = np.zeros(3), 150
-    for _ in range(runs):
-        fitted = fit_beam(*case, exact * np.exp(0.05 * rng.normal(size=27)), RADIUS)
-        held += [
-            low <= value <= high
-            for low, value, high in zip(fitted.low, CONSTANTS.values(), fitted.high, strict=True)
-        ]
-    # Three standard deviations of a count of 95 % in 150.
-    assert held / runs == pytest.approx([0.95] * 3, abs=0.054)
-
-
 @robots.examples(30)
 @given(
     strategies.floats(3.0, 6.0),
@@ -181,12 +137,6 @@ def test_any_tube_is_found_again(wall, shear, ends, radius):
     fitted = fit_beam(*case, measured(*case, tube), radius)
     # A constant that hardly acts is hardly known; what it does is.
     assert max(fitted.misfits.values()) < 1e-7
-
-
-def test_one_pressure_is_enough():
-    modes, lengths, pressures = (values[grid()[2] == PRESSURES[0]] for values in grid())
-    fitted = fit_beam(modes, lengths, pressures, measured(modes, lengths, pressures), RADIUS)
-    assert fitted.constants == pytest.approx(tuple(CONSTANTS.values()), rel=1e-6)
 
 
 def test_a_fit_takes_the_joint_least_squares_of_all_modes():
@@ -241,21 +191,6 @@ def test_diameter_is_that_of_the_block(tmp_path, capsys):
 
 
 # -- Power laws, beside it --
-
-
-def test_intervals_of_power_laws_hold_as_often_as_they_promise():
-    rng = np.random.default_rng(0)
-    p, L = (np.ravel(grid) for grid in np.meshgrid(PRESSURES, LENGTHS))
-    held = np.zeros(3)
-    runs = 1000
-    for _ in range(runs):
-        fitted = fit_law(p, L, LAW.stiffness(L, p) * np.exp(0.1 * rng.normal(size=9)))
-        held += [
-            low <= value <= high
-            for low, value, high in zip(fitted.low, LAW, fitted.high, strict=True)
-        ]
-    # Three standard deviations of a count of 95 % in 1000.
-    assert held / runs == pytest.approx([0.95] * 3, abs=0.021)
 
 
 def test_fit_against_scipy():
@@ -600,14 +535,3 @@ def test_mutated_file_is_fitted_or_refused(data):
 
 def test_stretches():
     assert stretches([3, 4, 5, 9, 11, 12]) == '3-5, 9, 11-12'
-
-
-def test_as_a_process(tmp_path):
-    done = as_process(write(tmp_path, points()), '--figure', tmp_path / 'fit.svg')
-    assert (done.returncode, done.stderr) == (0, '')
-    accepted(done.stdout)
-    assert (tmp_path / 'fit.svg').read_text().startswith('<?xml')
-    bad = as_process(tmp_path / 'nowhere.csv')
-    assert (bad.returncode, bad.stdout) == (1, '')
-    assert 'Traceback' not in bad.stderr
-    assert len(bad.stderr.splitlines()) == 1

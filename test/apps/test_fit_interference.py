@@ -70,7 +70,7 @@ def test_noisy_loads_have_the_factor_in_their_interval():
     exact, inside = loads(1.7), 0
     for _ in range(3):
         noisy = exact * np.exp(0.02 * rng.standard_normal(len(exact)))
-        found = fit_local_stiffness(presses(noisy), TUBE, confidence=0.8)
+        found = fit_local_stiffness(presses(noisy), TUBE)
         inside += found.low < 1.7 < found.high
         # The curvature of the squares gives the same interval, where they are a parabola.
         assert np.sqrt(found.low * found.high) == pytest.approx(found.value, rel=1e-3)

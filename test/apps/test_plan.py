@@ -19,13 +19,7 @@ import time
 
 from boxes import BOX, SIDES
 from isotruss_ros.cli import plan_grasps as command
-from isotruss_ros.core import (
-    ConvexObject,
-    GraspRequirements,
-    load_robot,
-    plan_grasps,
-    read_object,
-)
+from isotruss_ros.core import ConvexObject, GraspRequirements, load_robot, plan_grasps, read_object
 from isotruss_ros.core.planning.describe_plan import path_times
 from isotruss_ros.core.planning.workers import core_count, NICENESS, WorkerPool
 import numpy as np

@@ -124,6 +124,14 @@ def tube_lengths(config):
     return np.add.reduceat(np.abs(end - begin), np.cumsum([0, *count[:-1]]))
 
 
+def drive(robot, path, parts=30):
+    """Let a simulated robot follow a path."""
+    for begin, end in itertools.pairwise(path):
+        robot.command((end - begin) / parts)
+        for _ in range(parts):
+            robot.advance(1.0)
+
+
 def between(path, pieces=4):
     """Return configurations on a way, with those between its rows, and the row before each."""
     for row, (one, other) in enumerate(itertools.pairwise(path)):

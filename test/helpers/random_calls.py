@@ -12,18 +12,11 @@ Random calls of the public API: ordinary, near singular, at limits, and without 
 
 Only an IsotrussError may be raised, nothing printed, no number may be NaN, and no call may take
 longer than stated.
-
-    python test/helpers/random_calls.py --calls 100000
 """
 
-import argparse
-from collections import Counter
 import dataclasses
 import functools
 import importlib
-import os
-import sys
-import tempfile
 import time
 import warnings
 
@@ -375,7 +368,7 @@ def world_of(number):
 
 
 def call(seed):
-    """Make one call; return its name, its outcome (ok, or the error's class), and its time [s]."""
+    """Make one call; return its outcome: ok, or the error's class."""
     world = world_of(seed // CALLS_IN_WORLD)
     world.rng = rng = np.random.default_rng(seed)
     shares = np.array([share for share, _ in CALLS.values()])
@@ -393,58 +386,4 @@ def call(seed):
     elapsed = time.thread_time() - began
     assert not has_nan(found), f'{function.__name__}: NaN in {found}'
     assert elapsed <= CALLS[function][1], f'{function.__name__} took {elapsed:.2f} s'
-    return function.__name__, outcome, elapsed
-
-
-def call_all(seeds):
-    """
-    Make random calls; return how often each ended how, its longest time, and what went wrong.
-
-    :param seeds: of the calls.
-    """
-    outcomes, longest, wrong = Counter(), {}, []
-    for seed in seeds:
-        try:
-            name, outcome, elapsed = call(seed)
-        except Exception as error:  # noqa: BLE001 - every error is what is looked for
-            wrong.append(f'call {seed}: {type(error).__name__}: {error}'[:300])
-        else:
-            outcomes[name, outcome] += 1
-            longest[name] = max(elapsed, longest.get(name, 0.0))
-    return outcomes, longest, wrong
-
-
-def keep_output(call):
-    """Return what a call returns, and what it prints to either output, from any library."""
-    saved = os.dup(1), os.dup(2)
-    with tempfile.TemporaryFile() as file:
-        for descriptor in (1, 2):
-            os.dup2(file.fileno(), descriptor)
-        try:
-            found = call()
-        finally:
-            for descriptor, before in zip((1, 2), saved, strict=True):
-                os.dup2(before, descriptor)
-        file.seek(0)
-        return found, file.read().decode()
-
-
-def main():
-    """Make random calls, and tell which went wrong; the exit code is 1 if any did."""
-    parser = argparse.ArgumentParser(description=main.__doc__)
-    parser.add_argument('--calls', type=int, default=100_000)
-    parser.add_argument('--first', type=int, default=0, help='seed of the first call')
-    arguments = parser.parse_args()
-    seeds = range(arguments.first, arguments.first + arguments.calls)
-    (outcomes, longest, wrong), printed = keep_output(lambda: call_all(seeds))
-    for (name, outcome), count in sorted(outcomes.items()):
-        print(f'{count:9d} {name}: {outcome}')
-    for name, elapsed in longest.items():
-        print(f'{1e3 * elapsed:9.1f} ms is the longest {name}')
-    print('\n'.join(wrong))
-    print(f'{arguments.calls} calls, {len(wrong)} went wrong; printed: {printed[:1000]!r}')
-    return 1 if wrong or printed else 0
-
-
-if __name__ == '__main__':
-    sys.exit(main())
+    return outcome

@@ -11,14 +11,10 @@
 Random walks of a held object under the twist servo, and how near to its bounds each came.
 
 Others begin beyond bounds, and must not chatter there.
-
-For a soak:  python test/helpers/walks.py --walks 1000 --steps 1000
 """
 
-import argparse
 from collections import Counter, deque
 from dataclasses import dataclass
-import sys
 
 from isotruss_ros.core import (
     ConvexObject,
@@ -63,7 +59,6 @@ class Walk:
 
     lowest: np.ndarray
     statuses: Counter
-    limiting: Counter
 
     @property
     def crossed(self):
@@ -191,7 +186,7 @@ def walk(seed, steps, slide=False, guarded=True, sensors=None):
     servo.slide_along_limits = slide
     if not guarded:
         servo.guard = None
-    result = Walk(np.full(3, np.inf), Counter(), Counter())
+    result = Walk(np.full(3, np.inf), Counter())
     length = 1 + max(sensors.rollers, sensors.pose)
     seen = deque([(held, np.zeros(len(ROBOT.roller_names)))] * length, length)
     left, twist = 0, np.zeros(3)
@@ -211,7 +206,6 @@ def walk(seed, steps, slide=False, guarded=True, sensors=None):
         command = decision.command
         assert command.status < Status.HALT_NO_TWIST, decision.message
         result.statuses[command.status] += 1
-        result.limiting.update(command.limiting)
         velocities = command.roller_velocities
         try:
             end = moved(held, period * velocities)
@@ -226,39 +220,3 @@ def walk(seed, steps, slide=False, guarded=True, sensors=None):
         seen.append((held, velocities))
         result.lowest = np.minimum(result.lowest, lowest)
     return result
-
-
-def main():
-    """Walk, and tell how many crossed a bound or chatter beyond one; with code 1 if any did."""
-    parser = argparse.ArgumentParser(description=main.__doc__)
-    parser.add_argument('--walks', type=int, default=1000)
-    parser.add_argument('--steps', type=int, default=1000)
-    parser.add_argument('--first', type=int, default=0, help='seed of the first walk')
-    arguments = parser.parse_args()
-    lowest, statuses, crossed = np.full(3, np.inf), Counter(), []
-    for number in range(arguments.walks):
-        seed = arguments.first + number
-        found = walk(seed, arguments.steps, slide=bool(seed % 3 == 2))
-        lowest = np.minimum(lowest, found.lowest)
-        statuses += found.statuses
-        if found.crossed:
-            crossed.append(seed)
-            print(f'walk {seed} crossed a bound: {found.lowest}', flush=True)
-        if sys.stdout.isatty() or number % 100 == 99:
-            print(f'{number + 1} walks, {len(crossed)} crossed a bound', flush=True)
-    chattering = []
-    for number in range(arguments.walks):
-        commands, lost = come_back(arguments.first + number)
-        if reversals(commands) > EXCHANGE or lost.max() > LOST:
-            chattering.append(number)
-            print(f'start {number} beyond a bound: {reversals(commands)} reversals, lost {lost}')
-    print(f'{arguments.walks} starts beyond a bound, {len(chattering)} did not come back smoothly')
-    print(f'smallest margins: rigidity {lowest[0]:.5f}, clearance {lowest[1]:.5f} m,', end=' ')
-    print(f'clearance of the object {lowest[2]:.5f} m')
-    for status, count in statuses.most_common():
-        print(f'{count:9d} steps {status}')
-    return 1 if crossed or chattering else 0
-
-
-if __name__ == '__main__':
-    sys.exit(main())

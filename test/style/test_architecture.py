@@ -101,9 +101,3 @@ def test_no_files_import_each_other():
         free = {module for module, ours in left.items() if not ours & left.keys()}
         assert free, f'a cycle through some of {sorted(left)}'
         left = {module: ours for module, ours in left.items() if module not in free}
-
-
-def test_nodes_import_no_application():
-    for module, (ours, _) in IMPORTS.items():
-        if module.startswith('nodes'):
-            assert not {'cli', 'demo'} & {imported.split('.')[0] for imported in ours}, module

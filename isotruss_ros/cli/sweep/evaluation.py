@@ -22,65 +22,35 @@ from isotruss_ros.core.planning.grasp_plan import GraspPlan
 
 @dataclass(frozen=True)
 class SweepResult:
-    """
-    What became of one robot and one object; numbers only, so that thousands are light.
+    """What became of one robot and one object; numbers only, so that thousands are light."""
 
-    :ivar robot: its place among the robots.
-    :ivar item: the place of the object among the objects.
-    :ivar name: of the robot.
-    :ivar x: of the object's centre in the robot frame [m].
-    :ivar y: of the object's centre in the robot frame [m].
-    :ivar diameter: of the object, of one that is no disc the mean width [m].
-    :ivar found: how many distinct grasps; what follows is of the best, see `PlannedGrasp`.
-    :ivar module: at which the members of the best grasp meet; empty without one.
-    :ivar members: members in contact in the best grasp.
-    :ivar score: of the best grasp, by the measure.
-    :ivar squeeze: of the best grasp [N].
-    :ivar slip_margin: of the best grasp [N].
-    :ivar closure_margin: of the best grasp [N].
-    :ivar required_friction: of the best grasp.
-    :ivar max_contact_force: of the best grasp [N].
-    :ivar total_force: of the best grasp [N].
-    :ivar utilisation: of the wrinkling moment, the largest of the members of the best grasp.
-    :ivar travel: of the best grasp, path length of the roller that travels furthest [m].
-    :ivar rigidity: smallest rigidity index along the path to the best grasp, 1 at home.
-    :ivar roller_positions: in the grasp [m].
-    :ivar violated_requirement: where none was found, by the closest candidate.
-    :ivar violation_value: value of the closest violation.
-    :ivar violation_bound: bound of the closest violation.
-    :ivar evaluations: see `GraspPlan`, as are the next two.
-    :ivar analyses: number of analyses of contact.
-    :ivar computing_time: of the search [s].
-    :ivar error: why there is no answer; empty where there is one.
-    """
-
-    robot: int
-    item: int
-    name: str
-    x: float
-    y: float
-    diameter: float
-    found: int = 0
-    module: str = ''
-    members: tuple[str, ...] = ()
-    score: float | None = None
-    squeeze: float | None = None
-    slip_margin: float | None = None
-    closure_margin: float | None = None
-    required_friction: float | None = None
-    max_contact_force: float | None = None
-    total_force: float | None = None
-    utilisation: float | None = None
-    travel: float | None = None
-    rigidity: float | None = None
-    roller_positions: tuple[float, ...] = ()
-    violated_requirement: str = ''
-    violation_value: float | None = None
-    violation_bound: float | None = None
-    evaluations: int = 0
-    analyses: int = 0
-    computing_time: float = 0.0
-    error: str = ''
+    robot: int  #: its place among the robots
+    item: int  #: the place of the object among the objects
+    name: str  #: of the robot
+    x: float  #: of the object's centre in the robot frame [m]
+    y: float  #: of the object's centre in the robot frame [m]
+    diameter: float  #: of the object, of one that is no disc the mean width [m]
+    found: int = 0  #: how many distinct grasps; what follows is of the best, see `PlannedGrasp`
+    module: str = ''  #: at which the members of the best grasp meet; empty without one
+    members: tuple[str, ...] = ()  #: members in contact in the best grasp
+    score: float | None = None  #: of the best grasp, by the measure
+    squeeze: float | None = None  #: of the best grasp [N]
+    slip_margin: float | None = None  #: of the best grasp [N]
+    closure_margin: float | None = None  #: of the best grasp [N]
+    required_friction: float | None = None  #: of the best grasp
+    max_contact_force: float | None = None  #: of the best grasp [N]
+    total_force: float | None = None  #: of the best grasp [N]
+    utilisation: float | None = None  #: of the wrinkling moment, largest of all members
+    travel: float | None = None  #: path length of the roller that travels furthest [m]
+    rigidity: float | None = None  #: smallest rigidity index along the path, 1 at home
+    roller_positions: tuple[float, ...] = ()  #: in the grasp [m]
+    violated_requirement: str = ''  #: where none was found, by the closest candidate
+    violation_value: float | None = None  #: value of the closest violation
+    violation_bound: float | None = None  #: bound of the closest violation
+    evaluations: int = 0  #: see `GraspPlan`, as are the next two
+    analyses: int = 0  #: number of analyses of contact
+    computing_time: float = 0.0  #: of the search [s]
+    error: str = ''  #: why there is no answer; empty where there is one
 
 
 def evaluate(

@@ -23,7 +23,6 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.planning.closing import Closing, evaluate_state
 from isotruss_ros.core.planning.closing_step import take_closing_step
 from isotruss_ros.core.planning.facing import balances, CONE_SHARE, find_facing, USED_SHARE
-from isotruss_ros.core.planning.grasp_plan import SearchTally
 import numpy as np
 
 #: Gap of the grasping members at the end, and by how much more it may be, in tube diameters.
@@ -34,23 +33,14 @@ TURN_TOLERANCE = 1e-3
 MAX_STEPS, MAX_IDLE_STEPS, MIN_PROGRESS = 100, 12, 0.02
 
 
-def never() -> bool:
-    """Return that nothing is to stop."""
-    return False
-
-
 def approach(
-    config: Configuration,
-    closing: Closing,
-    tally: SearchTally,
-    should_stop: Callable[[], bool] = never,
+    config: Configuration, closing: Closing, should_stop: Callable[[], bool] | None = None
 ) -> tuple[list[Configuration], tuple[str, float, float] | None]:
     """
     Bring the grasping members close to the object, facing it so that friction can hold it.
 
     :param config: configuration of the robot.
     :param closing: what closes.
-    :param tally: of the search.
     :param should_stop: called before every step; an approach that was stopped returns the
         requirement that was not met yet.
     :return: configurations along the path, the present one first, straight in roller travel
@@ -70,9 +60,11 @@ def approach(
         left = max(gap, 0.0) / diameter + missing
         idle = 0 if left < best - MIN_PROGRESS else idle + 1
         best = min(best, left) if idle else left
-        if unmet is None or idle > MAX_IDLE_STEPS or len(path) > MAX_STEPS or should_stop():
+        if unmet is None or idle > MAX_IDLE_STEPS or len(path) > MAX_STEPS:
             return path, unmet
-        state, share, blocked = take_closing_step(state, turned, targets, share, tally)
+        if should_stop is not None and should_stop():
+            return path, unmet
+        state, share, blocked = take_closing_step(state, turned, targets, share)
         if blocked is not None:
             return path, blocked
         path.append(state.config)

@@ -11,7 +11,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from isotruss_ros.core.holding.pressed_contacts import member_lines
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -19,36 +19,30 @@ from isotruss_ros.core.kinematics.rigidity import Modes, rigidity_index
 from isotruss_ros.core.manipulation.limits import Limit
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, Points
+from isotruss_ros.core.planning.grasp_plan import SearchTally
 from isotruss_ros.core.safety.distances import collision_model
 import numpy as np
 
 #: A step uses at most this share of the distance from a bound.
 BOUND_SHARE = 0.5
+#: Members close by so much from waypoint to waypoint, in diameters of the tube; ...
+CLOSING_STEP = 0.12
+#: ... steps become shorter by this factor where a bound ends them, while longer than this share.
+REFINEMENT, LEAST_SHARE = 0.34, 0.3
 
 
 @dataclass(frozen=True, eq=False)
 class Closing:
-    """
-    What closes on which object, within which bounds.
+    """What closes on which object, within which bounds."""
 
-    :ivar body: the object, which stands still.
-    :ivar members: numbers of the grasping members.
-    :ivar limits: of the rollers; a step is their motion in a unit of time.
-    :ivar min_rigidity: see `rigidity_index`, 1 at home [-].
-    :ivar friction_angle: of the cones within which the forces of an open grip balance [rad].
-    :ivar nominal_posture: (r,) roller positions that the remaining freedom is drawn to [m]; the
-        present ones if None.
-    :ivar facing: (s,) unit normals out of the object, x + iy, that the members are turned to face;
-        they stay as they are if None.
-    """
-
-    body: ConvexObject
-    members: tuple[int, ...]
-    limits: tuple[Limit, ...]
-    min_rigidity: float
-    friction_angle: float = 0.0
-    nominal_posture: Array | None = None
-    facing: Points | None = None
+    body: ConvexObject  #: the object, which stands still
+    members: tuple[int, ...]  #: numbers of the grasping members
+    limits: tuple[Limit, ...]  #: of the rollers; a step is their motion in a unit of time
+    min_rigidity: float  #: see `rigidity_index`, 1 at home [-]
+    friction_angle: float = 0.0  #: of the cones in which an open grip balances [rad]
+    nominal_posture: Array | None = None  #: (r,) roller positions to be drawn to [m], if any
+    facing: Points | None = None  #: (s,) unit normals, x + iy, to be turned to, if any
+    tally: SearchTally = field(default_factory=SearchTally)  #: what was looked at so far
 
     def normals(self, config: Configuration) -> Points:
         """
@@ -115,12 +109,3 @@ def evaluate_state(config: Configuration, body: ConvexObject) -> SearchState:
         rigidity_index(config.robot).modes(config),
         model.distances(config),
     )
-
-
-def mean_member_length(config: Configuration) -> float:
-    """
-    Return the mean length of the members at home, which steps are measured by [m].
-
-    :param config: a configuration of the robot.
-    """
-    return float(config.robot.home.member_lengths.mean())

@@ -10,10 +10,9 @@
 """
 Closing in place: members press on a free object, which stays where it is.
 
-Two members face it so that friction holds it as soon as both press. From there on it is held and
-the contacts roll: the squeeze rises while the twist of the object is zero. The path is what the
-rollers do then, by the mechanics of the elastic plant. A path for an object that the ground holds
-would drag a free one along, by several centimetres.
+Two members face it so that friction holds it as soon as both press. From there on the contacts
+roll, by the mechanics of the elastic plant, and the squeeze rises while the object stays. A path
+for an object that the ground holds would drag a free one along, by several centimetres.
 """
 
 from __future__ import annotations
@@ -29,17 +28,10 @@ from isotruss_ros.core.holding.loaded_frame import held_utilisation
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.pose import pose_difference
-from isotruss_ros.core.planning.closed_grip import (
-    ClosedGrip,
-    CLOSING_STEP,
-    find_loads,
-    LEAST_SHARE,
-    REFINEMENT,
-)
-from isotruss_ros.core.planning.closing import Closing
+from isotruss_ros.core.planning.closing import Closing, CLOSING_STEP, LEAST_SHARE, REFINEMENT
 from isotruss_ros.core.planning.closing_step import press
 from isotruss_ros.core.planning.facing import contact_ends
-from isotruss_ros.core.planning.grasp_plan import SearchTally
+from isotruss_ros.core.planning.grasp_plan import ClosedGrip, RequirementError
 from isotruss_ros.core.planning.motion_in_place import squeeze_in_place, SQUEEZE_TOLERANCE
 from isotruss_ros.core.planning.requirements import GraspRequirements
 import numpy as np
@@ -57,7 +49,7 @@ SQUEEZE_GROWTH, SQUEEZE_RISE = 2.0, 4.0
 
 
 def close_in_place(
-    touch: Configuration, closing: Closing, needs: GraspRequirements, tally: SearchTally
+    touch: Configuration, closing: Closing, needs: GraspRequirements
 ) -> Iterator[ClosedGrip]:
     """
     Yield grips that press harder and harder, until a bound is reached.
@@ -65,17 +57,16 @@ def close_in_place(
     :param touch: configuration in which the members touch the object.
     :param closing: what closes.
     :param needs: what the grasp must fulfil.
-    :param tally: of the search.
     :raises SolverError: a quadratic program, or the contact, was not solved.
     :raises StructureError: see `structure_of`.
     """
     wanted, pair = needs.squeeze, len(closing.members) == 2
-    grasp = _hold(touch, closing, tally)
-    if grasp is None or not _sticks(grasp, needs.friction, tally):
-        return
+    grasp = _hold(touch, closing)
+    _check_hold(grasp, needs.friction)
     # Two members bring the object back to its place with the next step only.
-    if not pair and (first := _judge(grasp, closing, needs, tally)) is not None:
-        yield first
+    if not pair:
+        with closing.tally.recording():
+            yield _judge(grasp, closing, needs)
     share = 1.0
     while share > LEAST_SHARE and not (wanted and _reached(grasp, wanted)):
         rise = min((SQUEEZE_GROWTH - 1.0) * grasp.squeeze, SQUEEZE_RISE)
@@ -83,16 +74,15 @@ def close_in_place(
             step = CLOSING_STEP * touch.robot.description.tube_diameter
             rise = -step * grasp.squeeze_stiffness()
         force = min(grasp.squeeze + share * rise, wanted or math.inf)
-        moved = squeeze_in_place(grasp, force, closing, tally)
-        found = None if moved is None else _judge(moved, closing, needs, tally)
-        if found is None:
-            share *= REFINEMENT
+        with closing.tally.recording():
+            moved = squeeze_in_place(grasp, force, closing)
+            yield _judge(moved, closing, needs)
+            grasp = moved
             continue
-        grasp = moved
-        yield found
+        share *= REFINEMENT
 
 
-def _hold(touch: Configuration, closing: Closing, tally: SearchTally) -> HeldGrip | None:
+def _hold(touch: Configuration, closing: Closing) -> HeldGrip:
     """Return how the object is held first; three members press as deep as keeps it there."""
     body, members = closing.body, np.array(closing.members)
     one, other = contact_ends(body, closing.normals(touch))
@@ -100,13 +90,10 @@ def _hold(touch: Configuration, closing: Closing, tally: SearchTally) -> HeldGri
     depths = np.full(len(members), depth * touch.robot.description.tube_diameter)
     config = touch
     for _ in range(MAX_BALANCE_STEPS):
-        pressed = press(config, closing, depths, tally)
-        if pressed is None:
-            return None
-        config, found = pressed, attach_grip(pressed, body, members)
+        config = press(config, closing, depths)
+        found = attach_grip(config, body, members)
         if isinstance(found, HoldStatus):
-            tally.record('held', 0.0, 1.0, 30.0)
-            return None
+            raise RequirementError('held', 0.0, 1.0, 30.0)
         away = found.body.center - body.center
         if len(members) == 2 or abs(away) < SAME_PLACE:
             break
@@ -114,62 +101,50 @@ def _hold(touch: Configuration, closing: Closing, tally: SearchTally) -> HeldGri
     return roll_grip(found, config)  # from here on contacts roll
 
 
-def _judge(
-    grasp: HeldGrip, closing: Closing, needs: GraspRequirements, tally: SearchTally
-) -> ClosedGrip | None:
-    """Return a grip with what it does; None where a contact slips or a bound is exceeded."""
-    if not _sticks(grasp, needs.friction, tally):
-        return None
-    tally.analyses += 1
+def _judge(grasp: HeldGrip, closing: Closing, needs: GraspRequirements) -> ClosedGrip:
+    """Return a grip with what it does, unless a contact slips or a bound is exceeded."""
+    _check_hold(grasp, needs.friction)
+    closing.tally.analyses += 1
     moved = pose_difference(grasp.pose, closing.body.pose) * (1.0, 1.0, grasp.arm)
     body = closing.body if np.abs(moved).max() < SAME_PLACE else grasp.body
     analysis = analyze_grasp(grasp.config, body, needs.friction, needs.external_wrench)
-    loads = find_loads(needs, analysis, grasp.normal_forces, held_utilisation(grasp), tally)
-    if loads is None:
-        return None
+    loads = needs.find_loads(analysis, grasp.normal_forces, held_utilisation(grasp))
     margin = None
     if needs.squeeze is None or _reached(grasp, needs.squeeze):
-        margin = _require(grasp, closing, analysis, needs, tally)
+        with closing.tally.recording():
+            margin = _find_margin(grasp, closing, analysis, needs)
     return ClosedGrip(grasp.config, body, analysis, loads, grasp.squeeze, margin)
 
 
-def _sticks(grasp: HeldGrip, friction: float, tally: SearchTally) -> bool:
-    """Return whether the contacts stick."""
+def _check_hold(grasp: HeldGrip, friction: float) -> None:
+    """Raise unless the contacts stick."""
     hold = grasp.hold(friction)
     if hold is HoldStatus.SLIPS:
         needed = grasp.required_friction
-        tally.record('force_closure', needed, friction, 1.0 - friction / needed)
-    elif hold is not HoldStatus.HELD:
-        tally.record('held', 0.0, 1.0, 10.0)
-    return hold is HoldStatus.HELD
+        raise RequirementError('force_closure', needed, friction, 1.0 - friction / needed)
+    if hold is not HoldStatus.HELD:
+        raise RequirementError('held', 0.0, 1.0, 10.0)
 
 
-def _require(
-    grasp: HeldGrip,
-    closing: Closing,
-    analysis: GraspAnalysis,
-    needs: GraspRequirements,
-    tally: SearchTally,
-) -> float | None:
-    """Return the slip margin of a grip [N], None if it does not bear what it must."""
+def _find_margin(
+    grasp: HeldGrip, closing: Closing, analysis: GraspAnalysis, needs: GraspRequirements
+) -> float:
+    """Return the slip margin of a grip [N], which must bear what is required."""
     loaded: HeldGrip | None = grasp
     if any(needs.external_wrench):
         loaded = roll_grip(grasp, grasp.config, np.array(needs.external_wrench))
     if loaded is None:
-        tally.record('held', 0.0, 1.0, 2.0)
-        return None
-    if not _sticks(loaded, needs.friction, tally):
-        return None
+        raise RequirementError('held', 0.0, 1.0, 2.0)
+    _check_hold(loaded, needs.friction)
     if set(analysis.contact_forces) != set(grasp.member_names):
         # Friction deflects a soft structure by so much that without it one member lets go.
-        tally.record('grip', len(analysis.contact_forces), len(closing.members), 15.0)
-        return None
+        raise RequirementError('grip', len(analysis.contact_forces), len(closing.members), 15.0)
     slip = loaded.slip_margin(needs.friction)
     for name, value in (('min_slip_margin', slip), ('min_margin', analysis.closure_margin)):
         least = getattr(needs, name)
         if least is not None and value < least:
-            tally.record(name, value, least, 1.0 - max(0.0, value) / least if least else 1.0)
-            return None
+            short = 1.0 - max(0.0, value) / least if least else 1.0
+            raise RequirementError(name, value, least, short)
     return slip
 
 

@@ -24,16 +24,9 @@ from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.holding.settle_grasp import settle_grasp
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.arrays import Array, as_xy
-from isotruss_ros.core.planning.closed_grip import (
-    ClosedGrip,
-    CLOSING_STEP,
-    find_loads,
-    LEAST_SHARE,
-    REFINEMENT,
-)
-from isotruss_ros.core.planning.closing import Closing
+from isotruss_ros.core.planning.closing import Closing, CLOSING_STEP, LEAST_SHARE, REFINEMENT
 from isotruss_ros.core.planning.closing_step import press
-from isotruss_ros.core.planning.grasp_plan import SearchTally
+from isotruss_ros.core.planning.grasp_plan import ClosedGrip
 from isotruss_ros.core.planning.requirements import GraspRequirements
 import numpy as np
 from numpy.typing import ArrayLike
@@ -49,7 +42,7 @@ MAX_DEPTH = 0.8
 
 
 def close_on_ground(
-    touch: Configuration, closing: Closing, needs: GraspRequirements, tally: SearchTally
+    touch: Configuration, closing: Closing, needs: GraspRequirements
 ) -> Iterator[ClosedGrip]:
     """
     Yield deeper and deeper grips, until a bound is reached.
@@ -57,43 +50,36 @@ def close_on_ground(
     :param touch: configuration in which the members touch the object.
     :param closing: what closes.
     :param needs: what the grasp must fulfil.
-    :param tally: of the search.
     :raises SolverError: a quadratic program, or the contact, was not solved.
     """
     config, depth, share = touch, 0.0, 1.0
     tube, shares = touch.robot.description.tube_diameter, np.ones(len(closing.members))
     while share > LEAST_SHARE and depth < MAX_DEPTH * tube:
         deeper = depth + share * CLOSING_STEP * tube
-        found = _balance(config, deeper * shares, closing, needs, tally)
-        grip = None if found is None else _judge(found[0], found[1], closing, needs, tally)
-        if grip is None:
-            share *= REFINEMENT
+        with closing.tally.recording():
+            grip, depths = _balance(config, deeper * shares, closing, needs)
+            yield grip
+            config, depth, shares = grip.config, deeper, depths / deeper
             continue
-        config, depth, shares = found[0], deeper, found[2] / deeper
-        yield grip
+        share *= REFINEMENT
 
 
 def _judge(
-    config: Configuration,
-    analysis: GraspAnalysis,
-    closing: Closing,
-    needs: GraspRequirements,
-    tally: SearchTally,
-) -> ClosedGrip | None:
-    """Return a grip with what it does; None where a bound is exceeded."""
+    config: Configuration, analysis: GraspAnalysis, closing: Closing, needs: GraspRequirements
+) -> ClosedGrip:
+    """Return a grip with what it does, unless a bound is exceeded."""
     settled = settle_grasp(config, closing.body, needs.friction, needs.external_wrench)
     bears = [*settled.utilisation.values()] if settled.hold.at_rest else []
-    loads = find_loads(needs, analysis, [], bears, tally)
-    if loads is None:
-        return None
+    loads = needs.find_loads(analysis, [], bears)
     total, friction = float(analysis.normal_forces.sum()), analysis.required_friction
     margin, slip = analysis.closure_margin, None
     if total == 0.0:
-        tally.record('force_closure', 0.0, 1.0, 30.0)
+        closing.tally.record('force_closure', 0.0, 1.0, 30.0)
     elif not analysis.force_closure or margin < 0.0:
-        tally.record('force_closure', friction, needs.friction, 1.0 - margin / total)
+        closing.tally.record('force_closure', friction, needs.friction, 1.0 - margin / total)
     elif margin < needs.min_margin:
-        tally.record('min_margin', margin, needs.min_margin, 1.0 - margin / needs.min_margin)
+        least = needs.min_margin
+        closing.tally.record('min_margin', margin, least, 1.0 - margin / least)
     else:
         slip = settled.slip_margin if settled.held else 0.0
     mean = total / len(closing.members)
@@ -101,22 +87,14 @@ def _judge(
 
 
 def _balance(
-    config: Configuration,
-    depths: Array,
-    closing: Closing,
-    needs: GraspRequirements,
-    tally: SearchTally,
-) -> tuple[Configuration, GraspAnalysis, Array] | None:
+    config: Configuration, depths: Array, closing: Closing, needs: GraspRequirements
+) -> tuple[ClosedGrip, Array]:
     """Return the grip that balances best about some depths (s,), the mean kept, and its depths."""
     mean, names = depths.mean(), [config.robot.member_names[i] for i in closing.members]
     for _ in range(MAX_BALANCE_STEPS):
-        pressed = press(config, closing, depths, tally)
-        if pressed is None:
-            return None
-        config = pressed
-        tally.analyses += 1
+        config, used = press(config, closing, depths), depths
+        closing.tally.analyses += 1
         analysis = analyze_grasp(config, closing.body, needs.friction, needs.external_wrench)
-        found = config, analysis, depths
         forces = np.array([analysis.contact_forces.get(name, 0.0) for name in names])
         if forces.min() <= 0.0:
             break
@@ -125,14 +103,11 @@ def _balance(
             break
         depths = depths * np.clip(1.0 + GIVE * change / forces, 0.5, 2.0)
         depths = depths * (mean / depths.mean())
-    return found
+    return _judge(config, analysis, closing, needs), used
 
 
 def find_correction(
-    config: Configuration,
-    closing: Closing,
-    analysis: GraspAnalysis,
-    external_wrench: ArrayLike,
+    config: Configuration, closing: Closing, analysis: GraspAnalysis, external_wrench: ArrayLike
 ) -> Array:
     """
     Return the changes (s,) of normal forces, zero in sum, that balance what friction cannot take.

@@ -26,14 +26,8 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.rigidity import Modes, rigidity_index
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
-from isotruss_ros.core.planning.closing import (
-    BOUND_SHARE,
-    Closing,
-    evaluate_state,
-    mean_member_length,
-    SearchState,
-)
-from isotruss_ros.core.planning.grasp_plan import SearchTally
+from isotruss_ros.core.planning.closing import BOUND_SHARE, Closing, evaluate_state, SearchState
+from isotruss_ros.core.planning.grasp_plan import RequirementError
 from isotruss_ros.core.safety.distances import collision_model
 import numpy as np
 
@@ -61,17 +55,14 @@ MAX_PRESS_STEPS, GAP_TOLERANCE = 15, 1e-9
 GAP_ROUNDING = 1e-12  # [m]
 
 
-def press(
-    config: Configuration, closing: Closing, depths: Array, tally: SearchTally
-) -> Configuration | None:
+def press(config: Configuration, closing: Closing, depths: Array) -> Configuration:
     """
     Bring the grasping members to given indentations; the object stands still.
 
     :param config: where to begin.
     :param closing: what closes.
     :param depths: (s,) indentation of each grasping member [m].
-    :param tally: of the search.
-    :return: None where a requirement stops the motion; the tally has it.
+    :raises RequirementError: a requirement stops the motion.
     :raises SolverError: a quadratic program was not solved.
     """
     state = evaluate_state(config, closing.body)
@@ -80,16 +71,14 @@ def press(
         left = float(np.abs(state.gaps[members] + depths).max())
         if left <= GAP_TOLERANCE:
             return state.config
-        state, share, blocked = take_closing_step(state, closing, -depths, share, tally)
+        state, share, blocked = take_closing_step(state, closing, -depths, share)
         if blocked is not None:
-            tally.record(*blocked, 50.0)
-            return None
-    tally.record('reach', left, 0.0, 40.0 + left)
-    return None
+            raise RequirementError(*blocked, 50.0)
+    raise RequirementError('reach', left, 0.0, 40.0 + left)
 
 
 def take_closing_step(
-    state: SearchState, closing: Closing, targets: Array, share: float, tally: SearchTally
+    state: SearchState, closing: Closing, targets: Array, share: float
 ) -> tuple[SearchState, float, tuple[str, float, float] | None]:
     """
     Bring the gaps of the grasping members closer to their targets.
@@ -98,7 +87,6 @@ def take_closing_step(
     :param closing: what closes.
     :param targets: (s,) gaps of the grasping members [m].
     :param share: of the longest step, 1 at first; then that which the step before returned.
-    :param tally: of the search.
     :return: the state at the end; the share for the next step; and name, value and bound of what
         is violated where no step is admissible, None if one was made.
     :raises SolverError: the quadratic program was not solved.
@@ -112,7 +100,7 @@ def take_closing_step(
     bounds = np.minimum(bounds, state.gaps - GAP_ROUNDING)
     blocked: tuple[str, float, float] | None = None
     for halving in range(MAX_HALVINGS):
-        tally.evaluations += 1
+        closing.tally.evaluations += 1
         try:
             moved = config.moved_to(config.roller_positions + 0.5**halving * move)
             there = evaluate_state(moved, closing.body)
@@ -137,7 +125,7 @@ def solve_step(state: SearchState, closing: Closing, targets: Array, share: floa
     :raises SolverError: the quadratic program was not solved.
     """
     config, members = state.config, list(closing.members)
-    size = share * mean_member_length(config)
+    size = share * config.robot.home.member_lengths.mean()
     matrix = (state.gaps_by_nodes @ config.node_jacobian)[members]
     aim = np.maximum(targets - state.gaps[members], -MAX_GAP_STEP * size)
     if closing.facing is not None:
@@ -185,8 +173,8 @@ def _bound_rows(state: SearchState, closing: Closing, targets: Array) -> tuple[A
     They are those of gaps, by targets (s,) for grasping members [m], by a clearance for others; of
     the rigidity; of distances of near parts of the robot; and the limits.
     """
-    config, members, length = state.config, list(closing.members), mean_member_length(state.config)
-    robot, collisions = config.robot, collision_model(config.robot)
+    config, members, robot = state.config, list(closing.members), state.config.robot
+    collisions, length = collision_model(robot), robot.home.member_lengths.mean()
     gaps = BOUND_SHARE * (CLEARANCE * robot.description.tube_diameter - state.gaps)
     gaps[members] = targets - state.gaps[members]
     values, rows, nodes = state.modes

@@ -21,6 +21,8 @@ import numpy as np
 #: Of the largest speed, near the object: a member that touches first, since its rollers lag less
 #: than others, pushes the object along.
 NEAR_SHARE = 0.25
+#: Of each piece of a path, so that times increase [s].
+LEAST_DURATION = 0.01
 #: By the name of a requirement: value of the closest candidate, and bound.
 SENTENCES = {
     'free': 'the robot touches the object already: the gap between them is {value:.4g} m',
@@ -89,19 +91,18 @@ def export_violation(violation: Violation | None) -> dict[str, Any]:
     }
 
 
-def path_times(path: Array, max_speed: float, near: Array, min_duration: float = 0.01) -> Array:
+def path_times(path: Array, max_speed: float, near: Array) -> Array:
     """
     Return when each waypoint is reached, straight between them.
 
     :param path: (k, r) roller positions [m].
     :param max_speed: of any roller [m/s].
     :param near: (k - 1,) pieces that are driven at `NEAR_SHARE` of the speed.
-    :param min_duration: of each piece, so that times increase [s].
     :return: (k,) times from the start, the first 0 [s].
     """
     speeds = np.where(near, NEAR_SHARE * max_speed, max_speed)
     longest = np.abs(np.diff(path, axis=0)).max(axis=1, initial=0.0)
-    return np.append(0.0, np.cumsum(np.maximum(longest / speeds, min_duration)))
+    return np.append(0.0, np.cumsum(np.maximum(longest / speeds, LEAST_DURATION)))
 
 
 def violation_in_words(violation: Violation | None) -> str:

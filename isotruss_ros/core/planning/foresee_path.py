@@ -22,7 +22,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.solve_twist import solve_twist
 from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.model.pose import Pose
+from isotruss_ros.core.model.pose import Pose, pose_difference
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 import numpy as np
@@ -56,10 +56,7 @@ def foresee_grip(
     :param friction: coefficient between tubes and object.
     :param poses: see `foresee_path`.
     :return: None where no members hold the object: what they push has no slip margin.
-    :raises GraspError: see `foresee_path`, as do the others.
-    :raises ConfigurationError: the configuration is singular.
-    :raises SolverError: a quadratic program was not solved.
-    :raises StructureError: see `structure_of`.
+    :raises IsotrussError: see `foresee_path`.
     """
     held = attach_grip(config, body)
     if isinstance(held, HoldStatus) or held.hold(friction) is not HoldStatus.HELD:
@@ -89,10 +86,10 @@ def foresee_path(
     goals = _divide(poses, held.arm)
     # The equilibrium need not be quite where the path begins.
     goals = goals - goals[0] + np.array(held.pose)
-    pose, least = np.array(held.pose), held.slip_margin(friction)
+    least = held.slip_margin(friction)
     for number, goal in enumerate(goals[1:], 1):
         try:
-            found, why = _take_step(held, friction, force, goal - pose)
+            found, why = _take_step(held, friction, force, pose_difference(goal, held.pose))
         except (ConfigurationError, GraspError, SolverError) as error:
             if number == 1:
                 raise
@@ -106,8 +103,6 @@ def foresee_path(
                 why = f'the robot cannot move the object along the path, {1e3 * off:.0f} mm off it'
         if found is None or why:
             return Foresight(held.pose, (number - 1) / (len(goals) - 1), least, why)
-        turned = math.remainder(found.pose.angle - pose[2], 2.0 * math.pi)
-        pose = np.array([found.pose.x, found.pose.y, pose[2] + turned])
         held, least = found, min(least, margin)
     return Foresight(held.pose, 1.0, least, '')
 

@@ -18,14 +18,18 @@ import math
 from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
-from isotruss_ros.core.planning.approach import approach, never
-from isotruss_ros.core.planning.closed_grip import ClosedGrip, rate_grip
+from isotruss_ros.core.planning.approach import approach
 from isotruss_ros.core.planning.closing import Closing
 from isotruss_ros.core.planning.closing_in_place import close_in_place
 from isotruss_ros.core.planning.closing_on_ground import close_on_ground
 from isotruss_ros.core.planning.closing_step import press
 from isotruss_ros.core.planning.foresee_path import foresee_grip
-from isotruss_ros.core.planning.grasp_plan import PlannedGrasp, SearchTally
+from isotruss_ros.core.planning.grasp_plan import (
+    ClosedGrip,
+    PlannedGrasp,
+    RequirementError,
+    SearchTally,
+)
 from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.safety.margins import shape_margins
 import numpy as np
@@ -35,7 +39,7 @@ def judge_candidate(
     config: Configuration,
     closing: Closing,
     needs: GraspRequirements,
-    should_stop: Callable[[], bool] = never,
+    should_stop: Callable[[], bool] | None = None,
 ) -> tuple[PlannedGrasp | None, SearchTally]:
     """
     Bring the members of a seed to the object and close them there, in any process.
@@ -46,25 +50,25 @@ def judge_candidate(
     :param should_stop: called before every step toward the open grip.
     :return: the grasp, None if there is none; and what was looked at, with the violation.
     """
-    tally = SearchTally()
+    grasp, tally = None, closing.tally
     try:
-        opened, unmet = approach(config, closing, tally, should_stop)
-        if unmet is not None:
-            tally.record(*unmet, 100.0)
-            return None, tally
-        closed = close_grip(opened[-1], closing, needs, tally)
-        if closed is not None and needs.carry:
-            tally.closest = None
-            closed = closed if _carries(closed[1], needs, tally) else None
+        with tally.recording():
+            opened, unmet = approach(config, closing, should_stop)
+            if unmet is not None:
+                raise RequirementError(*unmet, 100.0)
+            closed = close_grip(opened[-1], closing, needs)
+            if closed is not None and needs.carry:
+                tally.closest = None
+                _check_carry(closed[1], needs)
+            grasp = None if closed is None else _planned(closing, needs, opened, *closed)
     except IsotrussError as error:
         # A candidate that cannot be computed is none; what was found out before still counts.
         tally.record(str(error), 0.0, 0.0, 100.0)
-        return None, tally
-    return None if closed is None else _planned(closing, needs, opened, *closed), tally
+    return grasp, tally
 
 
 def close_grip(
-    opened: Configuration, closing: Closing, needs: GraspRequirements, tally: SearchTally
+    opened: Configuration, closing: Closing, needs: GraspRequirements
 ) -> tuple[list[Configuration], ClosedGrip] | None:
     """
     Return the path from the touch to the best grip that fulfils the requirements, and that grip.
@@ -74,38 +78,34 @@ def close_grip(
     :param opened: configuration in which the members are close to the object.
     :param closing: what closes.
     :param needs: what the grasp must fulfil.
-    :param tally: of the search.
-    :return: None where there is none; then the tally has the closest violation.
+    :return: None where there is none; then the tally of what closes has the violation.
     :raises SolverError: a quadratic program, or the contact, was not solved.
     :raises StructureError: see `structure_of`.
     """
     # A nominal posture would keep the gaps from their targets, by a little.
     closing = replace(closing, nominal_posture=None, facing=None)
-    touch = press(opened, closing, np.zeros(len(closing.members)), tally)
-    if touch is None:
-        return None
     rise = close_in_place if needs.object_is_free else close_on_ground
-    path, best, best_score = [touch], None, -math.inf
-    for grip in rise(touch, closing, needs, tally):
-        path.append(grip.config)
-        if grip.slip_margin is None:
-            continue
-        # The path as far as here is shorter than all of it.
-        score = rate_grip(needs, grip, -grip.squeeze)
-        if score <= best_score:
-            break
-        best, best_score = (path[:], grip), score
+    best, best_score = None, -math.inf
+    with closing.tally.recording():
+        path = [press(opened, closing, np.zeros(len(closing.members)))]
+        for grip in rise(path[0], closing, needs):
+            path.append(grip.config)
+            if grip.slip_margin is None:
+                continue
+            # The path as far as here is shorter than all of it.
+            score = needs.rate_grip(grip, -grip.squeeze)
+            if score <= best_score:
+                break
+            best, best_score = (path[:], grip), score
     return best
 
 
-def _carries(grip: ClosedGrip, needs: GraspRequirements, tally: SearchTally) -> bool:
-    """Tell whether a grip carries the object along its path without slipping."""
+def _check_carry(grip: ClosedGrip, needs: GraspRequirements) -> None:
+    """Raise unless a grip carries the object along its path without slipping."""
     found = foresee_grip(grip.config, grip.body, needs.friction, np.array(needs.carry))
-    if found is not None and not found.why:
-        return True
     share = 0.0 if found is None else found.share
-    tally.record('carry', share, 1.0, 1.0 - share)
-    return False
+    if found is None or found.why:
+        raise RequirementError('carry', share, 1.0, 1.0 - share)
 
 
 def _planned(
@@ -125,7 +125,7 @@ def _planned(
         members=tuple(analysis.contact_lengths),
         config=grip.config,
         analysis=analysis,
-        score=rate_grip(needs, grip, -travel),
+        score=needs.rate_grip(grip, -travel),
         squeeze=grip.squeeze,
         slip_margin=grip.slip_margin,
         closure_margin=analysis.closure_margin,

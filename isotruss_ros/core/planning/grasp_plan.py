@@ -11,12 +11,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+import contextlib
 from dataclasses import astuple, dataclass
+from typing import NamedTuple
 
 from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
+from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip, members_at
+from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array
 
 
@@ -30,19 +34,17 @@ class Violation:
     distance: float  #: of the value from the bound, without unit, to compare candidates by
 
 
+class RequirementError(IsotrussError):
+    """What ends a motion or a candidate: the arguments are the fields of a `Violation`."""
+
+
+@dataclass
 class SearchTally:
-    """
-    What a search has looked at so far.
+    """What a search has looked at so far."""
 
-    :ivar evaluations: configurations that were computed, by kinematics or statics.
-    :ivar analyses: of them, how many by `analyze_grasp`.
-    :ivar closest: the violation whose value is closest to its bound, the first of such; None while
-        there is none.
-    """
-
-    def __init__(self) -> None:
-        self.evaluations = self.analyses = 0
-        self.closest: Violation | None = None
+    evaluations: int = 0  #: configurations that were computed, by kinematics or statics
+    analyses: int = 0  #: of them, how many by `analyze_grasp`
+    closest: Violation | None = None  #: whose value is closest to its bound, the first of such
 
     def record(self, requirement: str, value: float, bound: float, distance: float) -> None:
         """
@@ -56,6 +58,14 @@ class SearchTally:
         if self.closest is None or distance < self.closest.distance:
             self.closest = Violation(requirement, float(value), float(bound), float(distance))
 
+    @contextlib.contextmanager
+    def recording(self) -> Iterator[None]:
+        """Record the requirement that ends what is done inside."""
+        try:
+            yield
+        except RequirementError as error:
+            self.record(*error.args)
+
     def add(self, other: SearchTally) -> None:
         """
         Count what another search has looked at, too.
@@ -66,6 +76,22 @@ class SearchTally:
         self.analyses += other.analyses
         if other.closest is not None:
             self.record(*astuple(other.closest))
+
+
+class ClosedGrip(NamedTuple):
+    """
+    A grip that presses on the object.
+
+    Its slip margin is zero where the free object would not be held, None where the grip does not
+    fulfil the requirements; see `SettledGrasp.slip_margin`.
+    """
+
+    config: Configuration  #: configuration of the robot
+    body: ConvexObject  #: the object where it lay, or where it went as the grip closed
+    analysis: GraspAnalysis  #: of the object held fast
+    loads: dict[str, float]  #: see `GraspRequirements.find_loads`
+    squeeze: float  #: mean normal force of the grasping members [N]
+    slip_margin: float | None  #: of the free object [N], see above
 
 
 @dataclass(frozen=True, eq=False)

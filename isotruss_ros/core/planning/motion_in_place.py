@@ -30,7 +30,7 @@ from isotruss_ros.core.model.pose import pose_difference
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
 from isotruss_ros.core.planning.closing import Closing, evaluate_state
-from isotruss_ros.core.planning.grasp_plan import SearchTally
+from isotruss_ros.core.planning.grasp_plan import RequirementError
 import numpy as np
 
 #: Newton steps with which a waypoint is brought to its squeeze and place ...
@@ -49,17 +49,14 @@ MOTION_WEIGHT = 2e4
 SLOW = 0.7
 
 
-def squeeze_in_place(
-    grasp: HeldGrip, force: float, closing: Closing, tally: SearchTally
-) -> HeldGrip | None:
+def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGrip:
     """
     Return a grasp with another squeeze, the object where it lay.
 
     :param grasp: how the object is held, from `roll_grip`.
     :param force: mean normal force of the members, positive [N].
     :param closing: the grip, where the object is to stay, and the bounds of the motion.
-    :param tally: of the search.
-    :return: None where there is none; then the tally has the violation.
+    :raises RequirementError: what ends the motion before.
     :raises StructureError: see `structure_of`.
     """
     evened = len(closing.members) if len(closing.members) > 2 else 0
@@ -102,20 +99,18 @@ def squeeze_in_place(
         gain = rates @ travel
         errors = [np.linalg.norm(weights * each[1:]) for each in (missing, missing - gain)]
         if abs(missing[0]) < 1.0 and (np.abs(gain).max() < 1.0 or errors[1] > SLOW * errors[0]):
-            return grasp if _stays(grasp, closing, tally) else None
-        tally.evaluations += 1
+            _check_place(grasp, closing)
+            return grasp
+        closing.tally.evaluations += 1
         try:
             config = grasp.config.moved_to(grasp.config.roller_positions + travel)
         except ConfigurationError:
-            tally.record('rigidity', 0.0, closing.min_rigidity, 50.0)
-            return None
+            raise RequirementError('rigidity', 0.0, closing.min_rigidity, 50.0) from None
         moved = roll_grip(grasp, config)
         if moved is None or len(moved.members) != len(grasp.members):
-            tally.record('held', 0.0, 1.0, 10.0)
-            return None
+            raise RequirementError('held', 0.0, 1.0, 10.0)
         grasp = moved
-    tally.record('squeeze', grasp.squeeze, force, 5.0)
-    return None
+    raise RequirementError('squeeze', grasp.squeeze, force, 5.0)
 
 
 def rolling_rates(grasp: HeldGrip) -> tuple[Array, Array]:
@@ -153,18 +148,16 @@ def _missing(grasp: HeldGrip, force: float, body: ConvexObject) -> Array:
     return np.append(missing, 3.0 * force * shares / shares.sum() - grasp.normal_forces)
 
 
-def _stays(grasp: HeldGrip, closing: Closing, tally: SearchTally) -> bool:
-    """Tell whether a grip keeps the bounds, and the object in place, as far as rollers can."""
+def _check_place(grasp: HeldGrip, closing: Closing) -> None:
+    """Raise unless a grip keeps the bounds, and the object in place, as far as rollers can."""
     state = evaluate_state(grasp.config, grasp.body)
     least = np.zeros(len(state.gaps))
     least[list(closing.members)] = -np.inf
     broken = state.broken_bound(closing.min_rigidity, 0.0, least)
     if broken is not None:
-        tally.record(*broken, 50.0)
-        return False
+        raise RequirementError(*broken, 50.0)
     # A robot of few rollers cannot close and keep the object in place: it goes along a little.
     bound = MAX_DISPLACEMENT * grasp.config.robot.description.tube_diameter
     distance = math.hypot(*pose_difference(grasp.pose, closing.body.pose)[:2])
     if distance > bound:
-        tally.record('in_place', distance, bound, 20.0)
-    return distance <= bound
+        raise RequirementError('in_place', distance, bound, 20.0)

@@ -27,8 +27,7 @@ from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.blas_threads import single_threaded
-from isotruss_ros.core.planning.approach import never
-from isotruss_ros.core.planning.closing import Closing, mean_member_length
+from isotruss_ros.core.planning.closing import Closing
 from isotruss_ros.core.planning.grasp_candidate import judge_candidate
 from isotruss_ros.core.planning.grasp_plan import GraspPlan, PlannedGrasp, Progress, SearchTally
 from isotruss_ros.core.planning.requirements import GraspRequirements
@@ -93,13 +92,15 @@ def plan_grasps(
     # As another process has it: nothing is known of it but the shape.
     config = Configuration(config.robot, config.roller_positions, config.points)
     structure_of(config)  # contradictory stiffness laws are reported here, once
-    search = _Search(config, needs, executor, on_progress, should_stop or never)
+    search = _Search(config, needs, executor, on_progress, should_stop)
     gap = float(object_distances(config, body).min())
     if gap < -OVERLAP:  # there is no path to a grasp
         search.tally.record('free', gap, 0.0, 2000.0)
         return search.plan()
     for number in range(max_rounds):
-        seeds = find_seeds(config, body, needs, int(seed), number, search.tally)
+        seeds: list[Closing] = []
+        with search.tally.recording():
+            seeds = find_seeds(config, body, needs, int(seed), number)
         search.judge(seeds, thorough)
         if search.stopped or len(search.best()) >= needs.count:
             break
@@ -115,7 +116,7 @@ class _Search:
         needs: GraspRequirements,
         executor: Executor | None,
         on_progress: Callable[[Progress], None] | None,
-        should_stop: Callable[[], bool],
+        should_stop: Callable[[], bool] | None,
     ) -> None:
         self._config, self._needs, self._executor = config, needs, executor
         self._on_progress, self._should_stop = on_progress, should_stop
@@ -142,7 +143,7 @@ class _Search:
 
     def best(self) -> list[PlannedGrasp]:
         """Return the distinct grasps, best first."""
-        same = SAME_SHARE * mean_member_length(self._config)
+        same = SAME_SHARE * self._config.robot.home.member_lengths.mean()
         distinct: list[PlannedGrasp] = []
         for grasp in sorted(self._grasps, key=lambda grasp: -grasp.score):
             if not any(
@@ -206,5 +207,6 @@ class _Search:
         )
 
     def _check_stop(self) -> bool:
-        self.stopped = self.stopped or self._should_stop()
+        if self._should_stop is not None:
+            self.stopped = self.stopped or self._should_stop()
         return self.stopped

@@ -22,7 +22,7 @@ from isotruss_ros.core.manipulation.limits import default_limits
 from isotruss_ros.core.manipulation.rolling_grip import RollingGrip
 from isotruss_ros.core.manipulation.solve_twist import solve_twist_ahead
 from isotruss_ros.core.manipulation.status import Status
-from isotruss_ros.core.model.pose import Pose
+from isotruss_ros.core.model.pose import Pose, pose_difference
 from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.safety.shape_guard import ShapeGuard
@@ -75,34 +75,27 @@ def reach_pose(
     :raises GraspError: the pose is not three finite numbers, or the members do not touch the
         object.
     """
-    x, y, angle = finite_array(pose, 3, 'the pose to reach (x, y, angle) [m, rad]', GraspError)
+    goal = finite_array(pose, 3, 'the pose to reach (x, y, angle) [m, rad]', GraspError)
     guard = guard or ShapeGuard(config.robot)
     rolling, path = RollingGrip.attach(config, grip), [config.roller_positions]
-    even = np.array([1.0, 1.0, grip.body.arm])
-
-    def missing() -> Array:
-        here = rolling.grip.body.pose
-        turn = math.remainder(angle - here.angle, 2.0 * math.pi)
-        return even * (x - here.x, y - here.y, turn)
-
-    whole = float(np.linalg.norm(missing()))
+    left = pose_difference(goal, rolling.pose)
+    whole = size = math.hypot(*left[:2], grip.body.arm * left[2])
     status, why = Status.SLOWED_OBJECT, 'the way takes too many steps next to limits'
     for _ in range(PATIENCE * (math.ceil(whole / STEP) + 1)):
-        left = missing()
-        size = float(np.linalg.norm(left))
         if size <= TOLERANCE:
             status, why = Status.OK, ''
             break
-        step = min(1.0, STEP / size) * left
         try:
-            moved, status, why = _take_step(rolling, step / even, guard)
+            moved, status, why = _take_step(rolling, min(1.0, STEP / size) * left, guard)
         except (ConfigurationError, GraspError, SolverError) as error:
             moved, status, why = None, Status.HALT_KINEMATICS, str(error)
         if moved is None:
             break
         rolling = moved
         path.append(rolling.config.roller_positions)
-    share = 1.0 - float(np.linalg.norm(missing())) / whole if whole > TOLERANCE else 1.0
+        left = pose_difference(goal, rolling.pose)
+        size = math.hypot(*left[:2], grip.body.arm * left[2])
+    share = 1.0 - size / whole if whole > TOLERANCE else 1.0
     return ReachedPose(rolling.config, rolling.pose, share, status, why, np.array(path))
 
 
@@ -117,13 +110,12 @@ def _take_step(
     command = solve_twist_ahead(
         config, grip, step / duration, 0.5 * duration, (), limits, LimitHandling(period=duration)
     )
-    if command.status is not Status.UNREACHABLE:
-        command = watch.keep(command, np.zeros(len(config.roller_positions)), duration)
-    if command.status is Status.UNREACHABLE or command.scale < LEAST_SCALE:
-        named = ', '.join(command.limiting)
-        of_limits = f'limits of {named}' if named else str(command.status)
+    if command.status is Status.UNREACHABLE:
         words = f'the rollers produce {command.reachable_dof} of 3 motions there'
-        unreachable = command.status is Status.UNREACHABLE
-        return None, command.status, words if unreachable else of_limits
+        return None, command.status, words
+    command = watch.keep(command, np.zeros(len(config.roller_positions)), duration)
+    if command.scale < LEAST_SCALE:
+        named = ', '.join(command.limiting)
+        return None, command.status, f'limits of {named}' if named else str(command.status)
     travel = config.roller_positions + duration * command.roller_velocities
     return rolling.moved_to(config.moved_to(travel)), command.status, ''

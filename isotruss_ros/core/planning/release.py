@@ -33,7 +33,7 @@ from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.planning.closing import BOUND_SHARE, Closing
 from isotruss_ros.core.planning.closing_step import press
-from isotruss_ros.core.planning.grasp_plan import SearchTally, Violation
+from isotruss_ros.core.planning.grasp_plan import RequirementError, Violation
 from isotruss_ros.core.planning.motion_in_place import squeeze_in_place
 from isotruss_ros.core.planning.requirements import MIN_RIGIDITY
 import numpy as np
@@ -63,11 +63,7 @@ class Release:
 
 @single_threaded
 def plan_release(
-    config: Configuration,
-    body: ConvexObject,
-    members: Sequence[str],
-    clearance: float,
-    min_rigidity: float = MIN_RIGIDITY,
+    config: Configuration, body: ConvexObject, members: Sequence[str], clearance: float
 ) -> Release:
     """
     Plan the path that lets a held object go and backs off.
@@ -77,7 +73,6 @@ def plan_release(
     :param members: names `t/j-k` of the two members, or three, that hold it.
     :param clearance: gap of each of these at the end, positive, at most as long as all tubes
         together [m].
-    :param min_rigidity: smallest rigidity index along the path, 1 at home.
     :raises GraspError: no such members, or a clearance out of range.
     :raises ConfigurationError: the shape in which the grip opens is singular.
     :raises SolverError: a quadratic program was not solved.
@@ -92,29 +87,22 @@ def plan_release(
         )
     numbers = find_members(config.robot, Grip(tuple(members), body).members).members
     limit = MemberLengthLimit(file.min_length, file.max_length, BOUND_SHARE)
-    closing = Closing(body, tuple(numbers.tolist()), (limit,), min_rigidity)
-    tally = SearchTally()
-    unloaded, failed = _unload(config, closing, tally), np.empty((0, len(config.roller_positions)))
-    if unloaded is None:
-        return Release(failed, 0, tally.closest)
-    path, closing = unloaded
-    apart = len(path) - 1 if len(path) > 1 else 1
-    for gap in np.linspace(0.0, clearance, OPENING_STEPS + 1)[1:]:
-        opened = press(path[-1], closing, np.full(len(closing.members), -gap), tally)
-        if opened is None:
-            return Release(failed, 0, tally.closest)
-        path.append(opened)
+    closing = Closing(body, tuple(numbers.tolist()), (limit,), MIN_RIGIDITY)
+    try:
+        path, closing = _unload(config, closing)
+        apart = len(path) - 1 if len(path) > 1 else 1
+        for gap in np.linspace(0.0, clearance, OPENING_STEPS + 1)[1:]:
+            path.append(press(path[-1], closing, np.full(len(closing.members), -gap)))
+    except RequirementError as error:
+        return Release(np.empty((0, len(config.roller_positions))), 0, Violation(*error.args))
     return Release(np.array([where.roller_positions for where in path]), apart)
 
 
-def _unload(
-    config: Configuration, closing: Closing, tally: SearchTally
-) -> tuple[list[Configuration], Closing] | None:
+def _unload(config: Configuration, closing: Closing) -> tuple[list[Configuration], Closing]:
     """
     Return the path on which the squeeze falls, only its beginning where nothing presses.
 
-    Also where the object is at its end, as a grip of few rollers takes it along a little. None
-    where the motion ends early.
+    Also where the object is at its end, as a grip of few rollers takes it along a little.
     """
     path, diameter = [config], config.robot.description.tube_diameter
     if float(member_depths(config, closing.body).max()) <= TOUCHING * diameter:
@@ -122,22 +110,17 @@ def _unload(
     found = attach_grip(config, closing.body, np.array(closing.members))
     grasp = None if isinstance(found, HoldStatus) else roll_grip(found, config)
     if grasp is None:
-        tally.record('held', 0.0, 1.0, 10.0)
-        return None
+        raise RequirementError('held', 0.0, 1.0, 10.0)
     if grasp.normal_forces.min() <= LEAST_FORCE:
         return path, closing
     for force in grasp.squeeze * np.array(UNLOADING):
-        moved = squeeze_in_place(grasp, force, closing, tally)
-        if moved is None:
-            return None
-        grasp = moved
+        grasp = squeeze_in_place(grasp, force, closing)
         path.append(grasp.config)
     # In place: members that merely moved away would roll the object along as they touch it yet.
     grip, config = Grip(grasp.member_names, grasp.body), grasp.config
     opening = FIRST_OPENING * diameter
     command = solve_twist(config, grip, np.zeros(3), limits=closing.limits, opening_rate=opening)
     if command.scale < MIN_SCALE:
-        tally.record('squeeze', grasp.squeeze, 0.0, 5.0)
-        return None
+        raise RequirementError('squeeze', grasp.squeeze, 0.0, 5.0)
     path.append(config.moved_to(config.roller_positions + command.roller_velocities))
     return path, replace(closing, body=grasp.body)

@@ -11,15 +11,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
 from enum import Enum
 import math
 
+from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.errors import GraspError, quote
 from isotruss_ros.core.manipulation.grip import FEWEST, MOST
 from isotruss_ros.core.numerics.arrays import finite_array
+from isotruss_ros.core.planning.grasp_plan import ClosedGrip, RequirementError
 from isotruss_ros.core.statics.wrinkling import MAX_UTILISATION
+import numpy as np
 
 #: Smallest rigidity index along the path, 1 at home.
 MIN_RIGIDITY = 0.15
@@ -40,50 +43,30 @@ class GraspRequirements:
     """
     What a grasp must fulfil.
 
-    :ivar friction: coefficient between tube and object, not negative.
-    :ivar external_wrench: (fx, fy, m) on the object about its centre [N, N m].
-    :ivar module: the module `t/j` whose two members are to grip; any if None.
-    :ivar members: names `t/j-k` of the two members or three that are to grip, wherever they are,
-        in place of a module; any if None.
-    :ivar squeeze: normal force of each grasping member, positive [N]; the one that is best by
-        `measure` if None.
-    :ivar min_slip_margin: see `SettledGrasp.slip_margin`, not negative [N].
-    :ivar min_margin: closure margin of the object held fast, see `GraspAnalysis.closure_margin`,
-        not negative [N]; None where only the free object counts. With neither a squeeze nor a
-        slip margin given, the ground holds the object while the members press.
-    :ivar max_contact_force: sum of the normal forces of one member on the object [N].
-    :ivar max_total_force: sum of all normal forces on the object [N].
-    :ivar max_utilisation: largest bending moment of any member over its wrinkling moment; above 1
-        grasps are found whose numbers are outside of the model.
-    :ivar min_rigidity: smallest rigidity index along the path and at its end, 1 at home.
-    :ivar min_length: of members, pinch to pinch [m]; that of the robot file if None.
-    :ivar max_length: of members, pinch to pinch [m]; that of the robot file if None.
-    :ivar measure: what the grasps are ranked by.
-    :ivar direction: (dx, dy, dtheta) of the object, for the measure `stiffness` [m, m, rad].
-    :ivar carry: poses (x, y, angle) of a path along which the object is to be carried, shifted to
-        begin where it is held; a grasp that slips on it in the model, see `foresee_path`, is none
-        [m, rad].
-    :ivar count: how many distinct grasps are wanted, at least 1.
+    The object is free while the members press; with `min_margin`, but neither a squeeze nor a slip
+    margin given, the ground holds it. A path to `carry` it along is shifted to begin where it is
+    held; a grasp that slips on it in the model, see `foresee_path`, is none.
+
     :raises GraspError: a value is not usable; says which and what would be right.
     """
 
-    friction: float = 0.5
-    external_wrench: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    module: str | None = None
-    members: tuple[str, ...] | None = None
-    squeeze: float | None = None
-    min_slip_margin: float = 0.0
-    min_margin: float | None = None
-    max_contact_force: float = math.inf
-    max_total_force: float = math.inf
-    max_utilisation: float = MAX_UTILISATION
-    min_rigidity: float = MIN_RIGIDITY
-    min_length: float | None = None
-    max_length: float | None = None
-    measure: Measure = Measure.SLIP_MARGIN
-    direction: tuple[float, float, float] = (0.0, 1.0, 0.0)
-    carry: tuple[tuple[float, float, float], ...] = ()
-    count: int = 3
+    friction: float = 0.5  #: coefficient between tube and object, not negative
+    external_wrench: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: about its centre [N, N m]
+    module: str | None = None  #: the module `t/j` whose two members are to grip; any if None
+    members: tuple[str, ...] | None = None  #: the two or three `t/j-k` that are to grip, instead
+    squeeze: float | None = None  #: normal force of each member [N]; the best one if None
+    min_slip_margin: float = 0.0  #: see `SettledGrasp.slip_margin`, not negative [N]
+    min_margin: float | None = None  #: `GraspAnalysis.closure_margin`, not negative [N]; None: any
+    max_contact_force: float = math.inf  #: sum of the normal forces of one member [N]
+    max_total_force: float = math.inf  #: sum of all normal forces on the object [N]
+    max_utilisation: float = MAX_UTILISATION  #: of wrinkling; above 1 is outside of the model
+    min_rigidity: float = MIN_RIGIDITY  #: smallest rigidity index along the path, 1 at home
+    min_length: float | None = None  #: of members, pinch to pinch [m]; the file's if None
+    max_length: float | None = None  #: of members, pinch to pinch [m]; the file's if None
+    measure: Measure = Measure.SLIP_MARGIN  #: what the grasps are ranked by
+    direction: tuple[float, float, float] = (0.0, 1.0, 0.0)  #: for stiffness [m, m, rad]
+    carry: tuple[tuple[float, float, float], ...] = ()  #: poses (x, y, angle) [m, rad]
+    count: int = 3  #: how many distinct grasps are wanted, at least 1
 
     def __post_init__(self) -> None:
         """Check the values; names are checked against a robot when the search begins."""
@@ -118,6 +101,47 @@ class GraspRequirements:
     def object_is_free(self) -> bool:
         """Return whether nothing but the members holds the object while they close."""
         return self.min_margin is None or self.squeeze is not None or self.min_slip_margin > 0.0
+
+    def find_loads(
+        self, analysis: GraspAnalysis, normal_forces: Iterable[float], utilisation: Iterable[float]
+    ) -> dict[str, float]:
+        """
+        Return the loads of a grasp by requirement, the larger of the object held fast and free.
+
+        :param analysis: of the object held fast.
+        :param normal_forces: of the members on the free object [N]; none where it lies on ground.
+        :param utilisation: of members under the forces of the free object [-].
+        :raises RequirementError: one exceeds its bound.
+        """
+        pressing = [*analysis.contact_forces.values(), *normal_forces]
+        loads = {
+            'max_contact_force': max(pressing, default=0.0),
+            'max_total_force': max(analysis.normal_forces.sum(), sum(normal_forces)),
+            'max_utilisation': max([*analysis.utilisation.values(), *utilisation]),
+        }
+        for name, value in loads.items():
+            bound = getattr(self, name)
+            if value > bound:
+                raise RequirementError(name, value, bound, 1.0 - bound / value)
+        return {name: float(value) for name, value in loads.items()}
+
+    def rate_grip(self, grip: ClosedGrip, shortness: float) -> float:
+        """
+        Return the score of a grip by the measure; larger is better.
+
+        :param grip: one that fulfils the requirements.
+        :param shortness: the larger, the shorter is the path.
+        """
+        if self.measure is Measure.TRAVEL:
+            return shortness
+        if self.measure is Measure.TOTAL_FORCE:
+            return -grip.loads['max_total_force']
+        if self.measure is Measure.STIFFNESS:
+            along = np.array(self.direction) / np.linalg.norm(self.direction)
+            return float(along @ grip.analysis.stiffness @ along)
+        if self.measure is Measure.CLOSURE_MARGIN:
+            return grip.analysis.closure_margin
+        return grip.slip_margin
 
     def _check_members(self) -> None:
         names = self.members

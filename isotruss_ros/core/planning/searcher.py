@@ -81,11 +81,9 @@ class Searcher:
     """
 
     def __init__(self, workers: int) -> None:
-        self._workers = workers
-        self._pool: WorkerPool | None = None
+        self._workers, self._pool = workers, WorkerPool(workers)
         self._search: Future[GraspPlan] | None = None
         self._stop = Stop()
-        self._progress = Progress(0, 0, None, 0.0, None), 0.0
 
     def begin(
         self,
@@ -98,14 +96,12 @@ class Searcher:
         """
         Begin a search, while there is none.
 
-        :param config: configuration of the robot.
+        :param config: see `plan_grasps`, as for the next three.
         :param body: the object.
-        :param requirements: what a grasp must fulfil.
+        :param requirements: of the grasps.
         :param seed: of the search.
         :param time_limit: of the search [s]; none if 0.
         """
-        if self._pool is None:
-            self._pool = WorkerPool(self._workers)
         self._search, self._stop = Future(), Stop(time_limit)
         self._progress = Progress(0, 0, None, 0.0, None), 0.0
         arguments = (config, body, requirements, seed, self._pool.executor)
@@ -158,9 +154,8 @@ class Searcher:
             self.cancel()
             self._search.exception()  # waits for its end
             self._search = None
-        if self._pool is not None:
-            self._pool.close()
-            self._pool = None
+        self._pool.close()
+        self._pool = WorkerPool(self._workers)  # of which no process has begun
 
     def _run(self, search: Future[GraspPlan], arguments: tuple) -> None:
         try:

@@ -19,12 +19,12 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import find_members, members_at
 from isotruss_ros.core.manipulation.limits import MemberLengthLimit
-from isotruss_ros.core.model.convex_object import ConvexObject, segment_gaps
-from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.planning.closing import BOUND_SHARE, Closing, mean_member_length
+from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.planning.closing import BOUND_SHARE, Closing
 from isotruss_ros.core.planning.facing import balances, CONE_SHARE, find_facing, TURNING_PRICE
-from isotruss_ros.core.planning.grasp_plan import SearchTally
+from isotruss_ros.core.planning.grasp_plan import RequirementError
 from isotruss_ros.core.planning.requirements import GraspRequirements
+from isotruss_ros.core.safety.margins import object_distances
 import numpy as np
 
 #: Lines of sight from the object's middle.
@@ -37,12 +37,7 @@ RANDOM_CONES, RANDOM_POSTURE = (0.5, 1.0), 0.3
 
 
 def find_seeds(
-    config: Configuration,
-    body: ConvexObject,
-    needs: GraspRequirements,
-    seed: int,
-    number: int,
-    tally: SearchTally,
+    config: Configuration, body: ConvexObject, needs: GraspRequirements, seed: int, number: int
 ) -> list[Closing]:
     """
     Return the seeds of one round, pairs first, the easiest first.
@@ -54,7 +49,7 @@ def find_seeds(
     :param seed: of the random numbers.
     :param number: of the round; the first is 0. In the others cones and postures are random,
         and few groups of members are tried several times.
-    :param tally: of the search; has the reason where there are no seeds.
+    :raises RequirementError: why there are no seeds.
     :raises GraspError: the robot has no such module or members as those required.
     """
     around, file = enclosing_members(config, body.middle), config.robot.description
@@ -68,15 +63,15 @@ def find_seeds(
         file.max_length if needs.max_length is None else needs.max_length,
         BOUND_SHARE,
     )
+    gaps, length = object_distances(config, body), config.robot.home.member_lengths.mean()
     rng = np.random.default_rng((seed, number))
     found: list[tuple[float, Closing]] = []
     for group in groups:
         turning, cone, posture = TURNING_PRICE, math.atan(needs.friction), None
         if number > 0:
             turning *= rng.uniform(0.0, 1.0)
-            size = RANDOM_POSTURE * mean_member_length(config)
-            away = size * rng.standard_normal(len(config.roller_positions))
-            posture = config.roller_positions + away
+            away = length * rng.standard_normal(len(config.roller_positions))
+            posture = config.roller_positions + RANDOM_POSTURE * away
             cone *= rng.uniform(*RANDOM_CONES)
         closing = Closing(body, group, (limit,), needs.min_rigidity, cone, posture)
         normals = closing.normals(config)
@@ -86,9 +81,11 @@ def find_seeds(
         else:
             facing = normals if balances(body, normals, CONE_SHARE * cone) else None
         if facing is not None:
-            found.append((_effort(config, closing, np.angle(facing / normals)), closing))
+            # How far members are from where they are to be.
+            turns = float(np.abs(np.angle(facing / normals)).sum())
+            found.append((float(gaps[list(group)].sum()) + 0.5 * length * turns, closing))
     if not found:
-        tally.record(*_explain_none(around, wanted), 1000.0)
+        raise RequirementError(*_explain_none(around, wanted), 1000.0)
     # A tube that keeps its length seldom brings three members to an object at once.
     found.sort(key=lambda item: (len(item[1].members), item[0]))
     return [closing for _, closing in found[:MAX_SEEDS]]
@@ -139,11 +136,3 @@ def enclosing_members(config: Configuration, point: complex) -> tuple[int, ...]:
     if np.isinf(away.min(axis=1)).any():
         return ()
     return tuple(int(i) for i in np.unique(first[first < count]))
-
-
-def _effort(config: Configuration, closing: Closing, turns: Array) -> float:
-    """Return how far members are from where they are to be, to compare groups by [m]."""
-    topology, numbers = config.robot.topology, list(closing.members)
-    ends = topology.b[numbers], topology.c[topology.following[numbers]]
-    gaps = segment_gaps(closing.body, *(config.points[nodes] for nodes in ends)).gaps
-    return float(gaps.sum() + 0.5 * mean_member_length(config) * np.abs(turns).sum())

@@ -11,15 +11,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 import contextlib
 import multiprocessing
+from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnContext, SpawnProcess
 import os
 import signal
 import threading
-from typing import Any
 
 #: BLAS is set by the environment, before NumPy is loaded. Threads of its own in every process
 #: would fight for the cores.
@@ -37,7 +37,7 @@ def core_count() -> int:
     return os.cpu_count() or 1
 
 
-class WorkerPool:
+class WorkerPool(contextlib.AbstractContextManager):
     """
     Processes that are there from the first task until `close`, or until this process is gone.
 
@@ -49,14 +49,10 @@ class WorkerPool:
     """
 
     def __init__(self, workers: int = 0) -> None:
-        self._context = _Context()
+        wanted, self._wanted = multiprocessing.Pipe(duplex=False)
         self.executor = ProcessPoolExecutor(
-            workers or core_count(), mp_context=self._context, initializer=_begin
+            workers or core_count(), _Context(), initializer=_begin, initargs=(wanted,)
         )
-
-    def __enter__(self) -> WorkerPool:
-        """Return the pool; it is closed at the end of the block."""
-        return self
 
     def __exit__(self, *_error: object) -> None:
         """Close the pool."""
@@ -68,9 +64,7 @@ class WorkerPool:
 
         Not while another thread hands out tasks.
         """
-        for process in self._context.started:
-            if process.pid is not None:
-                process.kill()
+        self._wanted.close()
         self.executor.shutdown(cancel_futures=True)
 
 
@@ -87,16 +81,9 @@ class _Worker(SpawnProcess):
 
 
 class _Context(SpawnContext):
-    """Makes workers, and remembers them."""
+    """Makes workers."""
 
-    def __init__(self) -> None:
-        super().__init__()
-        self.started: list[_Worker] = []
-
-    def Process(self, *args: Any, **kwargs: Any) -> _Worker:
-        worker = _Worker(*args, **kwargs)
-        self.started.append(worker)
-        return worker
+    Process = _Worker
 
 
 @contextlib.contextmanager
@@ -114,13 +101,13 @@ def _environment(values: dict[str, str]) -> Iterator[None]:
                 os.environ[name] = value
 
 
-def _begin() -> None:
+def _begin(wanted: Connection) -> None:
     """Run first in every worker."""
     os.nice(NICENESS)
-    wait: Callable[[], None] = multiprocessing.parent_process().join
-    threading.Thread(target=_end_after, args=(wait,), daemon=True).start()
+    threading.Thread(target=_end_with, args=(wanted,), daemon=True).start()
 
 
-def _end_after(wait: Callable[[], None]) -> None:
-    wait()
+def _end_with(wanted: Connection) -> None:
+    """End this process where the pool is closed, or its process is gone: nothing ever comes."""
+    wanted.poll(None)
     os._exit(1)

@@ -29,9 +29,8 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.limits import RollerSpeedLimit
 from isotruss_ros.core.planning import motion_in_place
 from isotruss_ros.core.planning.closing import Closing
-from isotruss_ros.core.planning.grasp_plan import SearchTally
+from isotruss_ros.core.planning.grasp_plan import RequirementError
 from isotruss_ros.core.planning.motion_in_place import rolling_rates, squeeze_in_place
-from isotruss_ros.core.planning.release import plan_release
 import numpy as np
 import pytest
 
@@ -73,9 +72,11 @@ def held_by(grasp, **fields):
     return replace(Closing(held.body, members, (FAST,), 0.15), **fields), held
 
 
-def said(tally):
-    """Return requirement, value and bound of what ended a motion."""
-    return tally.closest.requirement, tally.closest.value, tally.closest.bound
+def ended(grasp, force, closing):
+    """Return requirement, value and bound of what ends a motion, and what it took."""
+    with pytest.raises(RequirementError) as end:
+        squeeze_in_place(grasp, force, closing)
+    return end.value.args[:3], closing.tally.evaluations
 
 
 BOTH = pytest.mark.parametrize('held', [pair, three])
@@ -83,13 +84,12 @@ BOTH = pytest.mark.parametrize('held', [pair, three])
 
 @BOTH
 def test_the_squeeze_becomes_what_is_wanted_in_place(held):
-    (closing, grasp), tally = held(), SearchTally()
+    closing, grasp = held()
     force = 1.1 * grasp.squeeze
-    found = squeeze_in_place(grasp, force, closing, tally)
+    found = squeeze_in_place(grasp, force, closing)
     assert found.squeeze == pytest.approx(force, rel=1e-3)
     assert math.dist(found.pose[:2], grasp.pose[:2]) < 2e-5
-    assert 0 < tally.evaluations <= 4
-    assert tally.closest is None
+    assert 0 < closing.tally.evaluations <= 4
 
 
 def box():
@@ -115,8 +115,8 @@ def test_rates_are_those_of_rolling_contacts(held):
 def test_a_squeeze_that_is_right_to_a_thousandth_is_left(held):
     closing, grasp = held()
     near, far = 1.0008 * grasp.squeeze, 1.0012 * grasp.squeeze
-    assert squeeze_in_place(grasp, near, closing, SearchTally()).squeeze == grasp.squeeze
-    assert squeeze_in_place(grasp, far, closing, SearchTally()).squeeze != grasp.squeeze
+    assert squeeze_in_place(grasp, near, closing).squeeze == grasp.squeeze
+    assert squeeze_in_place(grasp, far, closing).squeeze != grasp.squeeze
 
 
 @pytest.mark.parametrize('away', [5e-5, 0.02, 2.0 * math.pi, 6.3])
@@ -124,7 +124,7 @@ def test_what_has_been_turned_comes_back(away):
     closing, grasp = box()
     x, y, angle = grasp.pose
     turned = replace(closing, body=grasp.body.moved_to((x, y, angle + away)))
-    placed = squeeze_in_place(grasp, grasp.squeeze, turned, SearchTally())
+    placed = squeeze_in_place(grasp, grasp.squeeze, turned)
     assert math.remainder(placed.pose.angle - angle - away, 2.0 * math.pi) == pytest.approx(
         0.0, abs=1e-3
     )
@@ -132,39 +132,34 @@ def test_what_has_been_turned_comes_back(away):
 
 @BOTH
 def test_limits_end_the_squeeze(held):
-    (closing, grasp), tally = held(), SearchTally()
+    closing, grasp = held(limits=(SLOW,))
     force = 1.1 * grasp.squeeze
-    closing = replace(closing, limits=(SLOW,))
-    assert squeeze_in_place(grasp, force, closing, tally) is None
-    assert said(tally) == ('squeeze', pytest.approx(grasp.squeeze), force)
-    assert tally.evaluations == 0
+    assert ended(grasp, force, closing) == (('squeeze', pytest.approx(grasp.squeeze), force), 0)
 
 
 @BOTH
 def test_a_squeeze_that_is_not_reached_is_told(held, monkeypatch):
-    (closing, grasp), tally = held(), SearchTally()
+    closing, grasp = held()
     monkeypatch.setattr(motion_in_place, 'MAX_CORRECTIONS', 1)
     force = 0.7 * grasp.squeeze
-    assert squeeze_in_place(grasp, force, closing, tally) is None
-    name, value, bound = said(tally)
+    (name, value, bound), _ = ended(grasp, force, closing)
     assert (name, bound) == ('squeeze', force)
     assert value < grasp.squeeze
 
 
 @pytest.mark.parametrize('share', [0.2, 0.3])
 def test_what_rollers_cannot_bring_back_goes_along_a_little(share, monkeypatch):
-    (closing, grasp), tally = pair(), SearchTally()
+    closing, grasp = pair()
     monkeypatch.setattr(motion_in_place, 'SLOW', -1.0)  # as if all ways were long
     x, y, angle = grasp.pose
     tube = HOME.robot.description.tube_diameter
     closing = replace(closing, body=grasp.body.moved_to((x + share * tube, y, angle)))
-    found = squeeze_in_place(grasp, grasp.squeeze, closing, tally)
     if share < 0.25:
-        assert found is grasp
+        assert squeeze_in_place(grasp, grasp.squeeze, closing) is grasp
     else:
-        assert found is None
         bound = pytest.approx(0.25 * tube)
-        assert said(tally) == ('in_place', pytest.approx(share * tube), bound)
+        said, _ = ended(grasp, grasp.squeeze, closing)
+        assert said == ('in_place', pytest.approx(share * tube), bound)
 
 
 def fail(*arguments):
@@ -173,23 +168,12 @@ def fail(*arguments):
 
 
 def test_what_is_beyond_a_bound_ends_the_motion(monkeypatch):
-    (closing, grasp), tally = pair(min_rigidity=100.0), SearchTally()
-    assert squeeze_in_place(grasp, 1.1 * grasp.squeeze, closing, tally) is None
-    assert said(tally) == ('rigidity', pytest.approx(1.0, abs=0.05), 100.0)
+    closing, grasp = pair(min_rigidity=100.0)
+    force = 1.1 * grasp.squeeze
+    assert ended(grasp, force, closing)[0] == ('rigidity', pytest.approx(1.0, abs=0.05), 100.0)
     closing, grasp = pair()
     with monkeypatch.context() as patched:
         patched.setattr(motion_in_place, 'roll_grip', lambda *_: None)
-        tally = SearchTally()
-        assert squeeze_in_place(grasp, 1.1 * grasp.squeeze, closing, tally) is None
-        assert said(tally) == ('held', 0.0, 1.0)
+        assert ended(grasp, force, closing)[0] == ('held', 0.0, 1.0)
     monkeypatch.setattr(Configuration, 'moved_to', fail)
-    tally = SearchTally()
-    assert squeeze_in_place(grasp, 1.1 * grasp.squeeze, closing, tally) is None
-    assert said(tally) == ('rigidity', 0.0, 0.15)
-
-
-def test_what_is_not_held_cannot_be_let_go():
-    aside = plan_release(HOME, BODY, ('south/P-Q', 'south/Q-X'), 0.05)
-    assert aside.violation.requirement == 'held'
-    assert (aside.violation.value, aside.violation.bound) == (0.0, 1.0)
-    assert aside.path.shape == (0, len(HOME.roller_positions))
+    assert ended(grasp, force, closing)[0] == ('rigidity', 0.0, 0.15)

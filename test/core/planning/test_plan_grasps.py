@@ -9,12 +9,12 @@
 
 """The search for grasps: what it returns holds, by analyses and geometry of their own."""
 
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import Future
 from dataclasses import replace
 import itertools
-import multiprocessing
 from types import SimpleNamespace
 
+import closings
 from isotruss_ros.cli.plan_report import table
 from isotruss_ros.core import (
     analyze_grasp,
@@ -30,7 +30,7 @@ from isotruss_ros.core import (
 from isotruss_ros.core.errors import GraspError, SolverError
 from isotruss_ros.core.planning import grasp_candidate
 from isotruss_ros.core.planning import plan_grasps as search
-from isotruss_ros.core.planning.describe_plan import plan_in_words, violation_in_words
+from isotruss_ros.core.planning.describe_plan import violation_in_words
 from isotruss_ros.core.planning.foresee_path import foresee_grip
 from isotruss_ros.core.planning.requirements import Measure
 from isotruss_ros.core.planning.seeds import find_seeds
@@ -60,15 +60,6 @@ def plans():
 def each(plans):
     """Return every object with every grasp of it."""
     return [(OBJECTS[name], grasp) for name, plan in plans.items() for grasp in plan]
-
-
-def distances(config, body):
-    """Return the distances of the tubes' skins from the object by brute force, (m,) [m]."""
-    topology, points = config.robot.topology, config.points
-    share = np.linspace(0.0, 1.0, 2001)[:, None]
-    start, end = points[topology.b], points[topology.c[topology.following]]
-    way = np.abs(start + share * (end - start) - body.center).min(axis=0)
-    return way - body.arm - 0.5 * config.robot.description.tube_diameter
 
 
 def along(path, pieces=5):
@@ -118,8 +109,8 @@ def test_path_begins_here_and_touches_nothing_before_it_says_so(plans):
         sides = [ROBOT.member_names.index(name) for name in grasp.members]
         until = grasp.touch + 1
         for row, config in along(grasp.path[:until]):
-            assert distances(config, body).min() > -1e-6, row
-        touching = distances(config, body)[sides]
+            assert closings.gaps(config, body)[0].min() > -1e-6, row
+        touching = closings.gaps(config, body)[0][sides]
         assert np.abs(touching).max() < 1e-6
 
 
@@ -129,7 +120,7 @@ def test_only_the_grip_presses_after_the_touch_and_all_of_it_together(plans):
         before = np.zeros(len(sides))
         touch = grasp.touch
         for _, config in along(grasp.path[touch:]):
-            gaps = distances(config, body)
+            gaps = closings.gaps(config, body)[0]
             assert np.delete(gaps, sides).min() > 0.0
             assert (gaps[sides] <= before + 1e-4).all()
             before = gaps[sides]
@@ -151,16 +142,10 @@ def test_way_stays_within_all_bounds(plans):
         assert grasp.travel == pytest.approx(ways.max())
 
 
-def test_grasps_are_distinct(plans):
-    for plan in plans.values():
-        first, second = plan
-        apart = np.abs(first.path[-1] - second.path[-1]).max()
-        assert first.members != second.members or apart > 0.01
-
-
 @pytest.mark.parametrize('measure', Measure)
 def test_best_comes_first_by_every_measure(measure):
-    needs = GraspRequirements(measure=measure, direction=(1.0, 0.0, 0.0), count=3)
+    along = np.array([1.0, 2.0, 0.5])
+    needs = GraspRequirements(measure=measure, direction=tuple(along), count=3)
     plan = plan_grasps(ROBOT.home, OBJECTS['north'], needs)
     scores = [grasp.score for grasp in plan]
     assert scores == sorted(scores, reverse=True)
@@ -170,24 +155,9 @@ def test_best_comes_first_by_every_measure(measure):
             Measure.CLOSURE_MARGIN: grasp.closure_margin,
             Measure.TOTAL_FORCE: -grasp.total_force,
             Measure.TRAVEL: -grasp.travel,
-            Measure.STIFFNESS: grasp.analysis.stiffness[0, 0],
+            Measure.STIFFNESS: along @ grasp.analysis.stiffness @ along / (along @ along),
         }[measure]
-        assert grasp.score == pytest.approx(
-            told, rel=0.2 if measure is Measure.STIFFNESS else 1e-9
-        )
-
-
-@pytest.mark.nightly
-def test_same_seed_same_answer_on_one_core_and_on_two():
-    needs = GraspRequirements(min_margin=0.01, count=2, module='north/Z')
-    alone = plan_grasps(ROBOT.home, OBJECTS['north'], needs, seed=3)
-    spawn = multiprocessing.get_context('spawn')
-    with ProcessPoolExecutor(2, mp_context=spawn) as pool:
-        together = plan_grasps(ROBOT.home, OBJECTS['north'], needs, seed=3, executor=pool)
-    assert [grasp.score for grasp in alone] == [grasp.score for grasp in together]
-    assert all((a.path == b.path).all() for a, b in zip(alone, together, strict=True))
-    assert alone.evaluations == together.evaluations
-    assert {grasp.module for grasp in alone} == {'north/Z'}
+        assert grasp.score == pytest.approx(told, rel=1e-9)
 
 
 def test_bounds_on_forces_are_kept():
@@ -229,11 +199,7 @@ def test_none_found_comes_with_what_is_missed(body, needs, missed):
     needs = GraspRequirements(module=needs.pop('module', 'north/Z'), **needs)
     told = []
     plan = plan_grasps(
-        ROBOT.home,
-        body,
-        needs,
-        on_progress=told.append,
-        should_stop=lambda: len(told) > 4,
+        ROBOT.home, body, needs, on_progress=told.append, should_stop=lambda: len(told) > 4
     )
     assert not plan
     miss = plan.closest_violation
@@ -245,7 +211,7 @@ def test_none_found_comes_with_what_is_missed(body, needs, missed):
     if missed == 'enclosed':
         assert (miss.value, miss.bound) == (0.0, 1.0)
     if missed == 'free':
-        assert miss.value == pytest.approx(distances(ROBOT.home, body).min(), abs=1e-4)
+        assert miss.value == pytest.approx(closings.gaps(ROBOT.home, body)[0].min(), abs=1e-4)
         assert miss.bound == 0.0
 
 
@@ -270,9 +236,9 @@ def test_an_object_that_only_just_touches_is_free(indentation, free):
 def test_rounds_follow_until_there_are_enough_grasps(count, rounds, monkeypatch):
     begun, find = [], search.find_seeds
 
-    def find_seeds(config, body, needs, seed, number, tally):
+    def find_seeds(config, body, needs, seed, number):
         begun.append(number)
-        return find(config, body, needs, seed, number, tally)[:1]
+        return find(config, body, needs, seed, number)[:1]
 
     monkeypatch.setattr(search, 'find_seeds', find_seeds)
     needs = GraspRequirements(module='north/Z', squeeze=10.0, count=count)
@@ -343,11 +309,7 @@ def test_grasps_outside_of_the_model_say_so(plans):
         assert grasp.outside_model == (used > 1.0)
         assert grasp.utilisation >= used - 1e-6
     assert all(grasp.outside_model for grasp in strong)
-    assert 'outside of the model; so it is in 1 of the others' in plan_in_words(strong)
-    behind = replace(strong, grasps=(plans['north'][0], *strong))
-    assert 'in 2 of the others a tube wrinkles' in plan_in_words(behind)
     assert 'outside of the model' in str(table(strong, needs).caption)
-    assert not any('outside' in plan_in_words(plan) for plan in plans.values())
     assert table(plans['north'], needs).caption is None
 
 
@@ -382,29 +344,6 @@ def test_time_left_is_that_of_the_candidates_so_far(monkeypatch):
     assert told[2].share == 2.0 * told[1].share < 1.0
     for spent, one in enumerate(told[1:], 2):
         assert one.time_left == pytest.approx(spent * (1.0 - one.share) / one.share)
-
-
-@pytest.mark.parametrize(
-    ('values', 'name'),
-    [
-        ({'friction': -0.1}, 'friction'),
-        ({'friction': float('nan')}, 'friction'),
-        ({'min_margin': float('inf')}, 'min_margin'),
-        ({'max_contact_force': -1.0}, 'max_contact_force'),
-        ({'external_wrench': (0.0, 1.0)}, 'external_wrench'),
-        ({'direction': (0.0, 0.0, 0.0), 'measure': 'stiffness'}, 'direction'),
-        ({'measure': 'beauty'}, 'measure'),
-        ({'squeeze': 0.0}, 'squeeze'),
-        ({'squeeze': -1.0}, 'squeeze'),
-        ({'min_slip_margin': float('nan')}, 'min_slip_margin'),
-        ({'count': 0}, 'count'),
-        ({'count': True}, 'count'),
-        ({'min_length': '1'}, 'min_length'),
-    ],
-)
-def test_requirements_that_cannot_be_are_refused(values, name):
-    with pytest.raises(GraspError, match=name):
-        GraspRequirements(**values)
 
 
 def test_a_module_or_a_seed_that_cannot_be_is_refused():

@@ -12,17 +12,10 @@
 from types import SimpleNamespace
 
 from isotruss_ros.core import GraspRequirements
-from isotruss_ros.core.planning.closed_grip import find_loads, rate_grip
-from isotruss_ros.core.planning.grasp_plan import SearchTally
-from isotruss_ros.core.planning.requirements import Measure
+from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.planning.grasp_plan import RequirementError
 import numpy as np
 import pytest
-
-
-def test_stiffness_is_that_along_y_where_nothing_else_is_said():
-    grip = SimpleNamespace(analysis=SimpleNamespace(stiffness=np.diag([3.0, 5.0, 7.0])))
-    needs = GraspRequirements(measure=Measure.STIFFNESS)
-    assert rate_grip(needs, grip, 0.0) == pytest.approx(5.0)
 
 
 @pytest.mark.parametrize(
@@ -62,17 +55,49 @@ def test_loads_are_the_larger_ones_and_exceed_bounds_from_where_these_are(
 ):
     needs = GraspRequirements(max_contact_force=3.0, max_total_force=8.0, max_utilisation=0.5)
     for analysis, utilisation in ((fast(forces, used), [0.1]), (fast(forces, 0.1), [used])):
-        tally = SearchTally()
-        loads = find_loads(needs, analysis, free, utilisation, tally)
         if exceeded is None:
-            assert (tuple(loads.values()), tally.closest) == ((3.0, 8.0, 0.5), None)
+            loads = needs.find_loads(analysis, free, utilisation)
+            assert tuple(loads.values()) == (3.0, 8.0, 0.5)
             continue
-        missed = tally.closest
-        assert loads is None
-        assert (missed.requirement, missed.value, missed.bound) == exceeded
-        assert missed.distance == pytest.approx(1.0 - exceeded[2] / exceeded[1])
+        with pytest.raises(RequirementError) as missed:
+            needs.find_loads(analysis, free, utilisation)
+        distance = pytest.approx(1.0 - exceeded[2] / exceeded[1])
+        assert missed.value.args == (*exceeded, distance)
 
 
 def test_what_does_not_press_has_no_loads():
-    found = find_loads(GraspRequirements(), fast((), 0.0), [], [], SearchTally())
+    found = GraspRequirements().find_loads(fast((), 0.0), [], [])
     assert set(found.values()) == {0.0}
+
+
+SIDES = ('south/P-Q', 'north/R-P')
+
+
+@pytest.mark.parametrize(
+    ('values', 'words'),
+    [
+        ({'friction': -0.1}, 'friction'),
+        ({'friction': float('nan')}, 'friction'),
+        ({'min_margin': float('inf')}, 'min_margin'),
+        ({'max_contact_force': -1.0}, 'max_contact_force'),
+        ({'external_wrench': (0.0, 1.0)}, 'external_wrench'),
+        ({'direction': (0.0, 0.0, 0.0), 'measure': 'stiffness'}, 'direction'),
+        ({'measure': 'beauty'}, 'measure'),
+        ({'squeeze': 0.0}, 'squeeze'),
+        ({'squeeze': -1.0}, 'squeeze'),
+        ({'min_slip_margin': float('nan')}, 'min_slip_margin'),
+        ({'count': 0}, 'count'),
+        ({'count': True}, 'count'),
+        ({'min_length': '1'}, 'min_length'),
+        ({'members': 'north/Z-R'}, 'members: .*north/Z-R.*: must be the names t/j-k of 2 or 3'),
+        ({'members': ('north/Z-R',)}, 'must be the names t/j-k of 2 or 3 different members'),
+        ({'members': ('a', 'a')}, 'must be the names'),
+        ({'members': ('a', 'b', 'c', 'd')}, 'must be the names'),
+        ({'members': (1, 2)}, 'must be the names'),
+        ({'members': 2}, 'must be the names'),
+        ({'members': SIDES, 'module': 'north/Z'}, "module: 'north/Z', beside members .*: must be"),
+    ],
+)
+def test_requirements_that_cannot_be_are_refused(values, words):
+    with pytest.raises(GraspError, match=words):
+        GraspRequirements(**values)

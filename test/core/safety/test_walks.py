@@ -7,7 +7,9 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Random walks of some hundred steps; `python test/helpers/walks.py` walks more."""
+"""Random walks of some hundred steps; `make soak` walks more."""
+
+import os
 
 from isotruss_ros.core import Status
 from nightly import some_now
@@ -43,3 +45,13 @@ def test_rollers_do_not_chatter_from_beyond_a_bound(seed):
     assert commands.any()
     assert walks.reversals(commands) <= walks.EXCHANGE
     assert lost.max() < walks.LOST
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize('seed', range(int(os.environ.get('WALKS', '3'))))
+def test_other_walks_neither_cross_a_bound_nor_chatter(seed):
+    found = walks.walk(seed, 1000, slide=seed % 3 == 2)
+    assert not found.crossed, found
+    commands, lost = walks.come_back(seed)
+    assert walks.reversals(commands) <= walks.EXCHANGE
+    assert lost.max() <= walks.LOST
