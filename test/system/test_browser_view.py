@@ -30,12 +30,13 @@ import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import qos_profile_sensor_data
+from robots import quick_robot
 
 CHROMIUM = shutil.which('chromium')
 PACKAGES = all(map(importlib.util.find_spec, ('viser', 'playwright')))
 pytestmark = [
     pytest.mark.system,
-    pytest.mark.xdist_group('many nodes'),
+    pytest.mark.xdist_group('browser'),
     pytest.mark.skipif(not PACKAGES, reason='pip install viser playwright'),
     pytest.mark.skipif(CHROMIUM is None, reason='apt-get install chromium'),
     pytest.mark.timeout(900),
@@ -86,7 +87,7 @@ class Observer:
         while not what():
             assert time.monotonic() < end, f'not within {DEADLINE} s'
             each()
-            for _ in range(50):
+            for _ in range(20):
                 rclpy.spin_once(self._node, timeout_sec=0.01)
 
     def center(self):
@@ -247,14 +248,15 @@ class Follower:
 def test_the_object_follows_its_handle_and_a_stop_ends_it(tmp_path):
     from playwright.sync_api import sync_playwright
 
-    shown = {'object_diameter': 0.3, 'friction': 0.8}
-    common = shown | {'rate': 50.0, 'command_timeout': 2.0}
+    quick, patient = {'robot': quick_robot()}, {'command_timeout': 2.0}
+    shown = quick | {'object_diameter': 0.3, 'friction': 0.8}
+    common = shown | patient | {'rate': 50.0}
     nodes = [
         ('simulator', common | {'plant': 'elastic', 'indentation': 0.01}),
         ('manipulation', common),
         ('grasp_analysis', {**common, 'rate': 10.0}),
-        ('grasp_planner', {'command_timeout': 2.0}),
-        ('pick_and_place', shown | {'command_timeout': 2.0}),
+        ('grasp_planner', quick | patient),
+        ('pick_and_place', shown | patient),
         ('viewer', shown | {'port': PORT, 'rate': 10.0}),
     ]
     errors = []

@@ -23,7 +23,7 @@ import psutil
 import pytest
 import rclpy
 
-pytestmark = [pytest.mark.system, pytest.mark.xdist_group('many nodes')]
+pytestmark = pytest.mark.system
 
 
 def begin(folder):
