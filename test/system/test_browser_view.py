@@ -343,17 +343,12 @@ class View:
         self.follower, self.log = follower, log
 
     def open_pages(self, count):
-        """Return pages with their numbers; none of them has control."""
-        pages = [open_page(self._browser, 0.3) for _ in range(count)]
-        for page in pages:
-            page.goto(self._address, wait_until='commit')
-        return [(page, number_of(page)) for page in pages]
-
-    def close_pages(self):
-        """Close all pages."""
-        for context in self._browser.contexts:
-            context.close()
-        self.follower.until(lambda: not self.follower.is_commanded())
+        """Return pages with their numbers, those before first; none of them has control."""
+        pages = [page for context in self._browser.contexts for page in context.pages]
+        while len(pages) < count:
+            pages.append(open_page(self._browser, 0.3))
+            pages[-1].goto(self._address, wait_until='commit')
+        return [(page, number_of(page)) for page in pages[:count]]
 
 
 def number_of(page):
@@ -378,15 +373,16 @@ def opened(shared_domain, tmp_path_factory):
 
 @pytest.fixture
 def view(opened):
-    """Return the view without pages, beside an object that moves."""
+    """Return the view, which commands nothing, beside an object that moves."""
+    opened.follower.until(lambda: not opened.follower.is_commanded())
     opened.follower.begin()
-    yield opened
-    opened.close_pages()
+    return opened
 
 
 def test_a_browser_that_reloads_in_mid_drag_commands_nothing_more(view):
     ((page, number),) = view.open_pages(1)
     drag_and_leave(view, page, page.reload)
+    page.mouse.up()
     assert number_of(page) > number
     assert not page.locator('input[type=checkbox]').last.is_checked()
 
@@ -424,6 +420,8 @@ def test_a_second_browser_has_no_control_until_the_first_lets_go(view):
     assert not view.follower.is_commanded()
     switch_control(other)
     page.get_by_text(f'browser {number}: browser {other_number} has control').wait_for()
+    switch_control(other)
+    other.mouse.up()
 
 
 def test_a_drag_without_progress_is_given_up_with_the_reason(view):
