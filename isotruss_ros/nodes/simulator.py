@@ -11,7 +11,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 import math
 
 from geometry_msgs.msg import PoseStamped, WrenchStamped
@@ -20,7 +19,6 @@ from isotruss_ros.core import (
     deform,
     ElasticObject,
     HoldStatus,
-    load_robot,
     Pose,
     Robot,
     RollerFaults,
@@ -51,14 +49,12 @@ from isotruss_ros.nodes.conversions.messages import (
 from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import FixedSpec, ParameterError, Spec, Value
-from isotruss_ros.nodes.framework.runner import run
 from isotruss_ros.nodes.framework.topics import RELIABLE
 import numpy as np
 from std_msgs.msg import Float64MultiArray
 
 KINEMATIC, ELASTIC, MUJOCO = 'kinematic', 'elastic', 'mujoco'
 SPECS = (
-    common.ROBOT,
     *OBJECT_SPECS,
     FixedSpec(
         'plant',
@@ -116,15 +112,11 @@ class Simulator(ManagedNode):
 
     def configure(self) -> None:
         """Put the robot at home, with the object grasped or free."""
-        self._robot = self._load_robot()
-        self.values.on_change(self._apply, self._check)
         self._simulated = self._make_robot()
         plant = None if self._driven is None else self._driven.plant
         self._recorder = make_recorder(plant, self.values.recording)
-        self._sensors = SimulatedSensors(self, self._robot, self.values, self.values.seed)
-        self._apply()
-        self._truth = SimulatedTruth(self, self._robot)
-        self.diagnostics.hardware_id = self._robot.name
+        self._sensors = SimulatedSensors(self, self.robot, self.values, self.values.seed)
+        self._truth = SimulatedTruth(self, self.robot)
 
     def activate(self) -> None:
         """Follow commands from now on; none is active yet."""
@@ -155,9 +147,9 @@ class Simulator(ManagedNode):
             self._recorder.close()
             self._recorder = None
 
-    def _load_robot(self) -> Robot:
+    def read_robot(self) -> Robot:
         """Return the robot with its home where the encoders read zero."""
-        robot, deviation = load_robot(self.values.robot), self.values.zero_deviation
+        robot, deviation = super().read_robot(), self.values.zero_deviation
         if deviation == 0.0:
             return robot
         rng = np.random.default_rng(self.values.seed)
@@ -165,14 +157,14 @@ class Simulator(ManagedNode):
 
     def _make_robot(self) -> SimulatedRobot | DrivenRobot:
         values = self.values
-        home = self._robot.home
+        home = self.robot.home
         stuck = frozenset({values.stuck_roller} - {''})
         faults = RollerFaults(values.speed_limit, values.roller_noise, stuck, values.roller_slip)
         if values.plant not in (KINEMATIC, ELASTIC, MUJOCO):
             raise ParameterError(
                 f'parameter plant: {values.plant!r}: must be {KINEMATIC}, {ELASTIC} or {MUJOCO}'
             )
-        self._object = StartingObject(self._robot, values)
+        self._object = StartingObject(self.robot, values)
         self._elastic = self._driven = None
         if values.plant == MUJOCO:
             sim_time = self.get_parameter('use_sim_time').value
@@ -195,17 +187,19 @@ class Simulator(ManagedNode):
         )
         return self._elastic
 
-    def _apply(self) -> None:
+    def apply(self) -> None:
+        """Apply the faults of the sensors and the pull."""
         values = self.values
         self._sensors.apply()
         if self._driven is not None:
-            for joint in self._robot.topology.joint_names:
+            for joint in self.robot.topology.joint_names:
                 pulled = joint == values.pull_joint
                 self._driven.plant.load_joint(joint, self._pull() if pulled else (0.0, 0.0))
 
-    def _check(self, new: dict[str, Value]) -> None:
+    def check(self, new: dict[str, Value]) -> None:
+        """Check the joint that is pulled."""
         if new.get('pull_joint'):
-            check_joint(self._robot, new['pull_joint'])
+            check_joint(self.robot, new['pull_joint'])
 
     def _pull(self) -> tuple[float, float]:
         """Return what pulls at a joint (fx, fy) [N]."""
@@ -230,7 +224,7 @@ class Simulator(ManagedNode):
     def _place_object(self, message: PoseStamped) -> None:
         """Put the object elsewhere, free; the robot stays as it is."""
         try:
-            pose = read_object_pose(message, self._robot.frame)
+            pose = read_object_pose(message, self.robot.frame)
         except MessageError as error:
             self.warn('place_object', str(error))
             return
@@ -245,7 +239,7 @@ class Simulator(ManagedNode):
 
     def _receive_wrench(self, message: WrenchStamped) -> None:
         try:
-            wrench = read_external_wrench(message, self._robot.frame)
+            wrench = read_external_wrench(message, self.robot.frame)
             if self._driven is not None:
                 self._driven.pull(wrench)
             elif self._elastic is not None:  # no force moves an object fixed in the grasp frame
@@ -289,7 +283,7 @@ class Simulator(ManagedNode):
 
     def _joints(self) -> Array:
         """Return where the joints are (j, 2) [m]."""
-        count = len(self._robot.topology.joint_names)
+        count = len(self.robot.topology.joint_names)
         if self._driven is not None:
             return self._driven.plant.nodes[:count]
         config = self._simulated.config
@@ -314,9 +308,8 @@ class Simulator(ManagedNode):
 
     def details(self) -> dict[str, object]:
         """Return how far MuJoCo is behind the clock, by name."""
-        if self._driven is None:
-            return {}
-        return {'lag of the simulation [s]': round(self._driven.lag, 3)}
+        driven = self._driven
+        return {} if driven is None else {'lag of the simulation [s]': round(driven.lag, 3)}
 
     def _report_contact(self, simulated: DrivenRobot) -> None:
         """State in the diagnostics which members press on the object."""
@@ -343,7 +336,3 @@ class Simulator(ManagedNode):
             self.get_logger().info(words)
         elif dropped is not None and before is not dropped:
             self.get_logger().warning(words)
-
-
-#: Run the simulator until it is interrupted.
-main = partial(run, Simulator)

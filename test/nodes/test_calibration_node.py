@@ -48,7 +48,7 @@ def test_the_robot_that_is_written_is_where_the_simulated_one_is(tmp_path, kind)
     with world(plant(plant=kind), calibrating(tmp_path)) as w:
         w.spin(1.5)
         answer = w.call('calibrate_home', Trigger.Request())
-        truth = w.nodes[1]._robot.home
+        truth = w.nodes[1].robot.home
     assert answer.success, answer.message
     assert 'zeros [mm]: south/P' in answer.message
     found = load_robot(tmp_path / 'mine.yaml').home

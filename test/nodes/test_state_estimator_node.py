@@ -67,7 +67,7 @@ def test_joints_of_a_robot_with_wrong_zeros_are_found():
     with world(lambda: Simulator(overrides(**PLANT)), estimator()) as w:
         listen(w)
         w.spin(2.0)
-        found, truth = last_estimate(w), w.nodes[1]._robot.home.nodes[: len(NAMES)]
+        found, truth = last_estimate(w), w.nodes[1].robot.home.nodes[: len(NAMES)]
     joints = np.array([(place.x, place.y) for place in found.joints])
     assert np.abs(truth - ROBOT.home.nodes[: len(NAMES)]).max() > 0.01
     assert joints == pytest.approx(truth, abs=2e-3)
