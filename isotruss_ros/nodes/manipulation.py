@@ -133,9 +133,9 @@ class Manipulation(ManagedNode):
         details |= {'status': status.name, 'status code': int(status)}
         return details
 
-    def _describe(self) -> dict[str, object]:
+    def describe(self) -> dict[str, object]:
         """Add what stops the rollers, in every state."""
-        return {'emergency stop': self._stop.reason or 'no'} | super()._describe()
+        return {'emergency stop': self._stop.reason or 'no'} | super().describe()
 
     def _wait_for_zero(self) -> bool:
         """Return whether the subscribers have received the last command, zero."""

@@ -18,10 +18,13 @@ from isotruss_ros.calibration.home import move_home
 from isotruss_ros.core import (
     deform,
     ElasticObject,
+    Grip,
     HoldStatus,
     Pose,
+    RigidObject,
     Robot,
     RollerFaults,
+    RollingGrip,
     SimulatedRobot,
 )
 from isotruss_ros.core.errors import ConfigurationError
@@ -36,8 +39,8 @@ from isotruss_ros.nodes.components.mujoco_object import (
     make_recorder,
     MUJOCO_SPECS,
 )
+from isotruss_ros.nodes.components.simulated_object import place_at_start
 from isotruss_ros.nodes.components.simulated_object import SPECS as OBJECT_SPECS
-from isotruss_ros.nodes.components.simulated_object import StartingObject
 from isotruss_ros.nodes.components.simulated_sensors import SENSOR_SPECS, SimulatedSensors
 from isotruss_ros.nodes.components.simulated_truth import CLOCK_SPEED, ClockSource, SimulatedTruth
 from isotruss_ros.nodes.components.sparse_messages import NewestMessage
@@ -164,26 +167,31 @@ class Simulator(ManagedNode):
             raise ParameterError(
                 f'parameter plant: {values.plant!r}: must be {KINEMATIC}, {ELASTIC} or {MUJOCO}'
             )
-        self._object = StartingObject(self.robot, values)
+        body = self._body = place_at_start(self.robot, values)
         self._elastic = self._driven = None
         if values.plant == MUJOCO:
             sim_time = self.get_parameter('use_sim_time').value
-            self._driven = make_driven_robot(self._object, values, faults, values.seed, sim_time)
+            self._driven = make_driven_robot(self.robot, body, values, faults, sim_time)
             return self._driven
-        if values.plant == ELASTIC or self._object.is_free:
-            simulated = self._put_object(self._object.pose)
+        if values.plant == ELASTIC or values.object_is_free:
+            simulated = self._put_object(body.pose)
         else:
-            simulated = self._object.held()
+            members = common.select_grip(self.robot, values.grip, values.grip_module)
+            simulated = RigidObject.in_grip(RollingGrip.attach(home, Grip(members, body)))
         return SimulatedRobot(home, simulated, faults, values.seed)
 
     def _put_object(self, pose: Pose) -> SimulatedObject:
         """Return an object that nothing holds until friction does."""
         self._elastic = None
-        if self.values.plant == KINEMATIC:
-            return self._object.lying(pose)
-        values = self.values
-        self._elastic = self._object.elastic(
-            pose, values.stiffness_scale, values.ground_friction, values.module_friction
+        values, body = self.values, self._body.moved_to(pose)
+        if values.plant == KINEMATIC:
+            return RigidObject(body, values.friction)
+        self._elastic = ElasticObject(
+            body,
+            values.friction if body.friction is None else body.friction,
+            values.stiffness_scale,
+            values.ground_friction,
+            values.module_friction,
         )
         return self._elastic
 

@@ -16,7 +16,6 @@ from functools import partial
 
 from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.msg import StateEstimate as StateEstimateMessage
-from isotruss_ros.core import ConvexObject, Disc
 from isotruss_ros.core.control.inputs import fresh_pressures, Input, InputError
 from isotruss_ros.core.control.state_estimate import EstimatorSettings, StateEstimate
 from isotruss_ros.core.control.state_estimator import StateEstimator
@@ -34,57 +33,40 @@ from isotruss_ros.nodes.conversions.messages import (
 )
 from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
-from isotruss_ros.nodes.framework.parameters import Spec, Value
+from isotruss_ros.nodes.framework.parameters import FixedSpec, Spec, Value
 from isotruss_ros.nodes.framework.topics import RELIABLE, subscribe_newest
 from sensor_msgs.msg import JointState, MultiDOFJointState
 
 #: What is known of a robot that was not homed.
 KNOWN = EstimatorSettings()
-RATE = replace(common.RATE, default=50.0, bounds=(1.0, 1000.0))
-POSE_DEVIATION = Spec(
-    'pose_deviation', 1e-3, 'Standard deviation of x and y of object_pose [m]', (1e-6, 1.0)
-)
-ANGLE_DEVIATION = Spec(
-    'angle_deviation', 0.009, 'Standard deviation of its angle [rad]', (1e-6, 1.0)
-)
-MARKER_DEVIATION = Spec(
-    'marker_deviation', 1e-3, 'Standard deviation of x and y of joint_markers [m]', (1e-6, 1.0)
-)
-ZERO_DEVIATION = Spec(
-    'zero_deviation',
-    KNOWN.zeros,
-    "Standard deviation of the rollers' zeros; 0.001 after calibrate_home [m]",
-    bounds=(1e-6, 1.0),
-    read_only=True,
-)
-SLIP = Spec(
-    'slip',
-    KNOWN.slip,
-    'Share of its travel that a roller is expected to slip',
-    (0.0, 1.0),
-    read_only=True,
-)
-STIFFNESS_DEVIATION = Spec(
-    'stiffness_deviation',
-    KNOWN.stiffness,
-    'Standard deviation of the stiffness of the tubes, as a share of it',
-    bounds=(0.0, 1.0),
-    read_only=True,
-)
 SPECS = (
     common.OBJECT_DIAMETER,
     common.OBJECT,
     common.GRIP_MODULE,
     common.GRIP,
-    RATE,
+    replace(common.RATE, default=50.0, bounds=(1.0, 1000.0)),
     common.COMMAND_TIMEOUT,
     common.PRESSURE_TIMEOUT,
-    POSE_DEVIATION,
-    ANGLE_DEVIATION,
-    MARKER_DEVIATION,
-    ZERO_DEVIATION,
-    SLIP,
-    STIFFNESS_DEVIATION,
+    Spec('pose_deviation', 1e-3, 'Standard deviation of x and y of object_pose [m]', (1e-6, 1.0)),
+    Spec('angle_deviation', 0.009, 'Standard deviation of its angle [rad]', (1e-6, 1.0)),
+    Spec(
+        'marker_deviation', 1e-3, 'Standard deviation of x and y of joint_markers [m]', (1e-6, 1.0)
+    ),
+    FixedSpec(
+        'zero_deviation',
+        KNOWN.zeros,
+        "Standard deviation of the rollers' zeros; 0.001 after calibrate_home [m]",
+        (1e-6, 1.0),
+    ),
+    FixedSpec(
+        'slip', KNOWN.slip, 'Share of its travel that a roller is expected to slip', (0.0, 1.0)
+    ),
+    FixedSpec(
+        'stiffness_deviation',
+        KNOWN.stiffness,
+        'Standard deviation of the stiffness of the tubes, as a share of it',
+        (0.0, 1.0),
+    ),
 )
 
 
@@ -152,19 +134,14 @@ class StateEstimatorNode(ManagedNode):
             stiffness=values.stiffness_deviation,
         )
         self._estimator, self._last = StateEstimator(self.robot, settings), None
-        self._apply_grip()
+        self.apply()
 
     def apply(self) -> None:
-        """Apply the parameters from now on."""
-        self._apply_grip()
-        self.timeout = self.values.command_timeout
-
-    def _apply_grip(self) -> None:
-        """Expect the object between the members of the parameters."""
+        """Expect the object between the members of the parameters from now on."""
         values = self.values
+        self.timeout = values.command_timeout
         members = common.select_grip(self.robot, values.grip, values.grip_module)
-        body = common.read_described(values) or ConvexObject(Disc(values.object_diameter))
-        grip = Grip(members, body)
+        grip = Grip(members, common.read_body(values))
         if grip != self._estimator.grip:
             self._estimator.grip = grip
 

@@ -439,9 +439,9 @@ def test_diagnostics_report_the_state():
     with world(node()) as w:
         tell = fake(w)
         w.until(lambda: w.report('path_follower').hardware_id == 'nine_member', tell)
-        assert w.nodes[1].details()['following'] is False
+        assert w.nodes[1].describe()['following'] is False
         begin(w, tell)
-        details = w.nodes[1].details()
+        details = w.nodes[1].describe()
         assert details['following'] is True
         assert details['phase'] == 'FOLLOWING'
         w.until(lambda: w.report('path_follower').message == 'following', tell)

@@ -63,7 +63,7 @@ class Rollers:
         self.until(lambda: self._publisher.get_subscription_count() > 0)
         self.until(lambda: w.probe.last('joints') is not None)
         # A node that has not heard of the rollers refuses every trajectory.
-        self.until(lambda: w.nodes[1].details()['age of joint states [s]'] != 'none received')
+        self.until(lambda: w.nodes[1].describe()['age of joint states [s]'] != 'none received')
 
     def until(self, what):
         """Spin until something holds."""
@@ -109,7 +109,7 @@ class Rollers:
 
     def follows(self):
         """Return whether the node follows a trajectory."""
-        return 'time on the trajectory [s]' in self.w.nodes[1].details()
+        return 'time on the trajectory [s]' in self.w.nodes[1].describe()
 
     def listen(self):
         """Spin for many cycles of the node, on a busy machine too."""
@@ -248,13 +248,13 @@ def test_an_emergency_stop_ends_the_trajectory_and_rejects_new_ones():
         for said in (True, False):
             w.probe.stops.publish(Bool(data=said))
             still = 'its last message is true' if said else 'its last message is false'
-            rollers.until(lambda words=still: words in w.nodes[1].details()['emergency stop'])
+            rollers.until(lambda words=still: words in w.nodes[1].describe()['emergency stop'])
             rollers.send(trajectory(HOME, AWAY))
             rollers.until(lambda words=still: f'{STOPPED}; {words}' in rollers.said())
             rollers.spin(0.1)
             assert not rollers.commands().any()
             assert w.release_stop().success is not said
-        assert w.nodes[1].details()['emergency stop'] == 'no'
+        assert w.nodes[1].describe()['emergency stop'] == 'no'
         rollers.spin(0.1)
         assert not rollers.commands().any()  # nothing goes on by itself
         assert f'trajectory rejected: {STOPPED}' in rollers.said()

@@ -86,7 +86,6 @@ def reach_pose(
         return even * (x - here.x, y - here.y, turn)
 
     whole = float(np.linalg.norm(missing()))
-    status, why = Status.SLOWED_OBJECT, 'the way takes too many steps next to limits'
     for _ in range(PATIENCE * (math.ceil(whole / STEP) + 1)):
         left = missing()
         size = float(np.linalg.norm(left))
@@ -102,6 +101,8 @@ def reach_pose(
             break
         rolling = moved
         path.append(rolling.config.roller_positions)
+    else:
+        status, why = Status.SLOWED_OBJECT, 'the way takes too many steps next to limits'
     share = 1.0 - float(np.linalg.norm(missing())) / whole if whole > TOLERANCE else 1.0
     return ReachedPose(rolling.config, rolling.pose, share, status, why, np.array(path))
 

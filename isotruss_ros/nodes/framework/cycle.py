@@ -31,39 +31,6 @@ LEAD = 1e-3
 LONGEST_WAIT = 0.02
 
 
-class CycleTimes:
-    """Durations since the last report; adding one costs next to nothing."""
-
-    def __init__(self) -> None:
-        # Bounded, should reports fail to come.
-        self._times: deque[float] = deque(maxlen=10_000)
-
-    def add(self, duration: float) -> None:
-        """
-        Add the duration of a cycle.
-
-        :param duration: computing time [s].
-        """
-        self._times.append(duration)
-
-    def summary(self, period: float) -> dict[str, object]:
-        """
-        Return count, median, maximum and overruns by name, and start again.
-
-        :param period: from cycle to cycle [s]; those that took longer are overruns.
-        """
-        times = sorted(self._times)
-        self._times.clear()
-        if not times:
-            return {'cycles': 0}
-        return {
-            'cycles': len(times),
-            'cycle time, median [s]': round(times[len(times) // 2], 6),
-            'cycle time, longest [s]': round(times[-1], 6),
-            'overruns': len(times) - bisect.bisect_right(times, period),
-        }
-
-
 class Cycle:
     """
     Call back at a rate until it is destroyed with the node's other timers.
@@ -92,7 +59,8 @@ class Cycle:
         self._last = self._read = 0
         self._changed = time.monotonic()
         self.duration = 0.0
-        self._times = CycleTimes()
+        #: Of the cycles since the last summary; bounded, should nobody ask for one.
+        self._times: deque[float] = deque(maxlen=10_000)
         self.is_steady = not node.get_parameter('use_sim_time').value
         self._clocks = [each for each in node.subscriptions if each.topic_name == '/clock']
         # Timers of the system's clock would stop for an hour when that is set back by an hour.
@@ -103,7 +71,7 @@ class Cycle:
             self._watchdog = create_steady_timer(node, SHORTEST_WATCH, self._check)
         self.change(rate, progress_timeout)
 
-    def change(self, rate: float, progress_timeout: float = 1.0) -> None:
+    def change(self, rate: float, progress_timeout: float) -> None:
         """
         Continue at another rate.
 
@@ -126,8 +94,17 @@ class Cycle:
         self._tick()
 
     def summary(self) -> dict[str, object]:
-        """Return what `CycleTimes` has of the cycles since this was called last."""
-        return self._times.summary(1e-9 * self._timer.timer_period_ns)
+        """Return count, computing times and overruns of the cycles since this was called last."""
+        times, period = sorted(self._times), 1e-9 * self._timer.timer_period_ns
+        self._times.clear()
+        if not times:
+            return {'cycles': 0}
+        return {
+            'cycles': len(times),
+            'cycle time, median [s]': round(times[len(times) // 2], 6),
+            'cycle time, longest [s]': round(times[-1], 6),
+            'overruns': len(times) - bisect.bisect_right(times, period),
+        }
 
     def _tick(self) -> None:
         # After a long callback the inputs may be newer than the time that was taken before it.
@@ -140,7 +117,7 @@ class Cycle:
         self._last = now.nanoseconds
         self._step(1e-9 * now.nanoseconds)
         self.duration = time.perf_counter() - began
-        self._times.add(self.duration)
+        self._times.append(self.duration)
 
     def _check(self) -> None:
         now, elapsed = self._clock.now(), time.monotonic()

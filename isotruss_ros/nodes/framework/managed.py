@@ -107,7 +107,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
 
         :raises IsotrussError: a step failed.
         """
-        self.diagnostics = Diagnostics(self, self._describe)
+        self.diagnostics = Diagnostics(self, self.describe)
         #: The entities that were there before a state, whose end they outlive.
         self._before: dict[str, dict[Any, Callable[[Any], object]]] = {}
         self.add_on_set_parameters_callback(self._check_change)
@@ -285,7 +285,8 @@ class ManagedNode(StoppableNode, LifecycleNode):
         if self.cycle is not None:
             self.cycle.change(self.values.rate, self.values.command_timeout)
 
-    def _describe(self) -> dict[str, object]:
+    def describe(self) -> dict[str, object]:
+        """Return all values for the diagnostics by name, in any state."""
         found = {} if self.cycle is None else self.cycle.summary()
         if self.configured:
             found |= self.details()

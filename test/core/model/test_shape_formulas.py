@@ -178,3 +178,9 @@ def test_what_is_no_number_is_refused(what):
         ConvexObject.disc(what, 0.2)
     with pytest.raises(GraspError, match=r'diameter .* must be 1 finite number'):
         ConvexObject.disc((0.0, 0.0), what)
+
+
+def test_truths_are_no_pose():
+    for pose in ((True, False, True), np.array([True, False, True])):
+        with pytest.raises(GraspError, match=r'pose .* must be 3 finite numbers'):
+            ConvexObject.disc((0.0, 0.0), 0.2).moved_to(pose)
