@@ -59,9 +59,13 @@ def overrides(**values: object) -> list[Parameter]:
     return [Parameter(name, value=value) for name, value in values.items()]
 
 
-def manipulation(**values: object) -> Callable[[], Manipulation]:
-    """Return what makes a manipulation node; to made-up joint states no roller has failed."""
-    return lambda: Manipulation(overrides(**({'failure_time': 0.0} | values)))
+def maker(kind: type[Node], **defaults: object) -> Callable[..., Callable[[], Node]]:
+    """Return a function of parameters, of which some have defaults, for what makes a node."""
+    return lambda **values: lambda: kind(overrides(**(defaults | values)))
+
+
+#: To made-up joint states no roller has failed.
+manipulation = maker(Manipulation, failure_time=0.0)
 
 
 class Probe(Node):

@@ -21,22 +21,15 @@ from isotruss_ros.nodes.preflight import Preflight
 from isotruss_ros.nodes.simulator import Simulator
 from manual_world import world
 from mujoco_worlds import needs_mujoco
-from probe import overrides, ROBOT
+from probe import maker, overrides, ROBOT
 import pytest
 from std_msgs.msg import Bool, Float64MultiArray
 
 MARKERS = {'marker_rate': 20.0, 'marker_noise': 0.001}
 
 
-def plant(**values):
-    """Return what makes a robot with an object beside it."""
-    away = {'object_is_free': True, 'object_y': 5.0}
-    return lambda: Simulator(overrides(**(away | MARKERS | values)))
-
-
-def checking(**values):
-    """Return what makes the node that turns rollers."""
-    return lambda: CheckRollers(overrides(settle_time=0.5, speed=0.04, **values))
+plant = maker(Simulator, object_is_free=True, object_y=5.0, **MARKERS)
+checking = maker(CheckRollers, settle_time=0.5, speed=0.04)
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ from isotruss_ros.nodes.simulator import Simulator
 from manual_world import world
 from mujoco_worlds import needs_mujoco
 import numpy as np
-from probe import overrides, ROBOT
+from probe import maker, overrides, ROBOT
 import pytest
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import MultiDOFJointState
@@ -30,12 +30,8 @@ NAMES = ROBOT.topology.joint_names
 MARKERS = {'marker_rate': 20.0, 'marker_noise': 0.001, 'marker_dropouts': 0.3, 'seed': 4}
 
 
-def plant(**values):
-    """Return what makes a robot whose encoders read zero 15 mm from its home."""
-    settings = (
-        {'object_is_free': True, 'object_y': 5.0, 'zero_deviation': 0.015} | MARKERS | values
-    )
-    return lambda: Simulator(overrides(**settings))
+#: The encoders read zero 15 mm from the home.
+plant = maker(Simulator, object_is_free=True, object_y=5.0, zero_deviation=0.015, **MARKERS)
 
 
 def calibrating(tmp_path):

@@ -16,14 +16,10 @@ from isotruss_ros.core.holding.held_grip import HoldStatus
 from isotruss_ros.nodes.simulator import Simulator
 from manual_world import world
 import numpy as np
-from probe import CENTER, overrides
+from probe import CENTER, maker
 import pytest
 
-
-def node(**values):
-    """Return a simulator node with the elastic plant and an object in its grip."""
-    settings = {'plant': 'elastic', 'friction': 0.8, 'indentation': 0.05, 'rate': 50.0} | values
-    return lambda: Simulator(overrides(**settings))
+node = maker(Simulator, plant='elastic', friction=0.8, indentation=0.05, rate=50.0)
 
 
 def place(w):

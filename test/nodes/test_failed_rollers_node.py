@@ -24,7 +24,7 @@ from lifecycle_msgs.msg import Transition
 from manual_world import check_refused, DOWN, Manager, UP, world
 from matches import follow
 import numpy as np
-from probe import CENTER, DIAMETER, LATCHED, MODULE, overrides, ROBOT
+from probe import CENTER, DIAMETER, LATCHED, maker, MODULE, overrides, ROBOT
 import pytest
 from rclpy.parameter import Parameter
 from std_msgs.msg import String
@@ -33,9 +33,7 @@ from std_srvs.srv import Trigger
 FIRST, SECOND = ROBOT.roller_names[:2]
 
 
-def node(**values):
-    """Return a manipulation node with parameters."""
-    return lambda: Manipulation(overrides(**values))
+node = maker(Manipulation)
 
 
 def until_failed(w, *names, send=None):

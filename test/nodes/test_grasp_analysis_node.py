@@ -32,7 +32,7 @@ from isotruss_ros.nodes.conversions.object_messages import to_object_message
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from manual_world import world
 import numpy as np
-from probe import DIAMETER, MODULE, N, overrides, ROBOT
+from probe import DIAMETER, maker, MODULE, N, ROBOT
 import pytest
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
@@ -43,9 +43,7 @@ SQUEEZED = tangent_center(ROBOT.home, MODULE, DIAMETER, indentation=0.01)
 CAUGHT = {'center': (0.0, -0.8267), 'diameter': 0.65}
 
 
-def node(**values):
-    """Return a grasp analysis node with parameters."""
-    return lambda: GraspAnalysisNode(overrides(**values))
+node = maker(GraspAnalysisNode)
 
 
 def feed(w, **pose):

@@ -20,15 +20,12 @@ from isotruss_ros.nodes.simulator import Simulator
 from manual_world import check_refused, world
 from mujoco_worlds import needs_mujoco
 import numpy as np
-from probe import CENTER, N, overrides, ROBOT
+from probe import CENTER, maker, N, ROBOT
 import pytest
 from std_msgs.msg import Float64MultiArray
 
-
-def node(**values):
-    """Return a simulator node with an object pressed into the grip."""
-    settings = {'plant': 'mujoco', 'friction': 0.8, 'indentation': 0.02, 'rate': 100.0} | values
-    return lambda: Simulator(overrides(**settings))
+#: The object is pressed into the grip.
+node = maker(Simulator, plant='mujoco', friction=0.8, indentation=0.02, rate=100.0)
 
 
 def place(w):

@@ -31,7 +31,7 @@ from lifecycle_msgs.msg import Transition
 from manual_world import Manager, world
 from nav_msgs.msg import Path
 import numpy as np
-from probe import CENTER, overrides
+from probe import CENTER, maker, overrides
 import pytest
 
 Result = FollowObjectPath.Result
@@ -46,9 +46,7 @@ PATIENT = {'command_timeout': 5.0, 'rate': 50.0}
 ROBOT_SETTINGS = {'command_timeout': 0.5, 'rate': 50.0}
 
 
-def node(**values):
-    """Return a path follower with parameters."""
-    return lambda: PathFollower(overrides(**(PATIENT | {'progress_timeout': 15.0} | values)))
+node = maker(PathFollower, **PATIENT, progress_timeout=15.0)
 
 
 def real(slip=0.0, stamped=False, **values):

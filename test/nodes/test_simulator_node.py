@@ -22,16 +22,14 @@ from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.simulator import Simulator
 from manual_world import world
 import numpy as np
-from probe import CENTER, DIAMETER, MODULE, N, overrides, ROBOT
+from probe import CENTER, DIAMETER, maker, MODULE, N, overrides, ROBOT
 import pytest
 from std_msgs.msg import Float64MultiArray
 
 SPEED = 0.02
 
 
-def node(**values):
-    """Return a simulator node with parameters."""
-    return lambda: Simulator(overrides(**values))
+node = maker(Simulator)
 
 
 def travel(w):

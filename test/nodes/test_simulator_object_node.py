@@ -20,21 +20,13 @@ from manual_world import world
 from matches import follow
 from mujoco_worlds import needs_mujoco
 import numpy as np
-from probe import overrides
+from probe import maker
 import pytest
 from std_msgs.msg import Float64MultiArray
 
-
-def node(**values):
-    """Return a simulator node with the box between its two sides."""
-    settings = {
-        'object': BOX,
-        'grip': list(SIDES),
-        'object_angle': ANGLE,
-        'indentation': DEPTH,
-        'rate': 50.0,
-    }
-    return lambda: Simulator(overrides(**settings | values))
+#: The box is between its two sides.
+HELD = {'object': BOX, 'grip': list(SIDES), 'object_angle': ANGLE, 'indentation': DEPTH}
+node = maker(Simulator, **HELD, rate=50.0)
 
 
 def place(w):

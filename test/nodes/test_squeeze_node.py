@@ -14,7 +14,7 @@ from isotruss_ros.nodes.conversions.messages import make_header
 from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.simulator import Simulator
 from manual_world import world
-from probe import overrides, ROBOT
+from probe import maker, overrides, ROBOT
 import pytest
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
@@ -27,10 +27,7 @@ def plant():
     return Simulator(overrides(plant='elastic', friction=FRICTION, indentation=0.05, rate=RATE))
 
 
-def squeezing(**values):
-    """Return a manipulation node that squeezes."""
-    settings = {'squeeze_force': FORCE, 'friction': FRICTION, 'rate': RATE} | values
-    return lambda: Manipulation(overrides(**settings))
+squeezing = maker(Manipulation, squeeze_force=FORCE, friction=FRICTION, rate=RATE)
 
 
 def place(w):

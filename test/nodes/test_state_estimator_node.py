@@ -23,7 +23,7 @@ from isotruss_ros.nodes.state_estimator import StateEstimatorNode
 from manual_world import world
 import numpy as np
 import probe
-from probe import N, overrides, ROBOT
+from probe import maker, N, overrides, ROBOT
 import pytest
 from sensor_msgs.msg import MultiDOFJointState
 
@@ -40,9 +40,7 @@ PLANT = {
 }
 
 
-def estimator(**values):
-    """Return what makes the node."""
-    return lambda: StateEstimatorNode(overrides(**values))
+estimator = maker(StateEstimatorNode)
 
 
 def last_estimate(w):

@@ -23,7 +23,7 @@ from isotruss_ros.nodes.simulator import Simulator
 from manual_world import world
 from matches import follow
 import numpy as np
-from probe import N, overrides, ROBOT
+from probe import maker, N, overrides, ROBOT
 import pytest
 from rclpy.qos import QoSProfile
 from std_msgs.msg import Bool
@@ -39,14 +39,8 @@ STOPPED = 'stopped by the topic emergency_stop'
 SILENCE = 0.08
 
 
-def node(**values):
-    """Return what makes the node."""
-    return lambda: Manipulation(overrides(**({'command_timeout': TIMEOUT} | values)))
-
-
-def simulator(**values):
-    """Return what makes a simulator."""
-    return lambda: Simulator(overrides(**({'command_timeout': TIMEOUT} | values)))
+node = maker(Manipulation, command_timeout=TIMEOUT)
+simulator = maker(Simulator, command_timeout=TIMEOUT)
 
 
 class Rollers:

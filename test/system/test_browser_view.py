@@ -12,7 +12,6 @@
 import contextlib
 import importlib.util
 import io
-import math
 import re
 import shutil
 import threading
@@ -22,14 +21,13 @@ from geometry_msgs.msg import PoseStamped, Twist
 from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.core import Pose
 from isotruss_ros.demo.processes import running_nodes
-from isotruss_ros.nodes.conversions.messages import to_pose_message
+from isotruss_ros.nodes.conversions.messages import read_angle, to_pose_message
 import numpy as np
 from PIL import Image
-from probe import begin_context
+from probe import begin_context, world
 import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.qos import qos_profile_sensor_data
 from robots import quick_robot
 
 CHROMIUM = shutil.which('chromium')
@@ -63,52 +61,10 @@ SPEED = 0.002
 HARMLESS = 'Unable to preventDefault inside passive event listener'
 
 
-class Observer:
-    """The newest pose and status on the topics."""
-
-    def __init__(self):
-        begin_context()
-        self._node = rclpy.create_node('observer')
-        self.seen = {}
-        for kind, topic in (
-            (PoseStamped, 'object_pose'),
-            (ManipulationStatus, 'manipulation/status'),
-        ):
-            self._node.create_subscription(
-                kind,
-                topic,
-                lambda message, name=topic: self.seen.update({name: message}),
-                qos_profile_sensor_data,
-            )
-
-    def until(self, what, each=lambda: None):
-        """Spin until something holds."""
-        end = time.monotonic() + DEADLINE
-        while not what():
-            assert time.monotonic() < end, f'not within {DEADLINE} s'
-            each()
-            for _ in range(20):
-                rclpy.spin_once(self._node, timeout_sec=0.01)
-
-    def center(self):
-        """Return the measured centre of the object."""
-        position = self.seen['object_pose'].pose.position
-        return np.array([position.x, position.y])
-
-    def angle(self):
-        """Return the measured angle of the object [rad]."""
-        q = self.seen['object_pose'].pose.orientation
-        return 2.0 * math.atan2(q.z, q.w)
-
-    def code(self):
-        """Return the code of the manipulation."""
-        status = self.seen.get('manipulation/status')
-        return None if status is None else status.code
-
-    def close(self):
-        """End the node."""
-        self._node.destroy_node()
-        rclpy.shutdown()
+def place(w):
+    """Return the measured (x, y, angle) of the object [m, rad]."""
+    pose = w.probe.last('pose').pose
+    return np.array([pose.position.x, pose.position.y, read_angle(pose)])
 
 
 def pixels(page):
@@ -260,11 +216,19 @@ def test_the_object_follows_its_handle_and_a_stop_ends_it(tmp_path):
         ('viewer', shown | {'port': PORT, 'rate': 10.0}),
     ]
     errors = []
-    with running_nodes(nodes, tmp_path) as processes, sync_playwright() as playwright:
-        observer = Observer()
+    with (
+        running_nodes(nodes, tmp_path) as processes,
+        sync_playwright() as playwright,
+        world() as w,
+    ):
+
+        def until(what):
+            while not what():  # which takes long: much is heard meanwhile
+                w.spin(0.2)
+
         address = read_address(processes[-1])
         assert address.startswith('http://127.0.0.1:')
-        observer.until(lambda: len(observer.seen) == 2)
+        until(lambda: w.probe.last('pose') and w.probe.last('status'))
         browser = launch(playwright, polite_browser(tmp_path))
         # A quarter of the pixels: what draws in software takes the processors from the nodes.
         page = open_page(browser, 0.5)
@@ -274,27 +238,26 @@ def test_the_object_follows_its_handle_and_a_stop_ends_it(tmp_path):
         # The browser's warning of slow drawing has the colour of a handle.
         page.add_style_tag(content='.mantine-Notification-root { display: none }')
         page.get_by_text('slip margin').wait_for()
-        observer.until(lambda: count_green(pixels(page)) > SOME)
+        until(lambda: count_green(pixels(page)) > SOME)
 
         # Nothing moves while the control is off: no twist was published.
-        assert observer.code() == ManipulationStatus.HALT_NO_TWIST
+        assert w.code() == ManipulationStatus.HALT_NO_TWIST
         assert len(blue(pixels(page))[0]) < 0.5 * SOME
         switch_control(page)
-        observer.until(lambda: len(blue(pixels(page))[0]) > SOME)
+        until(lambda: len(blue(pixels(page))[0]) > SOME)
         y, x = middle(blue(pixels(page)))
-        before = observer.center()
+        before = place(w)
         page.mouse.move(x, y)
         page.mouse.down()
         for step in range(10):
             page.mouse.move(x + 2 * step, y + step)
         page.mouse.up()
-        observer.until(
+        until(
             lambda: (
-                observer.code() == ManipulationStatus.IDLE
-                and np.linalg.norm(observer.center() - before) > 0.02
+                w.code() == ManipulationStatus.IDLE and np.hypot(*(place(w) - before)[:2]) > 0.02
             )
         )
-        moved = observer.center() - before
+        moved = place(w) - before
         assert moved[0] > 0.0 > moved[1]
 
         # The other handle turns it in place.
@@ -304,30 +267,25 @@ def test_the_object_follows_its_handle_and_a_stop_ends_it(tmp_path):
         for step in range(10):
             page.mouse.move(x, y - step)
         page.mouse.up()
-        observer.until(
-            lambda: observer.code() == ManipulationStatus.IDLE and observer.angle() > 0.1
-        )
+        until(lambda: w.code() == ManipulationStatus.IDLE and place(w)[2] > 0.1)
 
         # A held object cannot be picked up; it is let go, and picked up again.
         page.get_by_role('button', name='pick', exact=True).click()
         page.get_by_text('place it first').wait_for()
         page.get_by_role('button', name='place', exact=True).click()
         page.get_by_text('place: free, ').wait_for()
-        observer.until(lambda: count_green(pixels(page)) <= SOME)
+        until(lambda: count_green(pixels(page)) <= SOME)
         page.get_by_role('button', name='pick', exact=True).click()
         page.get_by_text('pick: held at ').wait_for()
-        observer.until(lambda: count_green(pixels(page)) > SOME)
+        until(lambda: count_green(pixels(page)) > SOME)
 
         page.get_by_role('button', name='reset', exact=True).click()
-        observer.until(
-            lambda: math.dist(observer.center(), before) < 2e-3 and abs(observer.angle()) < 1e-2
-        )
-        observer.until(lambda: count_green(pixels(page)) > SOME)
+        until(lambda: np.all(np.abs(place(w) - before) < (2e-3, 2e-3, 1e-2)))
+        until(lambda: count_green(pixels(page)) > SOME)
         page.get_by_role('button', name='stop', exact=True).click()
-        observer.until(lambda: observer.code() == ManipulationStatus.HALT_EMERGENCY_STOP)
+        until(lambda: w.code() == ManipulationStatus.HALT_EMERGENCY_STOP)
         page.get_by_text('emergency stop').first.wait_for()
         browser.close()
-        observer.close()
     assert [error for error in errors if HARMLESS not in error] == []
 
 
