@@ -22,7 +22,12 @@ from geometry_msgs.msg import PoseStamped, Twist, TwistStamped, WrenchStamped
 from isotruss_msgs.msg import GraspState, ManipulationStatus
 from isotruss_ros.core import load_robot, Pose, tangent_center
 from isotruss_ros.nodes.conversions.grasp_messages import to_wrench_message
-from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message, to_twist_message
+from isotruss_ros.nodes.conversions.messages import (
+    make_header,
+    read_angle,
+    to_pose_message,
+    to_twist_message,
+)
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.manipulation import Manipulation
 from lifecycle_msgs.msg import Transition
@@ -66,6 +71,12 @@ def maker(kind: type[Node], **defaults: object) -> Callable[..., Callable[[], No
 
 #: To made-up joint states no roller has failed.
 manipulation = maker(Manipulation, failure_time=0.0)
+
+
+def planar(message: PoseStamped) -> np.ndarray:
+    """Return the pose of an object (x, y, angle) [m, rad]."""
+    pose = message.pose
+    return np.array([pose.position.x, pose.position.y, read_angle(pose)])
 
 
 class Probe(Node):
@@ -147,6 +158,10 @@ class Probe(Node):
         message.header = make_header(self.past(age), frame)
         self.wrenches.publish(message)
 
+    def send_command(self, velocities: Sequence[float]) -> None:
+        """Publish velocities of the rollers."""
+        self.commands.publish(Float64MultiArray(data=list(map(float, velocities))))
+
     def send_all(self) -> None:
         """Publish good inputs of the manipulation node."""
         self.send_joints()
@@ -159,9 +174,11 @@ class Watched:
     What a probe hears of nodes, as they and time go on.
 
     :ivar probe: the probe.
+    :ivar nodes: the probe, and the nodes.
     """
 
     probe: Probe
+    nodes: list[Node]
 
     def until(
         self,
@@ -196,6 +213,16 @@ class Watched:
         """Return the last roller command."""
         message = self.probe.last('command')
         return np.full(N, math.nan) if message is None else np.array(message.data)
+
+    def change(self, **values: object) -> None:
+        """Set parameters of the first node, which takes them."""
+        results = self.nodes[1].set_parameters(overrides(**values))
+        assert all(result.successful for result in results), results
+
+    def place(self) -> np.ndarray | None:
+        """Return the last pose of the object (x, y, angle) [m, rad]; None before."""
+        message = self.probe.last('pose')
+        return None if message is None else planar(message)
 
     def report(self, name: str) -> DiagnosticStatus:
         """Return the last diagnostics of a node, stale before the first."""

@@ -23,7 +23,6 @@ from probe import maker, overrides, ROBOT
 import pytest
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import MultiDOFJointState
-from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
 NAMES = ROBOT.topology.joint_names
@@ -91,7 +90,7 @@ def test_without_markers_it_says_so(tmp_path):
 def test_rollers_that_turn_are_refused(tmp_path):
     with world(plant(), calibrating(tmp_path)) as w:
         w.spin(1.0)
-        w.spin(1.0, lambda: w.probe.commands.publish(Float64MultiArray(data=[0.01] * 6)))
+        w.spin(1.0, lambda: w.probe.send_command([0.01] * 6))
         answer = w.call('calibrate_home', Trigger.Request())
     assert answer.message.startswith('the rollers turn')
 

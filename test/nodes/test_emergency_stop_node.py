@@ -17,7 +17,6 @@ from matches import follow
 import numpy as np
 from probe import manipulation as node
 import pytest
-from rclpy.parameter import Parameter
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
@@ -149,7 +148,7 @@ def test_moves_nothing_before_the_first_message_where_that_is_required():
         w.until_code(Status.OK, w.probe.send_all)
     with world(node()) as w:
         w.until_code(Status.OK, w.probe.send_all)
-        w.nodes[1].set_parameters([Parameter('require_emergency_stop', value=True)])
+        w.change(require_emergency_stop=True)
         w.until_code(Status.HALT_EMERGENCY_STOP, w.probe.send_all)
 
 

@@ -34,7 +34,6 @@ from manual_world import world
 import numpy as np
 from probe import DIAMETER, maker, MODULE, N, ROBOT
 import pytest
-from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -298,19 +297,14 @@ def test_the_service_answers_without_changing_the_state():
 
 def test_parameters_change_at_run_time():
     with world(node()) as w:
-        analysis = w.nodes[1]
-
-        def change(name, value):
-            return analysis.set_parameters([Parameter(name, value=value)])[0]
-
         before = until_ok(w)
         force = sum(c.normal_force for c in before.contacts)
-        assert change('object_diameter', 0.31).successful
+        w.change(object_diameter=0.31)
         w.until(
             lambda: sum(c.normal_force for c in w.probe.last('state').contacts) > 1.5 * force,
             feed(w),
         )
-        assert change('friction', 0.0).successful
+        w.change(friction=0.0)
         w.until(
             lambda: (
                 w.code('state') == GraspCode.OK
@@ -318,7 +312,7 @@ def test_parameters_change_at_run_time():
             ),
             feed(w),
         )
-        assert change('rate', 20.0).successful
+        w.change(rate=20.0)
         w.probe.seen['state'].clear()
         w.until(lambda: len(w.probe.seen['state']) >= 10, feed(w))
         arrivals = [t for t, _ in w.probe.seen['state']]

@@ -104,8 +104,7 @@ def test_halts_where_another_module_than_the_grip_holds_the_object(module):
         assert re.match('member north/(P-Z|Z-R) does not touch the object', status.message)
         assert 'name the members' in status.message
         assert not w.command().any()
-        changed = w.nodes[1].set_parameters([Parameter('grip_module', value=module)])
-        assert changed[0].successful
+        w.change(grip_module=module)
         w.until(lambda: w.command().any(), send)
 
 
@@ -142,20 +141,15 @@ def test_carries_out_the_closest_reachable_twist():
 
 def test_parameters_change_at_run_time():
     with world(node()) as w:
-        manipulation = w.nodes[1]
-
-        def change(name, value):
-            return manipulation.set_parameters([Parameter(name, value=value)])[0]
-
-        assert change('rate', 50.0).successful
+        w.change(rate=50.0)
         w.probe.seen['status'].clear()
         w.until(lambda: len(w.probe.seen['status']) >= 20)
         arrivals = [t for t, _ in w.probe.seen['status']]
         assert np.mean(np.diff(arrivals)) > 0.014  # a busy machine is only slower
-        assert change('grip_module', 'south/P').successful
+        w.change(grip_module='south/P')
         w.until_code(Status.HALT_NO_GRASP, w.probe.send_all)
-        assert change('grip_module', MODULE).successful
-        assert change('object_diameter', DIAMETER / 2).successful
+        w.change(grip_module=MODULE)
+        w.change(object_diameter=DIAMETER / 2)
         w.until_code(Status.OK, w.probe.send_all)
 
 

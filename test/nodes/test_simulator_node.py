@@ -22,9 +22,8 @@ from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.simulator import Simulator
 from manual_world import world
 import numpy as np
-from probe import CENTER, DIAMETER, maker, MODULE, N, overrides, ROBOT
+from probe import CENTER, DIAMETER, maker, MODULE, N, overrides, planar, ROBOT
 import pytest
-from std_msgs.msg import Float64MultiArray
 
 SPEED = 0.02
 
@@ -40,7 +39,7 @@ def travel(w):
 
 def send(w, velocities):
     """Return a call that sends a command."""
-    return lambda: w.probe.commands.publish(Float64MultiArray(data=[float(v) for v in velocities]))
+    return lambda: w.probe.send_command(velocities)
 
 
 def only(roller, speed=SPEED):
@@ -179,18 +178,13 @@ def test_both_nodes_move_the_object_by_the_integral_of_the_twists():
         w.spin(1.0, lambda: w.probe.send_twist(velocity))
         poses = [m for _, m in w.probe.seen['pose']]
         w.until_code(Status.IDLE, lambda: w.probe.send_twist((0.0, 0.0, 0.0)))
-        path = np.array([[m.pose.position.x, m.pose.position.y, turn(m.pose)] for m in poses])
+        path = np.array([planar(m) for m in poses])
         times = np.array([read_stamp(m.header) for m in poses])
         steady = np.flatnonzero(np.abs(path - path[0]).max(axis=1) > 1e-3)
         first, last = steady[5], steady[-1]
         elapsed = times[last] - times[first]
         assert elapsed > 0.5
         assert path[last] - path[first] == pytest.approx(np.array(velocity) * elapsed, abs=1e-4)
-
-
-def turn(pose):
-    """Return the angle of a planar pose [rad]."""
-    return 2.0 * math.atan2(pose.orientation.z, pose.orientation.w)
 
 
 def test_a_stuck_roller_bounds_the_motion():

@@ -18,7 +18,6 @@ import numpy as np
 from probe import N, overrides
 import pytest
 from rclpy.task import Future
-from std_msgs.msg import Float64MultiArray
 
 
 class Clients:
@@ -65,8 +64,8 @@ def test_a_reset_puts_the_robot_home_with_the_same_plant(w):
 
     w.until(lambda: w.probe.last('joints') is not None)
     home = travel()
-    command = Float64MultiArray(data=[0.05] * N)
-    w.until(lambda: travel() > home + 0.01, lambda: w.probe.commands.publish(command))
+    command = [0.05] * N
+    w.until(lambda: travel() > home + 0.01, lambda: w.probe.send_command(command))
     SimulatorRestart(Clients(w), said.append).restart()
     assert said == ['reset: active']
     assert w.nodes[1].get_parameter('plant').value == 'elastic'

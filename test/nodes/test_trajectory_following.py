@@ -23,7 +23,7 @@ from isotruss_ros.nodes.simulator import Simulator
 from manual_world import world
 from matches import follow
 import numpy as np
-from probe import maker, N, overrides, ROBOT
+from probe import maker, N, ROBOT
 import pytest
 from rclpy.qos import QoSProfile
 from std_msgs.msg import Bool
@@ -408,7 +408,7 @@ def test_rate_and_timeout_can_be_changed_at_run_time():
     with world(node(rate=20.0)) as w:
         rollers = Rollers(w, still=True)
         rollers.until_moving(trajectory(HOME, AWAY, times=[0.0, 60.0]))
-        w.nodes[1].set_parameters(overrides(rate=200.0, command_timeout=0.3))
+        w.change(rate=200.0, command_timeout=0.3)
         w.probe.seen['command'].clear()
         rollers.until(lambda: len(rollers.commands()) > 50)
         told = [t for t, _ in w.probe.seen['command']]

@@ -21,7 +21,7 @@ from geometry_msgs.msg import PoseStamped, Twist
 from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.core import Pose
 from isotruss_ros.demo.processes import running_nodes
-from isotruss_ros.nodes.conversions.messages import read_angle, to_pose_message
+from isotruss_ros.nodes.conversions.messages import to_pose_message
 import numpy as np
 from PIL import Image
 from probe import begin_context, world
@@ -59,12 +59,6 @@ window.cancelAnimationFrame = clearTimeout;
 SPEED = 0.002
 #: Of the browser's own client: it is no fault of the page.
 HARMLESS = 'Unable to preventDefault inside passive event listener'
-
-
-def place(w):
-    """Return the measured (x, y, angle) of the object [m, rad]."""
-    pose = w.probe.last('pose').pose
-    return np.array([pose.position.x, pose.position.y, read_angle(pose)])
 
 
 def pixels(page):
@@ -246,7 +240,7 @@ def test_the_object_follows_its_handle_and_a_stop_ends_it(tmp_path):
         switch_control(page)
         until(lambda: len(blue(pixels(page))[0]) > SOME)
         y, x = middle(blue(pixels(page)))
-        before = place(w)
+        before = w.place()
         page.mouse.move(x, y)
         page.mouse.down()
         for step in range(10):
@@ -254,10 +248,10 @@ def test_the_object_follows_its_handle_and_a_stop_ends_it(tmp_path):
         page.mouse.up()
         until(
             lambda: (
-                w.code() == ManipulationStatus.IDLE and np.hypot(*(place(w) - before)[:2]) > 0.02
+                w.code() == ManipulationStatus.IDLE and np.hypot(*(w.place() - before)[:2]) > 0.02
             )
         )
-        moved = place(w) - before
+        moved = w.place() - before
         assert moved[0] > 0.0 > moved[1]
 
         # The other handle turns it in place.
@@ -267,7 +261,7 @@ def test_the_object_follows_its_handle_and_a_stop_ends_it(tmp_path):
         for step in range(10):
             page.mouse.move(x, y - step)
         page.mouse.up()
-        until(lambda: w.code() == ManipulationStatus.IDLE and place(w)[2] > 0.1)
+        until(lambda: w.code() == ManipulationStatus.IDLE and w.place()[2] > 0.1)
 
         # A held object cannot be picked up; it is let go, and picked up again.
         page.get_by_role('button', name='pick', exact=True).click()
@@ -280,7 +274,7 @@ def test_the_object_follows_its_handle_and_a_stop_ends_it(tmp_path):
         until(lambda: count_green(pixels(page)) > SOME)
 
         page.get_by_role('button', name='reset', exact=True).click()
-        until(lambda: np.all(np.abs(place(w) - before) < (2e-3, 2e-3, 1e-2)))
+        until(lambda: np.all(np.abs(w.place() - before) < (2e-3, 2e-3, 1e-2)))
         until(lambda: count_green(pixels(page)) > SOME)
         page.get_by_role('button', name='stop', exact=True).click()
         until(lambda: w.code() == ManipulationStatus.HALT_EMERGENCY_STOP)
