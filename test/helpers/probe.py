@@ -264,7 +264,7 @@ class World(Watched):
         self.until(client.service_is_ready)
         return self.ask(lambda: client.call_async(request))
 
-    def ask(self, send: Callable[[], Future], period: float = 5.0) -> object:
+    def ask(self, send: Callable[[], Future], period: float = 1.0) -> object:
         """
         Return the first answer to what is sent again and again while there is none.
 
