@@ -102,7 +102,7 @@ class GraspAnalysisNode(ManagedNode):
         self.begin_cycle(self._step, self.inputs.clear)
         self.create_service(AnalyzeGrasp, 'analyze_grasp', self._analyze)
 
-    def apply(self) -> None:
+    def _apply(self) -> None:
         """Apply the parameters from the next cycle on."""
         self._monitor.object_diameter = self.values.object_diameter
         self._monitor.friction = self.values.friction

@@ -93,7 +93,7 @@ class GraspPlanner(ManagedNode):
             details |= {'evaluations': progress.evaluations, 'grasps found': progress.found}
         return details
 
-    def apply(self) -> None:
+    def _apply(self) -> None:
         """Apply the timeout."""
         self._shape.timeout = self.values.command_timeout
 

@@ -202,7 +202,7 @@ class Manipulation(ManagedNode):
         if self._servo.stopped is not None:
             self._trajectory.abort(self._servo.stopped[1])
 
-    def check(self, new: dict[str, Value]) -> None:
+    def _check(self, new: dict[str, Value]) -> None:
         """Check grip, rollers and mode."""
         common.check_grip(self.robot, new)
         failed = set(new.get('failed_rollers', ())) - {''}
@@ -213,7 +213,7 @@ class Manipulation(ManagedNode):
         if joint or mode == 'joint':
             check_joint(self.robot, joint)
 
-    def apply(self) -> None:
+    def _apply(self) -> None:
         """Apply the parameters from the next cycle on."""
         apply_settings(self._servo, self.values)
         self._failed_rollers.follow(self._servo.detector, self.robot)

@@ -114,7 +114,7 @@ class PathFollower(ManagedNode):
             details |= {'position error [m]': f'{self._last.position_error:.6f}'}
         return details
 
-    def apply(self) -> None:
+    def _apply(self) -> None:
         """Apply the parameters; gains and the like from the next goal on."""
         self._servo.timeout = self.values.command_timeout
         self._servo.period = 1.0 / self.values.rate

@@ -81,7 +81,7 @@ class PickAndPlace(ManagedNode):
     def _goal(self) -> SingleGoal | None:
         return next((action for action in self._actions if action.active), None)
 
-    def apply(self) -> None:
+    def _apply(self) -> None:
         """Apply the timeout."""
         self._sequences.timeout = self.values.command_timeout
 

@@ -86,7 +86,7 @@ class Record(StoppableNode):
         # It also wakes a node that is stopped by a signal.
         create_steady_timer(self, PERIOD, self._flush)
 
-    def open(self) -> None:
+    def begin(self) -> None:
         """
         Create the file, and print its path.
 

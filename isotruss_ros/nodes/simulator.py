@@ -195,7 +195,7 @@ class Simulator(ManagedNode):
         )
         return self._elastic
 
-    def apply(self) -> None:
+    def _apply(self) -> None:
         """Apply the faults of the sensors and the pull."""
         values = self.values
         self._sensors.apply()
@@ -204,7 +204,7 @@ class Simulator(ManagedNode):
                 pulled = joint == values.pull_joint
                 self._driven.plant.load_joint(joint, self._pull() if pulled else (0.0, 0.0))
 
-    def check(self, new: dict[str, Value]) -> None:
+    def _check(self, new: dict[str, Value]) -> None:
         """Check the joint that is pulled."""
         if new.get('pull_joint'):
             check_joint(self.robot, new['pull_joint'])

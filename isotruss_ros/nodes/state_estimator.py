@@ -97,7 +97,7 @@ class StateEstimatorNode(ManagedNode):
         ):
             subscribe_newest(self, kind, topic, partial(self._receive, topic, take))
 
-    def check(self, new: dict[str, Value]) -> None:
+    def _check(self, new: dict[str, Value]) -> None:
         """Check the grip."""
         common.check_grip(self.robot, new)
 
@@ -134,9 +134,9 @@ class StateEstimatorNode(ManagedNode):
             stiffness=values.stiffness_deviation,
         )
         self._estimator, self._last = StateEstimator(self.robot, settings), None
-        self.apply()
+        self._apply()
 
-    def apply(self) -> None:
+    def _apply(self) -> None:
         """Expect the object between the members of the parameters from now on."""
         values = self.values
         self.timeout = values.command_timeout

@@ -97,7 +97,7 @@ class Teleop(StoppableNode):
             self._direction = KEYS.get(key, KEYS[' '])
             self._pressed = time.monotonic()
 
-    def open(self) -> None:
+    def begin(self) -> None:
         """
         Read every key at once and without echo.
 

@@ -112,7 +112,7 @@ class Viewer(StoppableNode):
         self._simulator = SimulatorRestart(self, self._report_goal)
         self._squeeze = 0.0
 
-    def open(self) -> None:
+    def begin(self) -> None:
         """
         Start the server and print its address.
 

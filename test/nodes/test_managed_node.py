@@ -60,11 +60,11 @@ class Toy(ManagedNode):
         self.place = self.values.place
         self._step('configure')
 
-    def check(self, new):
+    def _check(self, new):
         if new.get('speed') == 1.5:
             raise IsotrussError('not this speed')
 
-    def apply(self):
+    def _apply(self):
         self.applied = self.values.speed
 
     def activate(self):

@@ -77,13 +77,13 @@ class ManagedNode(StoppableNode, LifecycleNode):
         """Return the robot of the parameters."""
         return load_robot(self.values.robot)
 
-    def check(self, new: dict[str, Value]) -> None:
+    def _check(self, new: dict[str, Value]) -> None:
         """Refuse unusable values of parameters by name, at `configure` and when they change."""
 
     def configure(self) -> None:
         """Create publishers and subscriptions."""
 
-    def apply(self) -> None:
+    def _apply(self) -> None:
         """Take the values of the parameters, after `configure` and when they have changed."""
 
     def activate(self) -> None:
@@ -258,9 +258,9 @@ class ManagedNode(StoppableNode, LifecycleNode):
         self.robot = self.read_robot()
         self.diagnostics.hardware_id = self.robot.name
         present = self.get_parameters_by_prefix('')
-        self.check({name: parameter.value for name, parameter in present.items()})
+        self._check({name: parameter.value for name, parameter in present.items()})
         self.configure()
-        self.apply()
+        self._apply()
 
     def _release(self) -> None:
         self.configured, self.inputs = False, None
@@ -274,14 +274,14 @@ class ManagedNode(StoppableNode, LifecycleNode):
             if 'configured' in self._before:
                 if fixed := [name for name in new if name in self.values.fixed]:
                     raise ParameterError(f'parameter {", ".join(fixed)}: {UNCONFIGURED_ONLY}')
-                self.check(new)
+                self._check(new)
         except IsotrussError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
     def _apply_change(self) -> None:
         if self.configured:
-            self.apply()
+            self._apply()
         if self.cycle is not None:
             self.cycle.change(self.values.rate, self.values.command_timeout)
 

@@ -77,11 +77,11 @@ class StoppableNode(Node):
     def start(self) -> None:
         """Begin, with the parameters; the last step of the constructor."""
 
-    def open(self) -> None:
+    def begin(self) -> None:
         """
-        Open what only a process of its own has: a file, a server, the keyboard.
+        Begin what only a process of its own has: a file, a server, the keyboard.
 
-        :raises IsotrussError: why it cannot be opened.
+        :raises IsotrussError: why it cannot begin.
         """
 
     def now(self) -> float:
@@ -193,7 +193,7 @@ def run(kind: Callable[[], StoppableNode], args: Sequence[str] | None = None) ->
     try:
         try:
             node = kind()
-            node.open()
+            node.begin()
             what = 'cannot go on'
             # What exists by now stays: the garbage collector need not walk it between cycles.
             gc.freeze()
