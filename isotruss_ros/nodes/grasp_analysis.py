@@ -32,6 +32,7 @@ from isotruss_ros.nodes.conversions.grasp_messages import (
 )
 from isotruss_ros.nodes.conversions.markers import GraspMarkers
 from isotruss_ros.nodes.conversions.messages import make_header, name_object_frame
+from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import Spec
@@ -99,7 +100,7 @@ class GraspAnalysisNode(ManagedNode):
 
     def activate(self) -> None:
         """Start the cycle and offer the service."""
-        self.begin_cycle(self._step, self.inputs.clear)
+        self.cycle = Cycle(self, self._step, self.inputs.clear)
         self.create_service(AnalyzeGrasp, 'analyze_grasp', self._analyze)
 
     def _apply(self) -> None:

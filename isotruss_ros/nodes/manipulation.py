@@ -25,6 +25,7 @@ from isotruss_ros.nodes.components.servo_settings import apply_settings, StatusR
 from isotruss_ros.nodes.components.servo_settings import SPECS as SERVO_SPECS
 from isotruss_ros.nodes.components.trajectory_following import TrajectoryFollowing
 from isotruss_ros.nodes.conversions.messages import check_frame, read_twist
+from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import ParameterError, Spec, Value
 from isotruss_ros.nodes.framework.topics import NEWEST, take_waiting
@@ -100,7 +101,7 @@ class Manipulation(ManagedNode):
         self._discard_twist()
         self._trajectory.subscribe()
         self._commands.subscribe()
-        self.begin_cycle(self._step, self._clear_inputs, self._halt_on_stopped_clock)
+        self.cycle = Cycle(self, self._step, self._clear_inputs, self._halt_on_stopped_clock)
 
     def deactivate(self) -> None:
         """Command zero velocities, and wait until the subscribers have received them."""

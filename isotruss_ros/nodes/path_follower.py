@@ -32,6 +32,7 @@ from isotruss_ros.nodes.conversions.path_messages import (
     to_path_feedback,
     to_path_result,
 )
+from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import Parameters, Spec
@@ -100,7 +101,7 @@ class PathFollower(ManagedNode):
     def activate(self) -> None:
         """Accept goals from now on."""
         self.diagnostics.set_status(Level.OK, 'no path to follow')
-        self.begin_cycle(self._step, self.inputs.clear, self._abort_on_stopped_clock)
+        self.cycle = Cycle(self, self._step, self.inputs.clear, self._abort_on_stopped_clock)
 
     def deactivate(self) -> None:
         """Leave the object at rest."""

@@ -49,6 +49,7 @@ from isotruss_ros.nodes.conversions.messages import (
     MessageError,
     read_object_pose,
 )
+from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import FixedSpec, ParameterError, Spec, Value
@@ -138,7 +139,7 @@ class Simulator(ManagedNode):
             (WrenchStamped, 'external_wrench', self._receive_wrench),
         ):
             NewestMessage(self, kind, topic, receive, self._report_missing)
-        self.begin_cycle(self._step, self._stop_on_clock_jump)
+        self.cycle = Cycle(self, self._step, self._stop_on_clock_jump)
 
     def deactivate(self) -> None:
         """Stop the rollers."""

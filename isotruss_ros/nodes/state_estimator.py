@@ -31,6 +31,7 @@ from isotruss_ros.nodes.conversions.messages import (
     read_object_pose,
     read_stamp,
 )
+from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import FixedSpec, Spec, Value
@@ -103,7 +104,7 @@ class StateEstimatorNode(ManagedNode):
 
     def activate(self) -> None:
         """Start the cycle."""
-        self.begin_cycle(self._step, self._begin)
+        self.cycle = Cycle(self, self._step, self._begin)
 
     def cleanup(self) -> None:
         """Release the robot."""

@@ -15,6 +15,7 @@ from collections import deque
 from collections.abc import Callable
 from functools import partial
 import time
+from typing import TYPE_CHECKING
 
 from isotruss_ros.nodes.framework.topics import take_waiting
 from rclpy.clock import Clock
@@ -22,6 +23,9 @@ from rclpy.clock_type import ClockType
 from rclpy.executors import SingleThreadedExecutor, TimeoutException
 from rclpy.node import Node
 from rclpy.timer import Timer
+
+if TYPE_CHECKING:
+    from isotruss_ros.nodes.framework.runner import StoppableNode
 
 #: A stopped clock is detected within the timeout and this share of it, or this time [s].
 WATCH_SHARE, SHORTEST_WATCH = 0.5, 0.01
@@ -37,23 +41,21 @@ class Cycle:
 
     :ivar is_steady: whether the cycles follow each other by the steady clock.
     :ivar duration: computing time of the last cycle [s].
-    :param node: its clock, simulated or not, is the one that times are read from.
-    :param rate: cycles per second of the clock of the timer [Hz].
+    :param node: has the clock that times are read from, simulated or not, and the parameters
+        `rate` [Hz] and `command_timeout`, after which a clock that does not change has stopped [s].
     :param step: called in every cycle with the time [s].
     :param jumped_back: called before the step when the clock reads less than in the step before.
     :param stopped: called repeatedly instead of steps while simulated time does not advance.
-    :param progress_timeout: time without a change after which the clock counts as stopped [s].
     """
 
     def __init__(
         self,
-        node: Node,
-        rate: float,
+        node: StoppableNode,
         step: Callable[[float], None],
         jumped_back: Callable[[], None],
         stopped: Callable[[float], None] | None = None,
-        progress_timeout: float = 1.0,
     ) -> None:
+        self._values = node.values
         self._clock, self._step, self._jumped_back = node.get_clock(), step, jumped_back
         self._stopped = stopped
         self._last = self._read = 0
@@ -65,23 +67,18 @@ class Cycle:
         self._clocks = [each for each in node.subscriptions if each.topic_name == '/clock']
         # Timers of the system's clock would stop for an hour when that is set back by an hour.
         create_timer = partial(create_steady_timer, node) if self.is_steady else node.create_timer
-        self._timer = create_timer(1.0 / rate, self._tick)
+        self._timer = create_timer(1.0 / self._values.rate, self._tick)
         self._watchdog: Timer | None = None
         if stopped is not None and not self.is_steady:
             self._watchdog = create_steady_timer(node, SHORTEST_WATCH, self._check)
-        self.change(rate, progress_timeout)
+        self.apply()
 
-    def change(self, rate: float, progress_timeout: float) -> None:
-        """
-        Continue at another rate.
-
-        :param rate: cycles per second [Hz].
-        :param progress_timeout: see above [s].
-        """
-        self._timer.timer_period_ns = int(1e9 / rate)
-        self._progress_timeout = progress_timeout
+    def apply(self) -> None:
+        """Continue with the present values of the parameters."""
+        self._timer.timer_period_ns = int(1e9 / self._values.rate)
+        self._timeout = self._values.command_timeout
         if self._watchdog is not None:
-            watched = max(WATCH_SHARE * progress_timeout, SHORTEST_WATCH)
+            watched = max(WATCH_SHARE * self._timeout, SHORTEST_WATCH)
             self._watchdog.timer_period_ns = int(1e9 * watched)
 
     def time_left(self) -> float:
@@ -123,7 +120,7 @@ class Cycle:
         now, elapsed = self._clock.now(), time.monotonic()
         if now.nanoseconds != self._read:
             self._read, self._changed = now.nanoseconds, elapsed
-        elif elapsed - self._changed > self._progress_timeout:
+        elif elapsed - self._changed > self._timeout:
             self._stopped(1e-9 * now.nanoseconds)
 
 

@@ -17,7 +17,6 @@ import traceback
 from typing import Any, ClassVar
 
 from isotruss_ros.core import IsotrussError, load_robot, Robot
-from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.diagnostics import Diagnostics, Level
 from isotruss_ros.nodes.framework.parameters import (
     AUTOSTART,
@@ -132,22 +131,6 @@ class ManagedNode(StoppableNode, LifecycleNode):
         except rclpy_implementation.RCLError:  # it was interrupted in a transition, or has ended
             if self.active:
                 self.deactivate()
-
-    def begin_cycle(
-        self,
-        step: Callable[[float], None],
-        jumped_back: Callable[[], None],
-        stopped: Callable[[float], None] | None = None,
-    ) -> None:
-        """
-        Begin the cycle of the active node, with its parameters `rate` and `command_timeout`.
-
-        :param step: see `Cycle`, whose clock may stop for that timeout.
-        :param jumped_back: see `Cycle`.
-        :param stopped: see `Cycle`.
-        """
-        values = self.values
-        self.cycle = Cycle(self, values.rate, step, jumped_back, stopped, values.command_timeout)
 
     def keep(self, entity: object) -> None:
         """
@@ -283,7 +266,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
         if self.configured:
             self._apply()
         if self.cycle is not None:
-            self.cycle.change(self.values.rate, self.values.command_timeout)
+            self.cycle.apply()
 
     def describe(self) -> dict[str, object]:
         """Return all values for the diagnostics by name, in any state."""
