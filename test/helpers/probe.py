@@ -95,6 +95,7 @@ class Probe(Node):
             Float64MultiArray, 'roller_velocity_controller/commands', 1
         )
         self.wrenches = self.create_publisher(WrenchStamped, 'external_wrench', 1)
+        self.gauges = self.create_publisher(JointState, 'tube_pressures', 1)
         self.stops = self.create_publisher(Bool, 'emergency_stop', LATCHED)
         self.clock = self.create_publisher(Clock, '/clock', 1)
         self.seen: dict[str, list] = {}
@@ -149,6 +150,12 @@ class Probe(Node):
         message = PoseStamped(pose=to_pose_message(Pose(center[0], center[1], 0.3)))
         message.header = make_header(self.past(age), frame)
         self.object_poses.publish(message)
+
+    def send_pressures(self, pressures: Sequence[float]) -> None:
+        """Publish the pressures of the tubes."""
+        message = JointState(name=list(ROBOT.description.pressures), effort=list(pressures))
+        message.header = make_header(self.past(0.0))
+        self.gauges.publish(message)
 
     def send_wrench(
         self, wrench: tuple[float, float, float], age: float = 0.0, frame: str = 'truss_object'
@@ -223,6 +230,11 @@ class Watched:
         """Return the last pose of the object (x, y, angle) [m, rad]; None before."""
         message = self.probe.last('pose')
         return None if message is None else planar(message)
+
+    def travel(self) -> np.ndarray:
+        """Return the last measured travel of the rollers, zero before [m]."""
+        message = self.probe.last('joints')
+        return np.zeros(N) if message is None else np.array(message.position)
 
     def report(self, name: str) -> DiagnosticStatus:
         """Return the last diagnostics of a node, stale before the first."""

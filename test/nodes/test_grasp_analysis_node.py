@@ -27,14 +27,13 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.control.grasp_report import GraspCode
 from isotruss_ros.nodes.conversions.grasp_messages import to_wrench_message
-from isotruss_ros.nodes.conversions.messages import make_header, read_stamp, to_pose_message
+from isotruss_ros.nodes.conversions.messages import read_stamp, to_pose_message
 from isotruss_ros.nodes.conversions.object_messages import to_object_message
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from manual_world import world
 import numpy as np
 from probe import DIAMETER, maker, MODULE, N, ROBOT
 import pytest
-from sensor_msgs.msg import JointState
 from visualization_msgs.msg import Marker, MarkerArray
 
 SQUEEZED = tangent_center(ROBOT.home, MODULE, DIAMETER, indentation=0.01)
@@ -455,13 +454,10 @@ def test_measured_pressures_count_and_are_not_relied_on_once_they_are_old():
     expected = analyze_grasp(ROBOT.home, body, 0.5, pressure=softer)
     with world(node(pressure_timeout=0.5)) as w:
         until_ok(w)
-        gauge = w.probe.create_publisher(JointState, 'tube_pressures', 1)
 
         def send(pressures=softer):
             feed(w)()
-            message = JointState(name=list(ROBOT.description.pressures), effort=pressures)
-            message.header = make_header(w.probe.past(0.0))
-            gauge.publish(message)
+            w.probe.send_pressures(pressures)
 
         def softened():
             state = w.probe.last('state')

@@ -105,11 +105,7 @@ def test_the_simulated_robot_is_at_home_when_configured_again():
         manager = Manager(w, 'simulator')
         command = [0.0, 0.02, *[0.0] * (N - 2)]
 
-        def travel():
-            joints = w.probe.last('joints')
-            return 0.0 if joints is None else joints.position[1]
-
-        w.until(lambda: travel() > 0.001, lambda: w.probe.send_command(command))
+        w.until(lambda: w.travel()[1] > 0.001, lambda: w.probe.send_command(command))
         assert manager.ask(Transition.TRANSITION_DEACTIVATE)
         assert manager.ask(Transition.TRANSITION_ACTIVATE)
         w.probe.seen['joints'].clear()
@@ -117,9 +113,9 @@ def test_the_simulated_robot_is_at_home_when_configured_again():
         # Where it was, and still: what was commanded before is not in force any more.
         places = {tuple(m.position) for _, m in w.probe.seen['joints']}
         assert len(places) == 1
-        assert travel() > 0.001
+        assert w.travel()[1] > 0.001
         assert all(manager.ask(transition) for transition in (*DOWN, *UP))
-        w.until(lambda: travel() == 0.0)
+        w.until(lambda: w.travel()[1] == 0.0)
 
 
 def test_manipulation_reports_its_loop_and_its_inputs():

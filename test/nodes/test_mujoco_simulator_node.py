@@ -27,12 +27,6 @@ import pytest
 node = maker(Simulator, plant='mujoco', friction=0.8, indentation=0.02, rate=100.0)
 
 
-def travel(w):
-    """Return the last roller travel."""
-    message = w.probe.last('joints')
-    return np.zeros(N) if message is None else np.array(message.position)
-
-
 def drive(w, velocities):
     """Return a call that sends a command."""
     return lambda: w.probe.send_command(velocities)
@@ -154,11 +148,11 @@ def test_rollers_block_before_a_shape_that_the_robot_cannot_take():
     inward = np.array([1.0] + [0.0] * (N - 1))
     with world(node(rate=20.0)) as w:
         _, simulator = w.nodes
-        w.until(lambda: travel(w)[0] > 0.1, drive(w, inward))
+        w.until(lambda: w.travel()[0] > 0.1, drive(w, inward))
         w.until(lambda: w.probe.last('joints').velocity[0] == 0.0, drive(w, inward))
         assert simulator.active
-        blocked = travel(w)[0]
-        w.until(lambda: travel(w)[0] < blocked - 0.05, drive(w, -inward))
+        blocked = w.travel()[0]
+        w.until(lambda: w.travel()[0] < blocked - 0.05, drive(w, -inward))
 
 
 def test_without_mujoco_it_is_refused_in_one_sentence(monkeypatch):

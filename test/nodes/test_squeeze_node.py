@@ -10,14 +10,12 @@
 """Manipulation with a squeeze force and the elastic simulator, together."""
 
 from isotruss_msgs.msg import ManipulationStatus
-from isotruss_ros.nodes.conversions.messages import make_header
 from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.simulator import Simulator
 from manual_world import world
 from probe import maker, overrides, ROBOT
 import pytest
 from rclpy.parameter import Parameter
-from sensor_msgs.msg import JointState
 
 FORCE, RATE, FRICTION = 30.0, 20.0, 0.9
 
@@ -88,17 +86,13 @@ def test_what_is_not_held_is_not_moved():
 
 def test_pressures_that_are_old_or_bad_halt_and_good_ones_go_on():
     with world(plant, squeezing(pressure_timeout=0.5)) as w:
-        gauge = w.probe.create_publisher(JointState, 'tube_pressures', 1)
 
         def still():
             w.probe.send_twist((0.0, 0.0, 0.0))
 
         def send(pressure):
             still()
-            names = list(ROBOT.description.pressures)
-            message = JointState(name=names, effort=[pressure] * len(names))
-            message.header = make_header(w.probe.past(0.0))
-            gauge.publish(message)
+            w.probe.send_pressures([pressure] * len(ROBOT.description.pressures))
 
         w.until_code(ManipulationStatus.OK, still)
         w.until_code(ManipulationStatus.OK, lambda: send(30e3))

@@ -336,7 +336,7 @@ def test_a_trajectory_ends_with_its_node_and_the_next_one_works(r):
     publisher = w.probe.create_publisher(JointTrajectory, topic, 1)
 
     def send(travel):
-        begin = r.travel()
+        begin = r.w.travel()
         points = [
             JointTrajectoryPoint(positions=(begin + share * travel).tolist())
             for share in (0.0, 1.0)
