@@ -67,9 +67,9 @@ test: venv
 unit-tests: venv
 	$(PYTEST) -m 'not linter and not nightly' --ignore test/system
 
-# After the others: they go by the clock of the machine.
+# After the others: they go by the clock of the machine. They wait more than they compute.
 system-tests: venv
-	$(PYTEST) --dist loadgroup -m 'not nightly' test/system
+	$(PYTEST) -n 3 --dist loadgroup -m 'not nightly' test/system
 
 noble:
 	+$(MAKE) noble-some $(NOBLE)

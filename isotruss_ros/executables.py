@@ -61,7 +61,8 @@ def run_node(name: str) -> int:
     if importlib.util.find_spec('isotruss_msgs') is None:
         print(NO_MESSAGES, file=sys.stderr)
         return 1
-    return importlib.import_module(f'isotruss_ros.nodes.{name}').main()
+    runner = importlib.import_module('isotruss_ros.nodes.framework.runner')
+    return runner.run(runner.find_node(name))
 
 
 def __getattr__(name: str) -> Callable[[], int]:

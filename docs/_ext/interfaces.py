@@ -14,11 +14,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-import importlib
-import pkgutil
 from typing import Any
 
-from isotruss_ros import nodes
+from isotruss_ros.executables import NODES
+from isotruss_ros.nodes.framework.runner import find_node
 import rclpy
 from rclpy.action import get_action_server_names_and_types_by_node
 from rclpy.node import Node
@@ -62,17 +61,8 @@ class Interface:
 
 
 def node_classes() -> dict[str, Callable[..., Node]]:
-    """Return the classes of the executables, by the name of their module."""
-    found = {}
-    for info in pkgutil.iter_modules(nodes.__path__):
-        if info.ispkg:
-            continue
-        module = importlib.import_module(f'{nodes.__name__}.{info.name}')
-        for value in vars(module).values():
-            own = getattr(value, '__module__', '') == module.__name__
-            if own and isinstance(value, type) and issubclass(value, Node):
-                found[info.name] = value
-    return found
+    """Return the classes of the executables, by name."""
+    return {name: find_node(name) for name in sorted(NODES)}
 
 
 def interfaces() -> dict[str, Interface]:

@@ -11,7 +11,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 import math
 from pathlib import Path
 
@@ -21,7 +20,6 @@ from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.calibration.robot_files import write_robot_file
 from isotruss_ros.calibration.stiffness_scale import calibrate_stiffness, StiffnessCalibration
 from isotruss_ros.core import IsotrussError, load_robot
-from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.joint_markers import (
     DEVIATION,
     JointMarkers,
@@ -30,13 +28,12 @@ from isotruss_ros.nodes.components.joint_markers import (
     WINDOW,
 )
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
-from isotruss_ros.nodes.framework.parameters import FixedSpec
-from isotruss_ros.nodes.framework.runner import run, StoppableNode
+from isotruss_ros.nodes.framework.parameters import FixedSpec, ROBOT
+from isotruss_ros.nodes.framework.runner import StoppableNode
 import numpy as np
-from std_srvs.srv import Trigger
 
 SPECS = (
-    common.ROBOT,
+    ROBOT,
     FixedSpec(
         'output', 'calibrated_robot.yaml', 'Robot file that is written; it may be that of `robot`'
     ),
@@ -58,7 +55,7 @@ class Calibration(StoppableNode):
         self._markers = JointMarkers(self, self._robot, self.values.window)
         self._postures: list[Posture] = []
         self._stiffness: StiffnessCalibration | None = None
-        self.create_service(Trigger, 'calibrate_home', self._calibrate_home)
+        self.offer('calibrate_home', self._calibrate_home)
         self.create_service(CalibrateStiffness, 'calibrate_stiffness', self._calibrate_stiffness)
         # It wakes a node that is stopped by a signal.
         create_steady_timer(self, 1.0, lambda: None)
@@ -66,27 +63,16 @@ class Calibration(StoppableNode):
     def _measure(self) -> MeasuredJoints:
         return self._markers.measure(self.now())
 
-    def _calibrate_home(
-        self, _request: Trigger.Request, response: Trigger.Response
-    ) -> Trigger.Response:
+    def _calibrate_home(self) -> str:
         """Add the posture in which the robot is, and fit the zeros to all so far."""
-        try:
-            posture, _ = self._measure()
-            kept = [each for each in self._postures if not _is_same(each, posture)]
-            self._postures = [*kept, posture]
-            found = calibrate_home(self._robot, self._postures, self.values.marker_deviation)
-            write_robot_file(self._robot, self._output, found, self._stiffness)
-        except IsotrussError as error:
-            response.message = str(error)
-            return response
+        posture, _ = self._measure()
+        kept = [each for each in self._postures if not _is_same(each, posture)]
+        self._postures = [*kept, posture]
+        found = calibrate_home(self._robot, self._postures, self.values.marker_deviation)
+        write_robot_file(self._robot, self._output, found, self._stiffness)
         zeros = zip(self._robot.roller_names, found.zeros, found.deviations, strict=True)
-        response.success = True
-        response.message = (
-            'zeros [mm]: '
-            + ', '.join(f'{name} {1e3 * z:+.1f} +- {1e3 * sure:.1f}' for name, z, sure in zeros)
-            + f'; written to {self._output}'
-        )
-        return response
+        said = ', '.join(f'{name} {1e3 * z:+.1f} +- {1e3 * sure:.1f}' for name, z, sure in zeros)
+        return f'zeros [mm]: {said}; written to {self._output}'
 
     def _calibrate_stiffness(
         self, request: CalibrateStiffness.Request, response: CalibrateStiffness.Response
@@ -124,7 +110,3 @@ class Calibration(StoppableNode):
 def _is_same(posture: Posture, other: Posture) -> bool:
     """Return whether the rollers are in the same places."""
     return bool(np.abs(posture.roller_positions - other.roller_positions).max() < 2.0 * STILL)
-
-
-#: Run the node until it is interrupted.
-main = partial(run, Calibration)

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Generator, Sequence
-from functools import partial
 from pathlib import Path
 
 from isotruss_ros.calibration.measurements import MeasurementError
@@ -28,14 +27,14 @@ from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.joint_markers import DEVIATION, JointMarkers, WINDOW
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
-from isotruss_ros.nodes.framework.parameters import FixedSpec, Spec
-from isotruss_ros.nodes.framework.runner import run, StoppableNode
+from isotruss_ros.nodes.framework.parameters import FixedSpec, ROBOT, Spec
+from isotruss_ros.nodes.framework.runner import StoppableNode
 from isotruss_ros.nodes.framework.topics import LATCHED, RELIABLE
 import numpy as np
 from std_msgs.msg import Bool, Float64MultiArray
 
 SPECS = (
-    common.ROBOT,
+    ROBOT,
     common.RATE,
     Spec('travel', 0.02, 'Each roller turns by this [m]', (0.005, 0.05)),
     Spec('speed', 0.01, 'So quickly [m/s]', (0.001, 0.05)),
@@ -144,7 +143,3 @@ def _judge_encoders(names: Sequence[str], number: int, travel: float, turned: Ar
         f'the encoder of {names[worst]} counted {1e3 * turned[worst]:+.1f} mm in place of '
         f'{1e3 * expected[worst]:+.1f} mm'
     )
-
-
-#: Check the rollers, and end.
-main = partial(run, CheckRollers)

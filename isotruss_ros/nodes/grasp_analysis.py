@@ -18,7 +18,6 @@ import time
 from geometry_msgs.msg import WrenchStamped
 from isotruss_msgs.msg import GraspState
 from isotruss_msgs.srv import AnalyzeGrasp
-from isotruss_ros.core import load_robot
 from isotruss_ros.core.control.grasp_monitor import GraspMonitor
 from isotruss_ros.core.control.grasp_report import GraspCode, GraspReport
 from isotruss_ros.core.errors import IsotrussError
@@ -33,16 +32,15 @@ from isotruss_ros.nodes.conversions.grasp_messages import (
 )
 from isotruss_ros.nodes.conversions.markers import GraspMarkers
 from isotruss_ros.nodes.conversions.messages import make_header, name_object_frame
+from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import Spec
-from isotruss_ros.nodes.framework.runner import run
 from isotruss_ros.nodes.framework.topics import RELIABLE
 from std_msgs.msg import Bool
 from visualization_msgs.msg import MarkerArray
 
 SPECS = (
-    common.ROBOT,
     *common.OBJECT_SPECS,
     replace(common.RATE, bounds=(1.0, 1000.0)),
     common.COMMAND_TIMEOUT,
@@ -75,12 +73,10 @@ class GraspAnalysisNode(ManagedNode):
     _drawn = 0.0
 
     def configure(self) -> None:
-        """Load the robot, create publishers and subscriptions."""
+        """Create publishers and subscriptions."""
         values = self.values
-        self._robot = load_robot(values.robot)
-        values.on_change(self._apply)
         self._monitor = GraspMonitor(
-            self._robot,
+            self.robot,
             values.object_diameter,
             values.friction,
             values.spacing,
@@ -93,28 +89,22 @@ class GraspAnalysisNode(ManagedNode):
         self._closures = self.create_lifecycle_publisher(Bool, 'grasp/force_closure', RELIABLE)
         self._wrenches = self.create_lifecycle_publisher(WrenchStamped, 'grasp/wrench', RELIABLE)
         self._arrays = self.create_lifecycle_publisher(MarkerArray, 'grasp/markers', RELIABLE)
-        self._transforms = TransformBroadcaster(self, self._robot)
-        self._markers = GraspMarkers(self._robot.frame)
-        self._monitor.pressure_timeout = values.pressure_timeout
-        self._inputs = Inputs(self, self._robot, self._monitor)
-        self._inputs.keep_joint_states()
-        self._inputs.keep_object_pose()
-        self._inputs.keep_tube_pressures()
-        read_wrench = partial(read_external_wrench, frame=self._robot.frame)
-        self._inputs.keep(WrenchStamped, 'external_wrench', read_wrench, 'wrench')
-        self.diagnostics.hardware_id = self._robot.name
+        self._transforms = TransformBroadcaster(self, self.robot)
+        self._markers = GraspMarkers(self.robot.frame)
+        self.inputs = Inputs(self, self.robot, self._monitor)
+        self.inputs.keep_joint_states()
+        self.inputs.keep_object_pose()
+        self.inputs.keep_tube_pressures()
+        read_wrench = partial(read_external_wrench, frame=self.robot.frame)
+        self.inputs.keep(WrenchStamped, 'external_wrench', read_wrench, 'wrench')
 
     def activate(self) -> None:
         """Start the cycle and offer the service."""
-        self.begin_cycle(self._step, self._inputs.clear)
+        self.cycle = Cycle(self, self._step, self.inputs.clear)
         self.create_service(AnalyzeGrasp, 'analyze_grasp', self._analyze)
 
-    def details(self) -> dict[str, object]:
-        """Return the ages of the inputs."""
-        return self._inputs.describe_ages() if self.configured else {}
-
     def _apply(self) -> None:
-        """Apply changed parameters from the next cycle on."""
+        """Apply the parameters from the next cycle on."""
         self._monitor.object_diameter = self.values.object_diameter
         self._monitor.friction = self.values.friction
         self._monitor.spacing = self.values.spacing
@@ -134,19 +124,19 @@ class GraspAnalysisNode(ManagedNode):
             report = self._monitor.analyze_request(query, now)
         response.success = report.grasp is not None
         response.message = report.message
-        response.state = to_state_message(report, self._robot.frame)
+        response.state = to_state_message(report, self.robot.frame)
         return response
 
     def _step(self, now: float) -> None:
         report = self._monitor.report(now)
-        state = to_state_message(report, self._robot.frame)
+        state = to_state_message(report, self.robot.frame)
         self._states.publish(state)
         held = Bool(data=state.held)
         self._held.publish(held)
         self._closures.publish(held)
         if report.grasp is not None:
             # A wrench has no code: without a result, none is published.
-            header = make_header(report.time, name_object_frame(self._robot.frame))
+            header = make_header(report.time, name_object_frame(self.robot.frame))
             self._wrenches.publish(WrenchStamped(header=header, wrench=state.normal_wrench))
             grasp = report.grasp
             pose = grasp.body.pose
@@ -167,7 +157,3 @@ class GraspAnalysisNode(ManagedNode):
         if now - self._drawn >= MARKER_PERIOD and self._arrays.get_subscription_count():
             self._arrays.publish(self._markers.update(report, self.now()))
             self._drawn = now
-
-
-#: Run the analysis until it is interrupted.
-main = partial(run, GraspAnalysisNode)

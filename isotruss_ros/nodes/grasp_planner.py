@@ -11,10 +11,8 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 from isotruss_msgs.action import PlanGrasp
-from isotruss_ros.core import IsotrussError, load_robot
+from isotruss_ros.core import IsotrussError
 from isotruss_ros.core.control.inputs import InputError
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.planning.searcher import Answer, Outcome, Searcher
@@ -31,10 +29,8 @@ from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import FixedSpec
-from isotruss_ros.nodes.framework.runner import run
 
 SPECS = (
-    common.ROBOT,
     common.OBJECT,
     common.COMMAND_TIMEOUT,
     FixedSpec('workers', 0, 'Processes that search, one for each core if 0', (0, MAX_WORKERS)),
@@ -56,14 +52,12 @@ class GraspPlanner(ManagedNode):
     _searcher: Searcher | None = None
 
     def configure(self) -> None:
-        """Load the robot, subscribe to its joint states, and offer the action."""
-        self._robot = load_robot(self.values.robot)
+        """Subscribe to the joint states, and offer the action."""
         self._described = common.read_described(self.values)
         self._searcher = Searcher(self.values.workers)
-        self._shape = TrackedShape(self._robot, self.values.command_timeout)
-        self.values.on_change(self._apply)
-        self._inputs = Inputs(self, self._robot, self._shape)
-        self._inputs.keep_joint_states()
+        self._shape = TrackedShape(self.robot, self.values.command_timeout)
+        self.inputs = Inputs(self, self.robot, self._shape)
+        self.inputs.keep_joint_states()
         # There while the node is inactive too, so that a goal that ends then gets its result.
         self._goal = SingleGoal(
             self,
@@ -73,7 +67,6 @@ class GraspPlanner(ManagedNode):
             self._searcher.cancel,
             ready=lambda: not self._goal.active,
         )
-        self.diagnostics.hardware_id = self._robot.name
 
     def activate(self) -> None:
         """Accept goals from now on."""
@@ -93,16 +86,15 @@ class GraspPlanner(ManagedNode):
         super().destroy_node()
 
     def details(self) -> dict[str, object]:
-        """Return the progress of the search and the age of the joint states."""
-        if not self.configured:
-            return {}
-        details = {'searching': self._goal.active} | self._inputs.describe_ages()
+        """Return the progress of the search."""
+        details = {'searching': self._goal.active}
         progress = self._searcher.progress()
         if progress is not None:
             details |= {'evaluations': progress.evaluations, 'grasps found': progress.found}
         return details
 
     def _apply(self) -> None:
+        """Apply the timeout."""
         self._shape.timeout = self.values.command_timeout
 
     # -- The action --
@@ -110,7 +102,7 @@ class GraspPlanner(ManagedNode):
     def _begin(self, goal: PlanGrasp.Goal) -> None:
         """Begin a search, or abort the goal with the reason."""
         try:
-            arguments = read_goal(goal, self._robot, self._described)
+            arguments = read_goal(goal, self.robot, self._described)
         except IsotrussError as error:
             self._end(Answer(Outcome.BAD_GOAL, str(error)))
             return
@@ -133,9 +125,5 @@ class GraspPlanner(ManagedNode):
 
     def _end(self, answer: Answer) -> None:
         """Publish the result of the goal."""
-        result = to_result_message(answer, self._robot)
+        result = to_result_message(answer, self.robot)
         self._goal.report_end(answer.outcome, result, 'no search')
-
-
-#: Run the planner until it is interrupted.
-main = partial(run, GraspPlanner)

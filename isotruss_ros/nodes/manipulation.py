@@ -11,10 +11,8 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 from geometry_msgs.msg import Twist, TwistStamped
-from isotruss_ros.core import load_robot, Status, TwistServo
+from isotruss_ros.core import Status, TwistServo
 from isotruss_ros.core.control.inputs import RejectedInput, StampedInput
 from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint
 from isotruss_ros.core.model.topology import check_roller_names
@@ -27,9 +25,9 @@ from isotruss_ros.nodes.components.servo_settings import apply_settings, StatusR
 from isotruss_ros.nodes.components.servo_settings import SPECS as SERVO_SPECS
 from isotruss_ros.nodes.components.trajectory_following import TrajectoryFollowing
 from isotruss_ros.nodes.conversions.messages import check_frame, read_twist
+from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import ParameterError, Spec, Value
-from isotruss_ros.nodes.framework.runner import run
 from isotruss_ros.nodes.framework.topics import NEWEST, take_waiting
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool
@@ -38,7 +36,6 @@ MODES = ('object', 'joint')
 #: The type of the publishers of cmd_vel is looked up this often while no twist comes [s].
 TYPE_CHECK_PERIOD = 1.0
 SPECS = (
-    common.ROBOT,
     Spec(
         'mode',
         'object',
@@ -76,27 +73,21 @@ class Manipulation(ManagedNode):
         self.create_service(SetBool, 'set_joint_mode', self._set_joint_mode)
 
     def configure(self) -> None:
-        """Load the robot, create publishers and subscriptions."""
+        """Create publishers and subscriptions."""
         values = self.values
-        self._robot = load_robot(values.robot)
-        values.on_change(self._apply, self._check)
-        self._report = StatusReport(self, self._robot.frame)
+        self._report = StatusReport(self, self.robot.frame)
         self._servo = TwistServo(
-            self._robot,
-            common.select_grip_module(self._robot, values.grip_module),
+            self.robot,
+            common.select_grip_module(self.robot, values.grip_module),
             values.object_diameter,
             period=1.0 / values.rate,
             timeout=values.command_timeout,
         )
         self._servo.body = common.read_described(values)
         self._trajectory = TrajectoryFollowing(self, self._servo)
-        apply_settings(self._servo, values)
-        self._apply_mode()
-        self._failed_rollers.follow(self._servo.detector, self._robot)
         self._others = None
-        self._apply_failures()
-        self._commands = RollerCommands(self, len(self._robot.roller_names))
-        inputs = self._inputs = Inputs(self, self._robot, self._servo)
+        self._commands = RollerCommands(self, len(self.robot.roller_names))
+        inputs = self.inputs = Inputs(self, self.robot, self._servo)
         stamped = values.use_stamped_twist
         kind, read = (TwistStamped, self._read_stamped_twist) if stamped else (Twist, read_twist)
         self._twists = inputs.keep(kind, 'cmd_vel', read, 'twist', 'twist')
@@ -104,14 +95,13 @@ class Manipulation(ManagedNode):
         inputs.keep_object_pose()
         inputs.keep_tube_pressures()
         self.create_timer(TYPE_CHECK_PERIOD, self._check_twist_type)
-        self.diagnostics.hardware_id = self._robot.name
 
     def activate(self) -> None:
         """Start the cycle."""
         self._discard_twist()
         self._trajectory.subscribe()
         self._commands.subscribe()
-        self.begin_cycle(self._step, self._clear_inputs, self._halt_on_stopped_clock)
+        self.cycle = Cycle(self, self._step, self._clear_inputs, self._halt_on_stopped_clock)
 
     def deactivate(self) -> None:
         """Command zero velocities, and wait until the subscribers have received them."""
@@ -125,12 +115,11 @@ class Manipulation(ManagedNode):
         self._servo = self._trajectory = None
 
     def details(self) -> dict[str, object]:
-        """Return ages of the inputs and failed rollers."""
-        details: dict[str, object] = {'emergency stop': self._stop.reason or 'no'}
+        """Return what moves, what holds the object, and failed rollers."""
         servo = self._servo
-        if servo is None:
-            return details
-        details['moves'] = 'the object' if servo.joint is None else f'joint {servo.joint}'
+        details: dict[str, object] = {
+            'moves': 'the object' if servo.joint is None else f'joint {servo.joint}'
+        }
         if self._trajectory.busy:
             details['moves'] = 'the rollers along a trajectory'
             details['time on the trajectory [s]'] = f'{self._trajectory.time:.3f}'
@@ -138,13 +127,16 @@ class Manipulation(ManagedNode):
             details['grip'] = ', '.join(servo.members)
         else:
             details['grip module'] = servo.grip_module
-        details |= self._inputs.describe_ages()
         if servo.failed:
             details['failed rollers'] = ', '.join(sorted(servo.failed))
             details['reachable twists'] = describe_reachable_twists(servo)
         status = self._report.status
         details |= {'status': status.name, 'status code': int(status)}
         return details
+
+    def describe(self) -> dict[str, object]:
+        """Add what stops the rollers, in every state."""
+        return {'emergency stop': self._stop.reason or 'no'} | super().describe()
 
     def _wait_for_zero(self) -> bool:
         """Return whether the subscribers have received the last command, zero."""
@@ -157,7 +149,7 @@ class Manipulation(ManagedNode):
             return Status.HALT_EMERGENCY_STOP, reason
         if self._others is not None:
             return Status.HALT_OTHER_COMMANDS, self._others
-        fault = self._failed_rollers.find_fault(self._robot)
+        fault = self._failed_rollers.find_fault(self.robot)
         return None if fault is None else (Status.HALT_INVALID_FAILED_ROLLERS, fault)
 
     def _apply_stop(self) -> None:
@@ -186,7 +178,7 @@ class Manipulation(ManagedNode):
 
     def _clear_inputs(self) -> None:
         """Discard the inputs: after a jump of the clock their ages are unknown."""
-        self._inputs.clear()
+        self.inputs.clear()
         self._trajectory.abort('the clock jumped back or stopped')
 
     def _halt_on_stopped_clock(self, now: float) -> None:
@@ -202,7 +194,7 @@ class Manipulation(ManagedNode):
         if self._servo is None:
             return
         by_parameter = set(self.values.failed_rollers) - {''}
-        self._servo.failed = self._failed_rollers.select_named(self._robot) | by_parameter
+        self._servo.failed = self._failed_rollers.select_named(self.robot) | by_parameter
         self._apply_halt()
 
     def _apply_halt(self) -> None:
@@ -212,18 +204,20 @@ class Manipulation(ManagedNode):
             self._trajectory.abort(self._servo.stopped[1])
 
     def _check(self, new: dict[str, Value]) -> None:
-        common.check_grip(self._robot, new)
+        """Check grip, rollers and mode."""
+        common.check_grip(self.robot, new)
         failed = set(new.get('failed_rollers', ())) - {''}
-        check_roller_names('parameter failed_rollers', failed, self._robot.roller_names)
+        check_roller_names('parameter failed_rollers', failed, self.robot.roller_names)
         mode, joint = (new.get(name, getattr(self.values, name)) for name in ('mode', 'joint'))
         if mode not in MODES:
             raise ParameterError(f'parameter mode: {mode!r}: must be one of {MODES}')
         if joint or mode == 'joint':
-            check_joint(self._robot, joint)
+            check_joint(self.robot, joint)
 
     def _apply(self) -> None:
-        """Apply changed parameters from the next cycle on."""
+        """Apply the parameters from the next cycle on."""
         apply_settings(self._servo, self.values)
+        self._failed_rollers.follow(self._servo.detector, self.robot)
         self._apply_mode()
         self._apply_failures()
 
@@ -249,7 +243,7 @@ class Manipulation(ManagedNode):
         return response
 
     def _read_stamped_twist(self, message: TwistStamped) -> tuple[float, float, float]:
-        check_frame('twist', message.header, self._robot.frame)
+        check_frame('twist', message.header, self.robot.frame)
         return read_twist(message.twist)
 
     def _check_twist_type(self) -> None:
@@ -274,7 +268,3 @@ class Manipulation(ManagedNode):
         decision = self._trajectory.decide(now)
         self._commands.publish(decision.command.roller_velocities)
         self._report.publish(decision, now)
-
-
-#: Run the manipulation node until it is interrupted.
-main = partial(run, Manipulation)

@@ -13,11 +13,10 @@ from __future__ import annotations
 
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
-from functools import partial
 
 from isotruss_msgs.action import FollowObjectPath
 from isotruss_msgs.msg import ManipulationStatus
-from isotruss_ros.core import IsotrussError, load_robot, Robot
+from isotruss_ros.core import IsotrussError, Robot
 from isotruss_ros.core.control.inputs import Input, InputError, require_fresh
 from isotruss_ros.core.control.object_path import ObjectPath
 from isotruss_ros.core.control.path_servo import Outcome, PathServo, ServoFeedback
@@ -33,14 +32,13 @@ from isotruss_ros.nodes.conversions.path_messages import (
     to_path_feedback,
     to_path_result,
 )
+from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import Parameters, Spec
-from isotruss_ros.nodes.framework.runner import run
 import numpy as np
 
 SPECS = (
-    common.ROBOT,
     replace(common.RATE, bounds=(10.0, 1000.0)),
     common.COMMAND_TIMEOUT,
     common.USE_STAMPED_TWIST,
@@ -79,16 +77,14 @@ class PathFollower(ManagedNode):
     def configure(self) -> None:
         """Create publishers and subscriptions, and offer the action."""
         values = self.values
-        self._robot = load_robot(values.robot)
         self._servo = PathServo(1.0 / values.rate, values.command_timeout)
-        values.on_change(self._apply)
         self._publish_twist = create_twist_publisher(
-            self, values.use_stamped_twist, self._robot.frame
+            self, values.use_stamped_twist, self.robot.frame
         )
-        self._inputs = Inputs(self, self._robot, self._servo)
-        self._inputs.keep_object_pose()
-        self._inputs.keep_joint_states()
-        self._inputs.keep(
+        self.inputs = Inputs(self, self.robot, self._servo)
+        self.inputs.keep_object_pose()
+        self.inputs.keep_joint_states()
+        self.inputs.keep(
             ManipulationStatus, 'manipulation/status', _read_status, 'servo_feedback', 'status'
         )
         # There while the node is inactive too, so that a goal that ends then gets its result.
@@ -101,29 +97,26 @@ class PathFollower(ManagedNode):
             preempted=lambda: self._end(Outcome.PREEMPTED, 'a newer goal took over'),
             supervised=True,
         )
-        self.diagnostics.hardware_id = self._robot.name
 
     def activate(self) -> None:
         """Accept goals from now on."""
         self.diagnostics.set_status(Level.OK, 'no path to follow')
-        self.begin_cycle(self._step, self._inputs.clear, self._abort_on_stopped_clock)
+        self.cycle = Cycle(self, self._step, self.inputs.clear, self._abort_on_stopped_clock)
 
     def deactivate(self) -> None:
         """Leave the object at rest."""
         self._end(Outcome.STOPPED, 'the node was deactivated')
 
     def details(self) -> dict[str, object]:
-        """Return the state of the goal and ages of the inputs."""
-        if not self.configured:
-            return {}
-        details = {'following': self._goal.active} | self._inputs.describe_ages()
+        """Return the state of the goal."""
+        details = {'following': self._goal.active}
         if self._goal.active and self._last is not None:
             details |= {'phase': self._last.phase.name, 'progress': f'{self._last.progress:.3f}'}
             details |= {'position error [m]': f'{self._last.position_error:.6f}'}
         return details
 
     def _apply(self) -> None:
-        """Apply changed parameters; gains and the like from the next goal on."""
+        """Apply the parameters; gains and the like from the next goal on."""
         self._servo.timeout = self.values.command_timeout
         self._servo.period = 1.0 / self.values.rate
 
@@ -146,12 +139,12 @@ class PathFollower(ManagedNode):
                 goal.path,
                 goal.speed,
                 goal.turn_rate,
-                self._robot,
+                self.robot,
                 values.smooth_path,
                 self._servo.measured(self.now()),
             )
             foreseen = self._thread.submit(
-                check_path, self._robot, values, self._servo.rollers, path, self.now()
+                check_path, self.robot, values, self._servo.rollers, path, self.now()
             )
             self._waiting = foreseen, path, settings
         except NoMotionError as error:
@@ -211,7 +204,7 @@ class PathFollower(ManagedNode):
 
     def _abort_on_stopped_clock(self, now: float) -> None:
         """Abort the goal: while the clock is stopped, old inputs do not age."""
-        self._inputs.clear()
+        self.inputs.clear()
         self._end(Outcome.STOPPED, f'simulated time stopped at {now:.3f} s')
 
 
@@ -252,7 +245,3 @@ def check_path(
             f'the path would end {100.0 * found.share:.0f} % of the way, at ({x:g}, {y:g}) m, '
             f'{angle:g} rad: {found.why}'
         )
-
-
-#: Run the path follower until it is interrupted.
-main = partial(run, PathFollower)

@@ -12,12 +12,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 from isotruss_msgs.action import MoveObject, PickObject, PlaceObject
 from isotruss_msgs.msg import GraspState
-from isotruss_ros.core import IsotrussError, load_robot
+from isotruss_ros.core import IsotrussError
 from isotruss_ros.core.control.inputs import InputError
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.nodes.components import common_parameters as common
@@ -28,9 +27,8 @@ from isotruss_ros.nodes.components.single_goal import SingleGoal
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
-from isotruss_ros.nodes.framework.runner import run
 
-SPECS = (common.ROBOT, *common.OBJECT_SPECS, common.COMMAND_TIMEOUT)
+SPECS = (*common.OBJECT_SPECS, common.COMMAND_TIMEOUT)
 #: A sequence is taken on this often [s].
 PERIOD = 0.02
 
@@ -46,21 +44,18 @@ class PickAndPlace(ManagedNode):
     _cancelling = False
 
     def configure(self) -> None:
-        """Load the robot, create clients and subscriptions, and offer the actions."""
-        robot = load_robot(self.values.robot)
-        sequences = self._sequences = GraspSequences(self, robot)
-        self.values.on_change(self._apply)
-        self._inputs = Inputs(self, robot, sequences)
-        self._inputs.keep_joint_states()
-        self._inputs.keep_object_pose()
-        self._inputs.keep(GraspState, 'grasp/state', lambda state: state, 'grasp')
+        """Create clients and subscriptions, and offer the actions."""
+        sequences = self._sequences = GraspSequences(self, self.robot)
+        self.inputs = Inputs(self, self.robot, sequences)
+        self.inputs.keep_joint_states()
+        self.inputs.keep_object_pose()
+        self.inputs.keep(GraspState, 'grasp/state', lambda state: state, 'grasp')
         # There while the node is inactive too, so that a goal that ends then gets its result.
         self._actions = [
             self._offer(PickObject, 'pick_object', sequences.pick),
             self._offer(PlaceObject, 'place_object', sequences.place),
             self._offer(MoveObject, 'move_object', sequences.move),
         ]
-        self.diagnostics.hardware_id = robot.name
 
     def activate(self) -> None:
         """Accept goals from now on."""
@@ -79,17 +74,15 @@ class PickAndPlace(ManagedNode):
             self._sequences.close()
 
     def details(self) -> dict[str, object]:
-        """Return what is executed, and the ages of the inputs."""
-        if not self.configured:
-            return {}
-        name = 'nothing' if self._goal is None else self._goal.kind.__name__
-        return {'executing': name} | self._inputs.describe_ages()
+        """Return what is executed."""
+        return {'executing': 'nothing' if self._goal is None else self._goal.kind.__name__}
 
     @property
     def _goal(self) -> SingleGoal | None:
         return next((action for action in self._actions if action.active), None)
 
     def _apply(self) -> None:
+        """Apply the timeout."""
         self._sequences.timeout = self.values.command_timeout
 
     def _offer(self, kind: type, name: str, sequence: Callable[[Any], Steps]) -> SingleGoal:
@@ -154,7 +147,3 @@ def find_outcome(error: IsotrussError) -> Outcome:
     if isinstance(error, InputError):
         return Outcome.NOT_READY
     return Outcome.BAD_GOAL if isinstance(error, GraspError) else Outcome.NO_MOTION_FOUND
-
-
-#: Run the node until it is interrupted.
-main = partial(run, PickAndPlace)

@@ -16,8 +16,6 @@ fitted to the poses that follow. The node ends by itself.
 
 from __future__ import annotations
 
-from functools import partial
-
 from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.calibration.measurements import MeasurementError
@@ -28,13 +26,13 @@ from isotruss_ros.nodes.components.commands import create_twist_publisher
 from isotruss_ros.nodes.components.robot_frame import RobotFrame
 from isotruss_ros.nodes.conversions.messages import read_object_pose, read_stamp
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
-from isotruss_ros.nodes.framework.parameters import Spec
-from isotruss_ros.nodes.framework.runner import run, StoppableNode
+from isotruss_ros.nodes.framework.parameters import ROBOT, Spec
+from isotruss_ros.nodes.framework.runner import StoppableNode
 from isotruss_ros.nodes.framework.topics import RELIABLE
 import numpy as np
 
 SPECS = (
-    common.ROBOT,
+    ROBOT,
     common.OBJECT_DIAMETER,
     common.OBJECT,
     common.RATE,
@@ -139,7 +137,3 @@ class Pluck(StoppableNode):
     def _publish_twist(self, share: float) -> None:
         values = self.values
         self._twists([share * each for each in (values.vx, values.vy, values.omega)])
-
-
-#: Pluck the object, log what was found, and end.
-main = partial(run, Pluck)

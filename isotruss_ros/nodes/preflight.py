@@ -12,7 +12,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import partial
 
 from geometry_msgs.msg import PoseStamped
 from isotruss_ros.calibration.measurements import MeasurementError
@@ -26,15 +25,15 @@ from isotruss_ros.nodes.conversions.messages import (
     read_stamp,
 )
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
-from isotruss_ros.nodes.framework.parameters import Spec
-from isotruss_ros.nodes.framework.runner import run, StoppableNode
+from isotruss_ros.nodes.framework.parameters import ROBOT, Spec
+from isotruss_ros.nodes.framework.runner import StoppableNode
 from isotruss_ros.nodes.framework.topics import LATCHED, RELIABLE
 import numpy as np
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
 SPECS = (
-    common.ROBOT,
+    ROBOT,
     common.OBJECT,
     WINDOW,
     Spec('listen_time', 3.0, 'Topics are heard for so long [s]', (0.5, 60.0)),
@@ -192,7 +191,3 @@ class Preflight(StoppableNode):
         if rate < 0.9 * least:
             raise MeasurementError(f'{topic} comes {rate:.3g} times a second: must be {least:g}')
         return f'{topic} {rate:.3g} Hz'
-
-
-#: Check what is heard, and end.
-main = partial(run, Preflight)

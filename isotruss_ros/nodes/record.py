@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 import contextlib
-from functools import partial
 import json
 from pathlib import Path
 import time
@@ -27,7 +26,7 @@ from isotruss_ros.nodes.components.transforms import TFMessage
 from isotruss_ros.nodes.conversions.message_text import schema_text, type_name
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.parameters import FixedSpec, ParameterError
-from isotruss_ros.nodes.framework.runner import run, StoppableNode
+from isotruss_ros.nodes.framework.runner import StoppableNode
 from isotruss_ros.nodes.framework.topics import EVENTS, NEWEST
 from isotruss_ros.viewer.names import MissingPackageError
 from rclpy.duration import Duration
@@ -87,9 +86,9 @@ class Record(StoppableNode):
         # It also wakes a node that is stopped by a signal.
         create_steady_timer(self, PERIOD, self._flush)
 
-    def open_file(self) -> Path:
+    def begin(self) -> None:
         """
-        Create the file and return its path.
+        Create the file, and print its path.
 
         :raises ParameterError: it exists or cannot be created.
         :raises MissingPackageError: mcap is not installed.
@@ -105,7 +104,7 @@ class Record(StoppableNode):
             raise ParameterError(f'parameter file: {name}: {error.strerror}') from error
         self._writer = Writer(self._stream)
         self._writer.start(profile='ros2', library='isotruss_ros')
-        return Path(name)
+        print(f'record: {name}', flush=True)
 
     def stop(self) -> None:
         """
@@ -184,13 +183,3 @@ def describe_quality(profile: QoSProfile) -> dict[str, object]:
         'liveliness_lease_duration': parts(profile.liveliness_lease_duration),
         'avoid_ros_namespace_conventions': profile.avoid_ros_namespace_conventions,
     }
-
-
-def _make_node() -> Record:
-    node = Record()
-    print(f'record: {node.open_file()}', flush=True)
-    return node
-
-
-#: Record until it is interrupted.
-main = partial(run, _make_node)

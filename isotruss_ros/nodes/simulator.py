@@ -11,7 +11,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 import math
 
 from geometry_msgs.msg import PoseStamped, WrenchStamped
@@ -19,11 +18,13 @@ from isotruss_ros.calibration.home import move_home
 from isotruss_ros.core import (
     deform,
     ElasticObject,
+    Grip,
     HoldStatus,
-    load_robot,
     Pose,
+    RigidObject,
     Robot,
     RollerFaults,
+    RollingGrip,
     SimulatedRobot,
 )
 from isotruss_ros.core.errors import ConfigurationError
@@ -38,8 +39,8 @@ from isotruss_ros.nodes.components.mujoco_object import (
     make_recorder,
     MUJOCO_SPECS,
 )
+from isotruss_ros.nodes.components.simulated_object import place_at_start
 from isotruss_ros.nodes.components.simulated_object import SPECS as OBJECT_SPECS
-from isotruss_ros.nodes.components.simulated_object import StartingObject
 from isotruss_ros.nodes.components.simulated_sensors import SENSOR_SPECS, SimulatedSensors
 from isotruss_ros.nodes.components.simulated_truth import CLOCK_SPEED, ClockSource, SimulatedTruth
 from isotruss_ros.nodes.components.sparse_messages import NewestMessage
@@ -48,17 +49,16 @@ from isotruss_ros.nodes.conversions.messages import (
     MessageError,
     read_object_pose,
 )
+from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import FixedSpec, ParameterError, Spec, Value
-from isotruss_ros.nodes.framework.runner import run
 from isotruss_ros.nodes.framework.topics import RELIABLE
 import numpy as np
 from std_msgs.msg import Float64MultiArray
 
 KINEMATIC, ELASTIC, MUJOCO = 'kinematic', 'elastic', 'mujoco'
 SPECS = (
-    common.ROBOT,
     *OBJECT_SPECS,
     FixedSpec(
         'plant',
@@ -116,15 +116,11 @@ class Simulator(ManagedNode):
 
     def configure(self) -> None:
         """Put the robot at home, with the object grasped or free."""
-        self._robot = self._load_robot()
-        self.values.on_change(self._apply, self._check)
         self._simulated = self._make_robot()
         plant = None if self._driven is None else self._driven.plant
         self._recorder = make_recorder(plant, self.values.recording)
-        self._sensors = SimulatedSensors(self, self._robot, self.values, self.values.seed)
-        self._apply()
-        self._truth = SimulatedTruth(self, self._robot)
-        self.diagnostics.hardware_id = self._robot.name
+        self._sensors = SimulatedSensors(self, self.robot, self.values, self.values.seed)
+        self._truth = SimulatedTruth(self, self.robot)
 
     def activate(self) -> None:
         """Follow commands from now on; none is active yet."""
@@ -143,7 +139,7 @@ class Simulator(ManagedNode):
             (WrenchStamped, 'external_wrench', self._receive_wrench),
         ):
             NewestMessage(self, kind, topic, receive, self._report_missing)
-        self.begin_cycle(self._step, self._stop_on_clock_jump)
+        self.cycle = Cycle(self, self._step, self._stop_on_clock_jump)
 
     def deactivate(self) -> None:
         """Stop the rollers."""
@@ -155,9 +151,9 @@ class Simulator(ManagedNode):
             self._recorder.close()
             self._recorder = None
 
-    def _load_robot(self) -> Robot:
+    def read_robot(self) -> Robot:
         """Return the robot with its home where the encoders read zero."""
-        robot, deviation = load_robot(self.values.robot), self.values.zero_deviation
+        robot, deviation = super().read_robot(), self.values.zero_deviation
         if deviation == 0.0:
             return robot
         rng = np.random.default_rng(self.values.seed)
@@ -165,47 +161,54 @@ class Simulator(ManagedNode):
 
     def _make_robot(self) -> SimulatedRobot | DrivenRobot:
         values = self.values
-        home = self._robot.home
+        home = self.robot.home
         stuck = frozenset({values.stuck_roller} - {''})
         faults = RollerFaults(values.speed_limit, values.roller_noise, stuck, values.roller_slip)
         if values.plant not in (KINEMATIC, ELASTIC, MUJOCO):
             raise ParameterError(
                 f'parameter plant: {values.plant!r}: must be {KINEMATIC}, {ELASTIC} or {MUJOCO}'
             )
-        self._object = StartingObject(self._robot, values)
+        body = self._body = place_at_start(self.robot, values)
         self._elastic = self._driven = None
         if values.plant == MUJOCO:
             sim_time = self.get_parameter('use_sim_time').value
-            self._driven = make_driven_robot(self._object, values, faults, values.seed, sim_time)
+            self._driven = make_driven_robot(self.robot, body, values, faults, sim_time)
             return self._driven
-        if values.plant == ELASTIC or self._object.is_free:
-            simulated = self._put_object(self._object.pose)
+        if values.plant == ELASTIC or values.object_is_free:
+            simulated = self._put_object(body.pose)
         else:
-            simulated = self._object.held()
+            members = common.select_grip(self.robot, values.grip, values.grip_module)
+            simulated = RigidObject.in_grip(RollingGrip.attach(home, Grip(members, body)))
         return SimulatedRobot(home, simulated, faults, values.seed)
 
     def _put_object(self, pose: Pose) -> SimulatedObject:
         """Return an object that nothing holds until friction does."""
         self._elastic = None
-        if self.values.plant == KINEMATIC:
-            return self._object.lying(pose)
-        values = self.values
-        self._elastic = self._object.elastic(
-            pose, values.stiffness_scale, values.ground_friction, values.module_friction
+        values, body = self.values, self._body.moved_to(pose)
+        if values.plant == KINEMATIC:
+            return RigidObject(body, values.friction)
+        self._elastic = ElasticObject(
+            body,
+            values.friction if body.friction is None else body.friction,
+            values.stiffness_scale,
+            values.ground_friction,
+            values.module_friction,
         )
         return self._elastic
 
     def _apply(self) -> None:
+        """Apply the faults of the sensors and the pull."""
         values = self.values
         self._sensors.apply()
         if self._driven is not None:
-            for joint in self._robot.topology.joint_names:
+            for joint in self.robot.topology.joint_names:
                 pulled = joint == values.pull_joint
                 self._driven.plant.load_joint(joint, self._pull() if pulled else (0.0, 0.0))
 
     def _check(self, new: dict[str, Value]) -> None:
+        """Check the joint that is pulled."""
         if new.get('pull_joint'):
-            check_joint(self._robot, new['pull_joint'])
+            check_joint(self.robot, new['pull_joint'])
 
     def _pull(self) -> tuple[float, float]:
         """Return what pulls at a joint (fx, fy) [N]."""
@@ -230,7 +233,7 @@ class Simulator(ManagedNode):
     def _place_object(self, message: PoseStamped) -> None:
         """Put the object elsewhere, free; the robot stays as it is."""
         try:
-            pose = read_object_pose(message, self._robot.frame)
+            pose = read_object_pose(message, self.robot.frame)
         except MessageError as error:
             self.warn('place_object', str(error))
             return
@@ -245,7 +248,7 @@ class Simulator(ManagedNode):
 
     def _receive_wrench(self, message: WrenchStamped) -> None:
         try:
-            wrench = read_external_wrench(message, self._robot.frame)
+            wrench = read_external_wrench(message, self.robot.frame)
             if self._driven is not None:
                 self._driven.pull(wrench)
             elif self._elastic is not None:  # no force moves an object fixed in the grasp frame
@@ -289,7 +292,7 @@ class Simulator(ManagedNode):
 
     def _joints(self) -> Array:
         """Return where the joints are (j, 2) [m]."""
-        count = len(self._robot.topology.joint_names)
+        count = len(self.robot.topology.joint_names)
         if self._driven is not None:
             return self._driven.plant.nodes[:count]
         config = self._simulated.config
@@ -314,9 +317,8 @@ class Simulator(ManagedNode):
 
     def details(self) -> dict[str, object]:
         """Return how far MuJoCo is behind the clock, by name."""
-        if self._driven is None:
-            return {}
-        return {'lag of the simulation [s]': round(self._driven.lag, 3)}
+        driven = self._driven
+        return {} if driven is None else {'lag of the simulation [s]': round(driven.lag, 3)}
 
     def _report_contact(self, simulated: DrivenRobot) -> None:
         """State in the diagnostics which members press on the object."""
@@ -343,7 +345,3 @@ class Simulator(ManagedNode):
             self.get_logger().info(words)
         elif dropped is not None and before is not dropped:
             self.get_logger().warning(words)
-
-
-#: Run the simulator until it is interrupted.
-main = partial(run, Simulator)

@@ -13,11 +13,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
-import time
 
 from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.msg import StateEstimate as StateEstimateMessage
-from isotruss_ros.core import ConvexObject, Disc, load_robot
 from isotruss_ros.core.control.inputs import fresh_pressures, Input, InputError
 from isotruss_ros.core.control.state_estimate import EstimatorSettings, StateEstimate
 from isotruss_ros.core.control.state_estimator import StateEstimator
@@ -33,62 +31,43 @@ from isotruss_ros.nodes.conversions.messages import (
     read_object_pose,
     read_stamp,
 )
-from isotruss_ros.nodes.framework.cycle import CycleTimes
+from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
-from isotruss_ros.nodes.framework.parameters import Spec
-from isotruss_ros.nodes.framework.runner import run
+from isotruss_ros.nodes.framework.parameters import FixedSpec, Spec, Value
 from isotruss_ros.nodes.framework.topics import RELIABLE, subscribe_newest
 from sensor_msgs.msg import JointState, MultiDOFJointState
 
 #: What is known of a robot that was not homed.
 KNOWN = EstimatorSettings()
-RATE = replace(common.RATE, default=50.0, bounds=(1.0, 1000.0))
-POSE_DEVIATION = Spec(
-    'pose_deviation', 1e-3, 'Standard deviation of x and y of object_pose [m]', (1e-6, 1.0)
-)
-ANGLE_DEVIATION = Spec(
-    'angle_deviation', 0.009, 'Standard deviation of its angle [rad]', (1e-6, 1.0)
-)
-MARKER_DEVIATION = Spec(
-    'marker_deviation', 1e-3, 'Standard deviation of x and y of joint_markers [m]', (1e-6, 1.0)
-)
-ZERO_DEVIATION = Spec(
-    'zero_deviation',
-    KNOWN.zeros,
-    "Standard deviation of the rollers' zeros; 0.001 after calibrate_home [m]",
-    bounds=(1e-6, 1.0),
-    read_only=True,
-)
-SLIP = Spec(
-    'slip',
-    KNOWN.slip,
-    'Share of its travel that a roller is expected to slip',
-    (0.0, 1.0),
-    read_only=True,
-)
-STIFFNESS_DEVIATION = Spec(
-    'stiffness_deviation',
-    KNOWN.stiffness,
-    'Standard deviation of the stiffness of the tubes, as a share of it',
-    bounds=(0.0, 1.0),
-    read_only=True,
-)
 SPECS = (
-    common.ROBOT,
     common.OBJECT_DIAMETER,
     common.OBJECT,
     common.GRIP_MODULE,
     common.GRIP,
-    RATE,
+    replace(common.RATE, default=50.0, bounds=(1.0, 1000.0)),
     common.COMMAND_TIMEOUT,
     common.PRESSURE_TIMEOUT,
-    POSE_DEVIATION,
-    ANGLE_DEVIATION,
-    MARKER_DEVIATION,
-    ZERO_DEVIATION,
-    SLIP,
-    STIFFNESS_DEVIATION,
+    Spec('pose_deviation', 1e-3, 'Standard deviation of x and y of object_pose [m]', (1e-6, 1.0)),
+    Spec('angle_deviation', 0.009, 'Standard deviation of its angle [rad]', (1e-6, 1.0)),
+    Spec(
+        'marker_deviation', 1e-3, 'Standard deviation of x and y of joint_markers [m]', (1e-6, 1.0)
+    ),
+    FixedSpec(
+        'zero_deviation',
+        KNOWN.zeros,
+        "Standard deviation of the rollers' zeros; 0.001 after calibrate_home [m]",
+        (1e-6, 1.0),
+    ),
+    FixedSpec(
+        'slip', KNOWN.slip, 'Share of its travel that a roller is expected to slip', (0.0, 1.0)
+    ),
+    FixedSpec(
+        'stiffness_deviation',
+        KNOWN.stiffness,
+        'Standard deviation of the stiffness of the tubes, as a share of it',
+        (0.0, 1.0),
+    ),
 )
 
 
@@ -103,15 +82,11 @@ class StateEstimatorNode(ManagedNode):
     pressures: Input = None
 
     def configure(self) -> None:
-        """Load the robot, create publisher and subscriptions."""
-        self._robot = load_robot(self.values.robot)
-        self.values.on_change(self._apply, partial(common.check_grip, self._robot))
-        self._cycle_times = CycleTimes()
-        self._reader = RollerStateReader(self._robot.roller_names)
-        self._frame = RobotFrame.heard_by(self, self._robot.frame)
-        self.timeout = self.values.command_timeout
-        self._inputs = Inputs(self, self._robot, self)
-        self._inputs.keep_tube_pressures()
+        """Create publisher and subscriptions."""
+        self._reader = RollerStateReader(self.robot.roller_names)
+        self._frame = RobotFrame.heard_by(self, self.robot.frame)
+        self.inputs = Inputs(self, self.robot, self)
+        self.inputs.keep_tube_pressures()
         self._begin()
         self._estimates = self.create_lifecycle_publisher(
             StateEstimateMessage, 'state_estimate', RELIABLE
@@ -122,18 +97,21 @@ class StateEstimatorNode(ManagedNode):
             (MultiDOFJointState, 'joint_markers', self._take_markers),
         ):
             subscribe_newest(self, kind, topic, partial(self._receive, topic, take))
-        self.diagnostics.hardware_id = self._robot.name
+
+    def _check(self, new: dict[str, Value]) -> None:
+        """Check the grip."""
+        common.check_grip(self.robot, new)
 
     def activate(self) -> None:
         """Start the cycle."""
-        self.begin_cycle(self._step, self._begin)
+        self.cycle = Cycle(self, self._step, self._begin)
 
     def cleanup(self) -> None:
         """Release the robot."""
         self._estimator = self._last = None
 
     def details(self) -> dict[str, object]:
-        """Return what is trusted, and how long updates take."""
+        """Return what is trusted."""
         estimate = self._last
         if estimate is None:
             return {}
@@ -145,42 +123,35 @@ class StateEstimatorNode(ManagedNode):
         if estimate.pose is not None:
             spread = estimate.squeeze_deviation
             details['squeeze [N]'] = f'{estimate.squeeze:.1f}, deviation {spread:.1f}'
-        return details | self._cycle_times.summary(1.0 / self.values.rate)
+        return details
 
     def _begin(self) -> None:
         """Begin with zeros that are not known: also after a jump of the clock."""
         values = self.values
-        self._inputs.clear()
+        self.inputs.clear()
         settings = EstimatorSettings(
             zeros=values.zero_deviation,
             slip=values.slip,
             stiffness=values.stiffness_deviation,
         )
-        self._estimator, self._last = StateEstimator(self._robot, settings), None
-        self._apply_grip()
+        self._estimator, self._last = StateEstimator(self.robot, settings), None
+        self._apply()
 
     def _apply(self) -> None:
-        """Apply changed parameters from now on."""
-        self._apply_grip()
-        self.timeout = self.values.command_timeout
-
-    def _apply_grip(self) -> None:
-        """Expect the object between the members of the parameters."""
+        """Expect the object between the members of the parameters from now on."""
         values = self.values
-        members = common.select_grip(self._robot, values.grip, values.grip_module)
-        body = common.read_described(values) or ConvexObject(Disc(values.object_diameter))
-        grip = Grip(members, body)
+        self.timeout = values.command_timeout
+        members = common.select_grip(self.robot, values.grip, values.grip_module)
+        grip = Grip(members, common.read_body(values))
         if grip != self._estimator.grip:
             self._estimator.grip = grip
 
     def _receive(self, topic: str, take: object, message: object) -> None:
         """Take a message in; one that is not usable is named and left."""
-        began = time.perf_counter()
         try:
             take(message)
         except IsotrussError as error:
             self.warn(topic, f'{topic}: {error}')
-        self._cycle_times.add(time.perf_counter() - began)
 
     def _take_encoders(self, message: JointState) -> None:
         state = self._reader.read(message)
@@ -188,12 +159,12 @@ class StateEstimatorNode(ManagedNode):
 
     def _take_pose(self, message: PoseStamped) -> None:
         expressed, values = self._frame.express_pose(message), self.values
-        pose = read_object_pose(expressed, self._robot.frame)
+        pose = read_object_pose(expressed, self.robot.frame)
         deviations = values.pose_deviation, values.pose_deviation, values.angle_deviation
         self._estimator.take_pose(read_stamp(message.header), pose, deviations)
 
     def _take_markers(self, message: MultiDOFJointState) -> None:
-        joints = read_joint_markers(self._frame.express_markers(message), self._robot)
+        joints = read_joint_markers(self._frame.express_markers(message), self.robot)
         deviation = self.values.marker_deviation
         self._estimator.take_markers(read_stamp(message.header), joints, deviation)
 
@@ -223,7 +194,7 @@ class StateEstimatorNode(ManagedNode):
             )
             return
         self._last = estimate
-        self._estimates.publish(to_estimate_message(estimate, self._robot))
+        self._estimates.publish(to_estimate_message(estimate, self.robot))
         doubts = '; '.join(filter(None, (stale, _describe_doubts(estimate))))
         if doubts:
             self.warn('doubts', doubts)
@@ -238,7 +209,3 @@ def _describe_doubts(estimate: StateEstimate) -> str:
     if estimate.slipping:
         doubts.append(f'rollers that seem to slip: {", ".join(estimate.slipping)}')
     return '; '.join(doubts)
-
-
-#: Run the estimator until it is interrupted.
-main = partial(run, StateEstimatorNode)

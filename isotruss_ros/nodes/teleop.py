@@ -11,21 +11,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-import contextlib
+from collections.abc import Sequence
 import os
-import select
 import sys
 import termios
 import threading
 import time
 import tty
+from typing import Any
 
+from isotruss_ros.core import IsotrussError
 from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.commands import create_twist_publisher
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.parameters import FixedSpec, Spec
-from isotruss_ros.nodes.framework.runner import run, StoppableNode
+from isotruss_ros.nodes.framework.runner import StoppableNode
 
 HELP = """
 Move the grasped object (hold a key; let go to stop):
@@ -64,11 +64,17 @@ SPECS = (
 )
 
 
+class TerminalError(IsotrussError, OSError):
+    """There is no keyboard to read."""
+
+
 class Teleop(StoppableNode):
     """Publish the twist of the last key at `rate`, and zero once the key is released."""
 
     node_name = 'teleop'
     specs = SPECS
+    #: How the terminal was before its keys were read.
+    _before: list[Any] | None = None
 
     def start(self) -> None:
         """Begin to publish."""
@@ -91,9 +97,30 @@ class Teleop(StoppableNode):
             self._direction = KEYS.get(key, KEYS[' '])
             self._pressed = time.monotonic()
 
+    def begin(self) -> None:
+        """
+        Read every key at once and without echo.
+
+        :raises TerminalError: standard input is no terminal.
+        """
+        if not sys.stdin.isatty():
+            raise TerminalError('standard input is not a terminal; run it in one')
+        self._before = termios.tcgetattr(sys.stdin)
+        tty.setcbreak(sys.stdin)
+        print(HELP)
+        threading.Thread(target=self._read_keys, daemon=True).start()
+
     def stop(self) -> None:
-        """Publish a zero twist before the node ends."""
+        """Publish a zero twist before the node ends, and restore the terminal."""
         self._publish_twist(KEYS[' '])
+        if self._before is not None:
+            termios.tcsetattr(sys.stdin, termios.TCSADRAIN, self._before)
+
+    def _read_keys(self) -> None:
+        # Not sys.stdin.read, which would wait for more than there is.
+        while keys := os.read(sys.stdin.fileno(), 64):
+            for key in keys.decode(errors='replace'):
+                self.press(key)
 
     def _cycle(self) -> None:
         held = time.monotonic() - self._pressed
@@ -102,46 +129,3 @@ class Teleop(StoppableNode):
     def _publish_twist(self, direction: Sequence[float]) -> None:
         speed, turn = self._gain * self.values.speed, self._gain * self.values.turn
         self._twists([speed * direction[0], speed * direction[1], turn * direction[2]])
-
-
-@contextlib.contextmanager
-def _unbuffered_keys() -> Iterator[None]:
-    """Read every key at once and without echo; restore the terminal afterwards."""
-    before = termios.tcgetattr(sys.stdin)
-    tty.setcbreak(sys.stdin)
-    try:
-        yield
-    finally:
-        termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)
-
-
-def _read_keys(node: Teleop, done: threading.Event) -> None:
-    while not done.is_set():
-        if select.select([sys.stdin], [], [], 0.1)[0]:
-            # Not sys.stdin.read: select does not report what that buffers.
-            for key in os.read(sys.stdin.fileno(), 64).decode(errors='replace'):
-                node.press(key)
-
-
-def main(args: Sequence[str] | None = None) -> int:
-    """
-    Publish twists from the keyboard until it is interrupted.
-
-    :param args: of the command line; those of the process if None.
-    """
-    if not sys.stdin.isatty():
-        print('teleop: standard input is not a terminal; run it in one', file=sys.stderr)
-        return 1
-    done = threading.Event()
-
-    def make_node() -> Teleop:
-        node = Teleop()
-        print(HELP)
-        threading.Thread(target=_read_keys, args=(node, done), daemon=True).start()
-        return node
-
-    with _unbuffered_keys():
-        try:
-            return run(make_node, args)
-        finally:
-            done.set()

@@ -37,8 +37,8 @@ from isotruss_ros.nodes.conversions.messages import (
     to_twist_message,
 )
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
-from isotruss_ros.nodes.framework.parameters import FixedSpec, Spec
-from isotruss_ros.nodes.framework.runner import run, StoppableNode
+from isotruss_ros.nodes.framework.parameters import FixedSpec, ROBOT, Spec
+from isotruss_ros.nodes.framework.runner import StoppableNode
 from isotruss_ros.nodes.framework.topics import LATCHED, RELIABLE, subscribe_newest
 from isotruss_ros.viewer.control import ZERO
 from isotruss_ros.viewer.drag import LEVER, PATIENCE, place_on_circle
@@ -67,7 +67,7 @@ if TYPE_CHECKING:
     from isotruss_ros.viewer.view import View
 
 SPECS = (
-    common.ROBOT,
+    ROBOT,
     *common.OBJECT_SPECS,
     FixedSpec('host', LOCAL, 'Address that is served: only this machine, unless another'),
     FixedSpec('port', 8080, 'Port of the server', (1, 65535)),
@@ -112,7 +112,7 @@ class Viewer(StoppableNode):
         self._simulator = SimulatorRestart(self, self._report_goal)
         self._squeeze = 0.0
 
-    def serve(self) -> None:
+    def begin(self) -> None:
         """
         Start the server and print its address.
 
@@ -285,13 +285,3 @@ class Viewer(StoppableNode):
                     self.get_logger().warning(f'{node}: {result.reason}')
 
         client.call_async(request_parameters(values)).add_done_callback(report)
-
-
-def _make_node() -> Viewer:
-    node = Viewer()
-    node.serve()
-    return node
-
-
-#: Serve the view until it is interrupted.
-main = partial(run, _make_node)

@@ -10,7 +10,6 @@
 """A box between two sides of the nine-member robot that meet at no module, for tests."""
 
 from isotruss_ros.core import load_robot, place_between, read_object
-import numpy as np
 
 ROBOT = load_robot('nine_member')
 SIDES = ('south/P-Q', 'north/R-P')
@@ -25,10 +24,3 @@ BOX = (
 def box_between(config=ROBOT.home, angle=ANGLE, depth=DEPTH):
     """Return a grip of the box between the two sides."""
     return place_between(config, SIDES, read_object(BOX).shape, angle, depth)
-
-
-def pose_of(message):
-    """Return the planar pose in a message (x, y, angle) [m, rad]."""
-    pose = message.pose
-    angle = 2.0 * np.arctan2(pose.orientation.z, pose.orientation.w)
-    return np.array((pose.position.x, pose.position.y, angle))

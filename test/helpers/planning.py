@@ -16,7 +16,7 @@ from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.action import PlanGrasp
 from isotruss_ros.nodes.grasp_planner import GraspPlanner
 import numpy as np
-from probe import overrides
+from probe import maker
 import psutil
 from rclpy.action import ActionClient
 
@@ -25,9 +25,8 @@ CENTER, DIAMETER = (0.716, 0.43), 0.3
 NO_MARGIN = 1e3
 
 
-def node(**values):
-    """Return what makes a planner that a busy machine does not confuse."""
-    return lambda: GraspPlanner(overrides(command_timeout=5.0, **values))
+#: A busy machine does not confuse it.
+node = maker(GraspPlanner, command_timeout=5.0)
 
 
 def goal(center=CENTER, frame='truss', **fields):

@@ -22,7 +22,12 @@ from geometry_msgs.msg import PoseStamped, Twist, TwistStamped, WrenchStamped
 from isotruss_msgs.msg import GraspState, ManipulationStatus
 from isotruss_ros.core import load_robot, Pose, tangent_center
 from isotruss_ros.nodes.conversions.grasp_messages import to_wrench_message
-from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message, to_twist_message
+from isotruss_ros.nodes.conversions.messages import (
+    make_header,
+    read_angle,
+    to_pose_message,
+    to_twist_message,
+)
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.manipulation import Manipulation
 from lifecycle_msgs.msg import Transition
@@ -59,9 +64,19 @@ def overrides(**values: object) -> list[Parameter]:
     return [Parameter(name, value=value) for name, value in values.items()]
 
 
-def manipulation(**values: object) -> Callable[[], Manipulation]:
-    """Return what makes a manipulation node; to made-up joint states no roller has failed."""
-    return lambda: Manipulation(overrides(**({'failure_time': 0.0} | values)))
+def maker(kind: type[Node], **defaults: object) -> Callable[..., Callable[[], Node]]:
+    """Return a function of parameters, of which some have defaults, for what makes a node."""
+    return lambda **values: lambda: kind(overrides(**(defaults | values)))
+
+
+#: To made-up joint states no roller has failed.
+manipulation = maker(Manipulation, failure_time=0.0)
+
+
+def planar(message: PoseStamped) -> np.ndarray:
+    """Return the pose of an object (x, y, angle) [m, rad]."""
+    pose = message.pose
+    return np.array([pose.position.x, pose.position.y, read_angle(pose)])
 
 
 class Probe(Node):
@@ -80,6 +95,7 @@ class Probe(Node):
             Float64MultiArray, 'roller_velocity_controller/commands', 1
         )
         self.wrenches = self.create_publisher(WrenchStamped, 'external_wrench', 1)
+        self.gauges = self.create_publisher(JointState, 'tube_pressures', 1)
         self.stops = self.create_publisher(Bool, 'emergency_stop', LATCHED)
         self.clock = self.create_publisher(Clock, '/clock', 1)
         self.seen: dict[str, list] = {}
@@ -135,6 +151,12 @@ class Probe(Node):
         message.header = make_header(self.past(age), frame)
         self.object_poses.publish(message)
 
+    def send_pressures(self, pressures: Sequence[float]) -> None:
+        """Publish the pressures of the tubes."""
+        message = JointState(name=list(ROBOT.description.pressures), effort=list(pressures))
+        message.header = make_header(self.past(0.0))
+        self.gauges.publish(message)
+
     def send_wrench(
         self, wrench: tuple[float, float, float], age: float = 0.0, frame: str = 'truss_object'
     ) -> None:
@@ -142,6 +164,10 @@ class Probe(Node):
         message = WrenchStamped(wrench=to_wrench_message(wrench))
         message.header = make_header(self.past(age), frame)
         self.wrenches.publish(message)
+
+    def send_command(self, velocities: Sequence[float]) -> None:
+        """Publish velocities of the rollers."""
+        self.commands.publish(Float64MultiArray(data=list(map(float, velocities))))
 
     def send_all(self) -> None:
         """Publish good inputs of the manipulation node."""
@@ -155,9 +181,11 @@ class Watched:
     What a probe hears of nodes, as they and time go on.
 
     :ivar probe: the probe.
+    :ivar nodes: the probe, and the nodes.
     """
 
     probe: Probe
+    nodes: list[Node]
 
     def until(
         self,
@@ -192,6 +220,21 @@ class Watched:
         """Return the last roller command."""
         message = self.probe.last('command')
         return np.full(N, math.nan) if message is None else np.array(message.data)
+
+    def change(self, **values: object) -> None:
+        """Set parameters of the first node, which takes them."""
+        results = self.nodes[1].set_parameters(overrides(**values))
+        assert all(result.successful for result in results), results
+
+    def place(self) -> np.ndarray | None:
+        """Return the last pose of the object (x, y, angle) [m, rad]; None before."""
+        message = self.probe.last('pose')
+        return None if message is None else planar(message)
+
+    def travel(self) -> np.ndarray:
+        """Return the last measured travel of the rollers, zero before [m]."""
+        message = self.probe.last('joints')
+        return np.zeros(N) if message is None else np.array(message.position)
 
     def report(self, name: str) -> DiagnosticStatus:
         """Return the last diagnostics of a node, stale before the first."""
@@ -233,7 +276,7 @@ class World(Watched):
         self.until(client.service_is_ready)
         return self.ask(lambda: client.call_async(request))
 
-    def ask(self, send: Callable[[], Future], period: float = 5.0) -> object:
+    def ask(self, send: Callable[[], Future], period: float = 1.0) -> object:
         """
         Return the first answer to what is sent again and again while there is none.
 

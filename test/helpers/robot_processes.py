@@ -81,10 +81,6 @@ class Robot:
             )
             assert early or 'Traceback' not in printed, printed
 
-    def travel(self) -> np.ndarray:
-        """Return the last measured travel of the rollers."""
-        return np.array(self.w.probe.last('joints').position)
-
     def moving(self) -> bool:
         """Return whether the last joint states tell of a motion."""
         joints = self.w.probe.last('joints')
@@ -125,10 +121,10 @@ class Robot:
             return [m for _, m in joints[begun:] if read_stamp(m.header) > now]
 
         until(lambda: len(later()) > 20 and not any(any(m.velocity) for m in later()[-20:]))
-        at, counted = self.travel(), len(joints)
+        at, counted = self.w.travel(), len(joints)
         until(lambda: len(joints) > counted + 30)
         assert not any(any(m.velocity) for _, m in joints[counted:])
-        assert np.array_equal(self.travel(), at)
+        assert np.array_equal(self.w.travel(), at)
 
 
 @contextlib.contextmanager

@@ -51,6 +51,15 @@ def examples(count):
     )
 
 
+def quick_robot():
+    """Return the file of a nine-member robot with rollers twice as quick: motions end sooner."""
+    file = Path(_folder.name) / 'quick.yaml'
+    slow = find_robot_file('nine_member').read_text(encoding='utf-8')
+    assert 'max_speed: 0.10' in slow
+    file.write_text(slow.replace('max_speed: 0.10', 'max_speed: 0.20'), encoding='utf-8')
+    return str(file)
+
+
 def example():
     """Return the document of a small robot, for tests that break it."""
     return {

@@ -186,6 +186,7 @@ def test_manipulation_halts_on_every_invalid_input_and_resumes(topic):
 
             status = w.until_code(code_of(Status, fault, topic), send)
             assert words in status.message
+            assert len(status.message) < 1000
             assert not w.command().any()
             check(pairs)
             pairs.clear()

@@ -21,22 +21,15 @@ from isotruss_ros.nodes.preflight import Preflight
 from isotruss_ros.nodes.simulator import Simulator
 from manual_world import world
 from mujoco_worlds import needs_mujoco
-from probe import overrides, ROBOT
+from probe import maker, overrides, ROBOT
 import pytest
-from std_msgs.msg import Bool, Float64MultiArray
+from std_msgs.msg import Bool
 
 MARKERS = {'marker_rate': 20.0, 'marker_noise': 0.001}
 
 
-def plant(**values):
-    """Return what makes a robot with an object beside it."""
-    away = {'object_is_free': True, 'object_y': 5.0}
-    return lambda: Simulator(overrides(**(away | MARKERS | values)))
-
-
-def checking(**values):
-    """Return what makes the node that turns rollers."""
-    return lambda: CheckRollers(overrides(settle_time=0.5, speed=0.04, **values))
+plant = maker(Simulator, object_is_free=True, object_y=5.0, **MARKERS)
+checking = maker(CheckRollers, settle_time=0.5, speed=0.04)
 
 
 @pytest.mark.parametrize(
@@ -79,7 +72,7 @@ def test_a_roller_of_the_wrong_sign_is_named():
 def test_rollers_that_another_node_commands_are_left_alone():
     with world(plant(), checking()) as w:
         w.spin(3.0)
-        w.probe.commands.publish(Float64MultiArray(data=[0.01] * 6))
+        w.probe.send_command([0.01] * 6)
         with pytest.raises(MeasurementError, match='another node publishes on'):
             w.spin(1.0)
 
@@ -184,8 +177,7 @@ def test_a_member_beyond_its_limits_is_named(tmp_path, capsys):
     flight = {'robot': str(path), 'object_mass': 0.5}
     with world(plant(), lambda: Preflight(overrides(**flight))) as w:
         w.probe.stops.publish(Bool(data=False))
-        moving = Float64MultiArray(data=[0.05, *5 * [0.0]])
-        w.spin(0.5, lambda: w.probe.commands.publish(moving))
+        w.spin(0.5, lambda: w.probe.send_command([0.05, *5 * [0.0]]))
         with pytest.raises(MeasurementError, match='1 faults: limits'):
             w.until(lambda: w.nodes[2].done)
     assert re.search(

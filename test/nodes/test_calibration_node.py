@@ -19,23 +19,18 @@ from isotruss_ros.nodes.simulator import Simulator
 from manual_world import world
 from mujoco_worlds import needs_mujoco
 import numpy as np
-from probe import overrides, ROBOT
+from probe import maker, overrides, ROBOT
 import pytest
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import MultiDOFJointState
-from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
 NAMES = ROBOT.topology.joint_names
 MARKERS = {'marker_rate': 20.0, 'marker_noise': 0.001, 'marker_dropouts': 0.3, 'seed': 4}
 
 
-def plant(**values):
-    """Return what makes a robot whose encoders read zero 15 mm from its home."""
-    settings = (
-        {'object_is_free': True, 'object_y': 5.0, 'zero_deviation': 0.015} | MARKERS | values
-    )
-    return lambda: Simulator(overrides(**settings))
+#: The encoders read zero 15 mm from the home.
+plant = maker(Simulator, object_is_free=True, object_y=5.0, zero_deviation=0.015, **MARKERS)
 
 
 def calibrating(tmp_path):
@@ -48,7 +43,7 @@ def test_the_robot_that_is_written_is_where_the_simulated_one_is(tmp_path, kind)
     with world(plant(plant=kind), calibrating(tmp_path)) as w:
         w.spin(1.5)
         answer = w.call('calibrate_home', Trigger.Request())
-        truth = w.nodes[1]._robot.home
+        truth = w.nodes[1].robot.home
     assert answer.success, answer.message
     assert 'zeros [mm]: south/P' in answer.message
     found = load_robot(tmp_path / 'mine.yaml').home
@@ -95,7 +90,7 @@ def test_without_markers_it_says_so(tmp_path):
 def test_rollers_that_turn_are_refused(tmp_path):
     with world(plant(), calibrating(tmp_path)) as w:
         w.spin(1.0)
-        w.spin(1.0, lambda: w.probe.commands.publish(Float64MultiArray(data=[0.01] * 6)))
+        w.spin(1.0, lambda: w.probe.send_command([0.01] * 6))
         answer = w.call('calibrate_home', Trigger.Request())
     assert answer.message.startswith('the rollers turn')
 

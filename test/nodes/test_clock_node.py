@@ -26,7 +26,7 @@ import pytest
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray, Header
+from std_msgs.msg import Header
 
 SIM = {'use_sim_time': True}
 START = 1000.0
@@ -151,13 +151,13 @@ def test_halts_when_the_clock_jumps_until_inputs_are_new(by):
 def test_the_simulated_robot_stops_when_the_clock_jumps_back(by):
     with simulated(Simulator, command_timeout=10.0) as w:
         time = SimulatedTime(w)
-        command = Float64MultiArray(data=[0.0, 0.02, *[0.0] * (N - 2)])
+        command = [0.0, 0.02, *[0.0] * (N - 2)]
 
         def moving():
             last = w.probe.last('joints')
             return last is not None and last.velocity[1] > 0.0
 
-        w.until(moving, time.run(lambda: w.probe.commands.publish(command)))
+        w.until(moving, time.run(lambda: w.probe.send_command(command)))
         begin = time.now + by
         time.jump(begin)
         w.probe.seen['joints'].clear()
@@ -170,7 +170,7 @@ def test_the_simulated_robot_stops_when_the_clock_jumps_back(by):
         assert travel > 0.0
         w.until(
             lambda: w.probe.last('joints').position[1] > travel,
-            time.run(lambda: w.probe.commands.publish(command)),
+            time.run(lambda: w.probe.send_command(command)),
         )
 
 
@@ -253,13 +253,13 @@ def test_stamps_of_the_system_clock_that_jumps_back_are_not_relied_on(by):
 @pytest.mark.parametrize('by', [-3600.0, 3600.0])
 def test_the_simulated_robot_stops_when_the_system_clock_is_set(by):
     with world(lambda: made(Simulator, command_timeout=0.5)) as w:
-        command = Float64MultiArray(data=[0.0, 0.02, *[0.0] * (N - 2)])
+        command = [0.0, 0.02, *[0.0] * (N - 2)]
 
         def moving():
             last = w.probe.last('joints')
             return last is not None and last.velocity[1] > 0.0
 
-        w.until(moving, lambda: w.probe.commands.publish(command))
+        w.until(moving, lambda: w.probe.send_command(command))
         travel = w.probe.last('joints').position[1]
         w.shift = by
         w.probe.seen['joints'].clear()
@@ -268,7 +268,7 @@ def test_the_simulated_robot_stops_when_the_system_clock_is_set(by):
         stamp = read_stamp(w.probe.last('joints').header)
         assert stamp == pytest.approx(EPOCH + w.now + by, abs=0.02)
         # Commands move it again, and end again.
-        w.until(moving, lambda: w.probe.commands.publish(command))
+        w.until(moving, lambda: w.probe.send_command(command))
         w.until(lambda: not moving())
 
 

@@ -9,6 +9,8 @@
 
 """A control cycle by simulated time."""
 
+from types import SimpleNamespace
+
 from isotruss_ros.nodes.framework.cycle import Cycle
 from probe import begin_context
 import rclpy
@@ -21,7 +23,8 @@ def test_a_cycle_begins_with_the_time_that_waits_behind_other_messages():
     node = rclpy.create_node('cycle', parameter_overrides=[Parameter('use_sim_time', value=True)])
     other, arrived, seen = rclpy.create_node('witness'), [], []
     other.create_subscription(Clock, '/clock', arrived.append, 10)
-    cycle = Cycle(node, 100.0, seen.append, lambda: None)
+    node.values = SimpleNamespace(rate=100.0, command_timeout=1.0)
+    cycle = Cycle(node, seen.append, lambda: None)
     message = Clock()
     message.clock.sec = 7
     publisher = other.create_publisher(Clock, '/clock', 10)

@@ -17,8 +17,6 @@ from matches import follow
 import numpy as np
 from probe import manipulation as node
 import pytest
-from rclpy.parameter import Parameter
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
@@ -94,30 +92,6 @@ def test_nothing_to_release_is_no_error():
         assert 'nothing was stopped' in answer.message
 
 
-def burst(publisher, count):
-    """Say true once, and then that often false, without a pause."""
-    publisher.publish(Bool(data=True))
-    for _ in range(count):
-        publisher.publish(Bool(data=False))
-
-
-LONG = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-PLAIN = QoSProfile(depth=1000)
-
-
-@pytest.mark.parametrize('profile', [LONG, PLAIN], ids=['latched', 'volatile'])
-@pytest.mark.parametrize('count', [1, 500])
-def test_a_stop_counts_however_many_messages_follow(count, profile):
-    """All of it is received before the next cycle."""
-    with world(node()) as w:
-        publisher = w.probe.create_publisher(Bool, 'emergency_stop', profile)
-        w.until_code(Status.OK, w.probe.send_all)
-        burst(publisher, count)
-        status = w.until_code(Status.HALT_EMERGENCY_STOP, w.probe.send_all)
-        assert 'stopped by the topic' in status.message
-        assert_stays_stopped(w, 5)
-
-
 def test_a_late_joiner_receives_a_latched_stop():
     with world() as w:
         press(w)
@@ -174,7 +148,7 @@ def test_moves_nothing_before_the_first_message_where_that_is_required():
         w.until_code(Status.OK, w.probe.send_all)
     with world(node()) as w:
         w.until_code(Status.OK, w.probe.send_all)
-        w.nodes[1].set_parameters([Parameter('require_emergency_stop', value=True)])
+        w.change(require_emergency_stop=True)
         w.until_code(Status.HALT_EMERGENCY_STOP, w.probe.send_all)
 
 

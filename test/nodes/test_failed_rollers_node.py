@@ -24,7 +24,7 @@ from lifecycle_msgs.msg import Transition
 from manual_world import check_refused, DOWN, Manager, UP, world
 from matches import follow
 import numpy as np
-from probe import CENTER, DIAMETER, LATCHED, MODULE, overrides, ROBOT
+from probe import CENTER, DIAMETER, LATCHED, maker, MODULE, overrides, ROBOT
 import pytest
 from rclpy.parameter import Parameter
 from std_msgs.msg import String
@@ -33,9 +33,7 @@ from std_srvs.srv import Trigger
 FIRST, SECOND = ROBOT.roller_names[:2]
 
 
-def node(**values):
-    """Return a manipulation node with parameters."""
-    return lambda: Manipulation(overrides(**values))
+node = maker(Manipulation)
 
 
 def until_failed(w, *names, send=None):
@@ -79,11 +77,10 @@ def test_a_roller_that_failed_by_parameter_is_held_and_the_rest_goes_on():
         assert w.probe.last('status').reachable_dof == len(expected)
         assert_held(w, FIRST)
         assert status.code < Status.HALT_NO_TWIST or not status.reachable_dof
-        change = [Parameter('failed_rollers', value=[FIRST, SECOND])]
-        assert w.nodes[1].set_parameters(change)[0].successful
+        w.change(failed_rollers=[FIRST, SECOND])
         until_failed(w, FIRST, SECOND)
         assert_held(w, FIRST, SECOND)
-        assert w.nodes[1].set_parameters([Parameter('failed_rollers', value=[''])])[0].successful
+        w.change(failed_rollers=[''])
         until_failed(w)
         w.until_code(Status.OK, w.probe.send_all)
 
@@ -212,10 +209,9 @@ def test_detected_rollers_persist_while_detection_is_off():
     with world(node(failure_time=0.3)) as w:
         names = until_found(w)
         for time in (0.0, 0.3, 5.0):
-            change = [Parameter('failure_time', value=time)]
-            assert w.nodes[1].set_parameters(change)[0].successful
+            w.change(failure_time=time)
             assert found(w) >= names
-        w.nodes[1].set_parameters([Parameter('failure_time', value=0.0)])
+        w.change(failure_time=0.0)
         assert reset(w).success
         assert found(w) == set()
 
@@ -224,9 +220,9 @@ def test_observations_while_detection_was_off_do_not_count():
     """Drives that were off for a while, on purpose."""
     with world(node(failure_time=0.0)) as w:
         w.until(lambda: len(w.probe.seen['status']) > 400, w.probe.send_all)
-        w.nodes[1].set_parameters([Parameter('failure_time', value=60.0)])
+        w.change(failure_time=60.0)
         assert found(w) == set()
-        w.nodes[1].set_parameters([Parameter('failure_time', value=0.1)])
+        w.change(failure_time=0.1)
         begin = len(w.probe.seen['status'])
         until_found(w)
         assert len(w.probe.seen['status']) > begin + 5
@@ -242,9 +238,9 @@ def test_detected_rollers_persist_when_configured_again(how):
             w.nodes[1].fail(RuntimeError('a mistake of ours'))
         assert manager.state() == 'unconfigured'
         # A robot that there is not changes nothing.
-        w.nodes[1].set_parameters(overrides(robot='/nowhere.yaml'))
+        w.change(robot='/nowhere.yaml')
         assert not manager.ask(Transition.TRANSITION_CONFIGURE)
-        w.nodes[1].set_parameters(overrides(robot='nine_member'))
+        w.change(robot='nine_member')
         assert all(manager.ask(transition) for transition in UP)
         assert found(w) >= names
 
@@ -265,7 +261,7 @@ def test_detected_rollers_are_dropped_by_a_robot_without_them():
         manager = Manager(w, 'manipulation')
         for robot, module in (('triangle', 'main/T'), ('nine_member', MODULE)):
             assert all(manager.ask(transition) for transition in DOWN)
-            w.nodes[1].set_parameters(overrides(robot=robot, grip_module=module))
+            w.change(robot=robot, grip_module=module)
             assert all(manager.ask(transition) for transition in UP)
             assert found(w) == set()
 
@@ -303,9 +299,7 @@ def test_slows_near_singular_configurations_and_slides_on_request():
         assert 'rigidity' in status.message
         # Back to where it came from is free.
         w.until_code(Status.OK, lambda: send(-0.02))
-        assert (
-            w.nodes[1].set_parameters([Parameter('slide_along_limits', value=True)])[0].successful
-        )
+        w.change(slide_along_limits=True)
         w.until_code(Status.SLIDING, lambda: send(0.02))
-        assert w.nodes[1].set_parameters([Parameter('min_rigidity', value=0.2)])[0].successful
+        w.change(min_rigidity=0.2)
         w.until_code(Status.OK, lambda: send(0.02))

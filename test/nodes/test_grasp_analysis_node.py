@@ -27,15 +27,13 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.control.grasp_report import GraspCode
 from isotruss_ros.nodes.conversions.grasp_messages import to_wrench_message
-from isotruss_ros.nodes.conversions.messages import make_header, read_stamp, to_pose_message
+from isotruss_ros.nodes.conversions.messages import read_stamp, to_pose_message
 from isotruss_ros.nodes.conversions.object_messages import to_object_message
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from manual_world import world
 import numpy as np
-from probe import DIAMETER, MODULE, N, overrides, ROBOT
+from probe import DIAMETER, maker, MODULE, N, ROBOT
 import pytest
-from rclpy.parameter import Parameter
-from sensor_msgs.msg import JointState
 from visualization_msgs.msg import Marker, MarkerArray
 
 SQUEEZED = tangent_center(ROBOT.home, MODULE, DIAMETER, indentation=0.01)
@@ -43,9 +41,7 @@ SQUEEZED = tangent_center(ROBOT.home, MODULE, DIAMETER, indentation=0.01)
 CAUGHT = {'center': (0.0, -0.8267), 'diameter': 0.65}
 
 
-def node(**values):
-    """Return a grasp analysis node with parameters."""
-    return lambda: GraspAnalysisNode(overrides(**values))
+node = maker(GraspAnalysisNode)
 
 
 def feed(w, **pose):
@@ -300,19 +296,14 @@ def test_the_service_answers_without_changing_the_state():
 
 def test_parameters_change_at_run_time():
     with world(node()) as w:
-        analysis = w.nodes[1]
-
-        def change(name, value):
-            return analysis.set_parameters([Parameter(name, value=value)])[0]
-
         before = until_ok(w)
         force = sum(c.normal_force for c in before.contacts)
-        assert change('object_diameter', 0.31).successful
+        w.change(object_diameter=0.31)
         w.until(
             lambda: sum(c.normal_force for c in w.probe.last('state').contacts) > 1.5 * force,
             feed(w),
         )
-        assert change('friction', 0.0).successful
+        w.change(friction=0.0)
         w.until(
             lambda: (
                 w.code('state') == GraspCode.OK
@@ -320,7 +311,7 @@ def test_parameters_change_at_run_time():
             ),
             feed(w),
         )
-        assert change('rate', 20.0).successful
+        w.change(rate=20.0)
         w.probe.seen['state'].clear()
         w.until(lambda: len(w.probe.seen['state']) >= 10, feed(w))
         arrivals = [t for t, _ in w.probe.seen['state']]
@@ -463,13 +454,10 @@ def test_measured_pressures_count_and_are_not_relied_on_once_they_are_old():
     expected = analyze_grasp(ROBOT.home, body, 0.5, pressure=softer)
     with world(node(pressure_timeout=0.5)) as w:
         until_ok(w)
-        gauge = w.probe.create_publisher(JointState, 'tube_pressures', 1)
 
         def send(pressures=softer):
             feed(w)()
-            message = JointState(name=list(ROBOT.description.pressures), effort=pressures)
-            message.header = make_header(w.probe.past(0.0))
-            gauge.publish(message)
+            w.probe.send_pressures(pressures)
 
         def softened():
             state = w.probe.last('state')

@@ -20,9 +20,7 @@ from manual_world import DOWN, Manager, UP, world
 import numpy as np
 from probe import manipulation, N, overrides, ROBOT
 import pytest
-from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray
 
 OUTPUTS = {
     Manipulation: ('command', 'status'),
@@ -75,17 +73,17 @@ def test_manipulation_goes_down_with_a_zero_command():
 
 def test_manipulation_is_configured_for_another_robot():
     with world(manipulation()) as w:
-        node, manager = w.nodes[1], Manager(w, 'manipulation')
-        assert node.set_parameters([Parameter('grip_module', value='north/Z')])[0].successful
+        manager = Manager(w, 'manipulation')
+        w.change(grip_module='north/Z')
         w.until_code(Status.OK, w.probe.send_all)
         assert all(manager.ask(transition) for transition in DOWN)
-        assert node.set_parameters([Parameter('robot', value='triangle')])[0].successful
+        w.change(robot='triangle')
         # The grip module is still that of the robot before.
         assert not manager.ask(Transition.TRANSITION_CONFIGURE)
         assert manager.state() == 'unconfigured'
         w.until(lambda: w.report('manipulation').level == DiagnosticStatus.ERROR)
         assert 'no such module' in w.report('manipulation').message
-        assert node.set_parameters([Parameter('grip_module', value='main/T')])[0].successful
+        w.change(grip_module='main/T')
         assert all(manager.ask(transition) for transition in UP)
         triangle = load_robot('triangle')
         center = tangent_center(triangle.home, 'main/T', 0.3)
@@ -105,13 +103,9 @@ def test_manipulation_is_configured_for_another_robot():
 def test_the_simulated_robot_is_at_home_when_configured_again():
     with world(lambda: Simulator(overrides(command_timeout=5.0))) as w:
         manager = Manager(w, 'simulator')
-        command = Float64MultiArray(data=[0.0, 0.02, *[0.0] * (N - 2)])
+        command = [0.0, 0.02, *[0.0] * (N - 2)]
 
-        def travel():
-            joints = w.probe.last('joints')
-            return 0.0 if joints is None else joints.position[1]
-
-        w.until(lambda: travel() > 0.001, lambda: w.probe.commands.publish(command))
+        w.until(lambda: w.travel()[1] > 0.001, lambda: w.probe.send_command(command))
         assert manager.ask(Transition.TRANSITION_DEACTIVATE)
         assert manager.ask(Transition.TRANSITION_ACTIVATE)
         w.probe.seen['joints'].clear()
@@ -119,9 +113,9 @@ def test_the_simulated_robot_is_at_home_when_configured_again():
         # Where it was, and still: what was commanded before is not in force any more.
         places = {tuple(m.position) for _, m in w.probe.seen['joints']}
         assert len(places) == 1
-        assert travel() > 0.001
+        assert w.travel()[1] > 0.001
         assert all(manager.ask(transition) for transition in (*DOWN, *UP))
-        w.until(lambda: travel() == 0.0)
+        w.until(lambda: w.travel()[1] == 0.0)
 
 
 def test_manipulation_reports_its_loop_and_its_inputs():

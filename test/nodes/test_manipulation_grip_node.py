@@ -17,16 +17,14 @@ from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.simulator import Simulator
 from manual_world import world
 import numpy as np
-from probe import overrides
+from probe import maker, overrides
 import pytest
 
 TWIST = (0.01, 0.01, 0.0)
 
 
-def node(**values):
-    """Return a node whose robot holds the box between two sides."""
-    settings = {'failure_time': 0.0, 'object': BOX, 'grip': list(SIDES), 'command_timeout': 5.0}
-    return lambda: Manipulation(overrides(**settings | values))
+#: The robot holds the box between two sides.
+node = maker(Manipulation, failure_time=0.0, object=BOX, grip=list(SIDES), command_timeout=5.0)
 
 
 def send(w, twist=TWIST, moved=(0.0, 0.0, 0.0)):

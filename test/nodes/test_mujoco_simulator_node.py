@@ -20,34 +20,16 @@ from isotruss_ros.nodes.simulator import Simulator
 from manual_world import check_refused, world
 from mujoco_worlds import needs_mujoco
 import numpy as np
-from probe import CENTER, N, overrides, ROBOT
+from probe import CENTER, maker, N, ROBOT
 import pytest
-from std_msgs.msg import Float64MultiArray
 
-
-def node(**values):
-    """Return a simulator node with an object pressed into the grip."""
-    settings = {'plant': 'mujoco', 'friction': 0.8, 'indentation': 0.02, 'rate': 100.0} | values
-    return lambda: Simulator(overrides(**settings))
-
-
-def place(w):
-    """Return where the object was published last; None before."""
-    message = w.probe.last('pose')
-    return (
-        None if message is None else np.array((message.pose.position.x, message.pose.position.y))
-    )
-
-
-def travel(w):
-    """Return the last roller travel."""
-    message = w.probe.last('joints')
-    return np.zeros(N) if message is None else np.array(message.position)
+#: The object is pressed into the grip.
+node = maker(Simulator, plant='mujoco', friction=0.8, indentation=0.02, rate=100.0)
 
 
 def drive(w, velocities):
     """Return a call that sends a command."""
-    return lambda: w.probe.commands.publish(Float64MultiArray(data=[float(v) for v in velocities]))
+    return lambda: w.probe.send_command(velocities)
 
 
 @needs_mujoco
@@ -57,7 +39,7 @@ def test_friction_decides_whether_the_grip_at_home_holds():
         with world(node(friction=friction)) as w:
             w.until(lambda w=w: len(w.probe.seen['pose']) > 150)
             pressed = CENTER + np.array((0.0, 0.02))
-            assert (np.hypot(*(place(w) - pressed)) < 0.01) == held
+            assert (np.hypot(*(w.place()[:2] - pressed)) < 0.01) == held
             _, simulator = w.nodes
             assert (len(simulator._driven.grasping_members) == 2) == held
 
@@ -66,12 +48,12 @@ def test_friction_decides_whether_the_grip_at_home_holds():
 def test_a_load_moves_the_object_and_too_large_a_one_takes_it():
     with world(node()) as w:
         w.until(lambda: len(w.probe.seen['pose']) > 50)
-        start = place(w)
+        start = w.place()[:2]
         w.until(
-            lambda: place(w)[0] - start[0] > 1e-4, lambda: w.probe.send_wrench((1.0, 0.0, 0.0))
+            lambda: w.place()[0] - start[0] > 1e-4, lambda: w.probe.send_wrench((1.0, 0.0, 0.0))
         )
         w.until(
-            lambda: place(w)[1] - start[1] < -0.2, lambda: w.probe.send_wrench((0.0, -60.0, 0.0))
+            lambda: w.place()[1] - start[1] < -0.2, lambda: w.probe.send_wrench((0.0, -60.0, 0.0))
         )
         w.until(lambda: 'not held' in w.probe.last('diagnostics').status[0].message)
 
@@ -80,14 +62,14 @@ def test_a_load_moves_the_object_and_too_large_a_one_takes_it():
 def test_an_object_is_put_elsewhere_and_stays():
     with world(node()) as w:
         _, simulator = w.nodes
-        w.until(lambda: place(w) is not None)
+        w.until(lambda: w.place() is not None)
         pose = PoseStamped()
         pose.header.frame_id = 'truss'
         pose.pose.position.x, pose.pose.position.y = 4.0, 3.0
         simulator._place_object(pose)
         count = len(w.probe.seen['pose'])
         w.until(lambda: len(w.probe.seen['pose']) > count + 10)
-        assert place(w) == pytest.approx((4.0, 3.0), abs=1e-6)
+        assert w.place()[:2] == pytest.approx((4.0, 3.0), abs=1e-6)
 
 
 @needs_mujoco
@@ -95,8 +77,8 @@ def test_gravity_in_the_plane_moves_a_free_object():
     free = {'object_is_free': True, 'object_x': 4.0, 'object_y': 4.0}
     with world(node(gravity_x=1.0, gravity_y=0.0, **free)) as w:
         w.until(lambda: len(w.probe.seen['pose']) > 50)
-        assert place(w)[0] > 4.01
-        assert place(w)[1] == pytest.approx(4.0, abs=1e-9)
+        assert w.place()[0] > 4.01
+        assert w.place()[1] == pytest.approx(4.0, abs=1e-9)
 
 
 @needs_mujoco
@@ -132,7 +114,7 @@ def test_the_same_messages_lead_to_the_same_state():
     for _ in range(2):
         with world(node(roller_noise=0.005, seed=4)) as w:
             w.until(lambda w=w: len(w.probe.seen['pose']) > 40, drive(w, [0.01] * N))
-            states.append([*place(w), *w.probe.last('joints').position])
+            states.append([*w.place()[:2], *w.probe.last('joints').position])
     assert states[0] == states[1]
 
 
@@ -166,11 +148,11 @@ def test_rollers_block_before_a_shape_that_the_robot_cannot_take():
     inward = np.array([1.0] + [0.0] * (N - 1))
     with world(node(rate=20.0)) as w:
         _, simulator = w.nodes
-        w.until(lambda: travel(w)[0] > 0.1, drive(w, inward))
+        w.until(lambda: w.travel()[0] > 0.1, drive(w, inward))
         w.until(lambda: w.probe.last('joints').velocity[0] == 0.0, drive(w, inward))
         assert simulator.active
-        blocked = travel(w)[0]
-        w.until(lambda: travel(w)[0] < blocked - 0.05, drive(w, -inward))
+        blocked = w.travel()[0]
+        w.until(lambda: w.travel()[0] < blocked - 0.05, drive(w, -inward))
 
 
 def test_without_mujoco_it_is_refused_in_one_sentence(monkeypatch):

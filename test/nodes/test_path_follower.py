@@ -20,7 +20,6 @@ from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.core import Pose, Status
 from isotruss_ros.nodes.conversions.messages import (
     make_header,
-    read_angle,
     read_stamp,
     to_pose_message,
 )
@@ -31,7 +30,7 @@ from lifecycle_msgs.msg import Transition
 from manual_world import Manager, world
 from nav_msgs.msg import Path
 import numpy as np
-from probe import CENTER, overrides
+from probe import CENTER, maker, overrides
 import pytest
 
 Result = FollowObjectPath.Result
@@ -46,9 +45,7 @@ PATIENT = {'command_timeout': 5.0, 'rate': 50.0}
 ROBOT_SETTINGS = {'command_timeout': 0.5, 'rate': 50.0}
 
 
-def node(**values):
-    """Return a path follower with parameters."""
-    return lambda: PathFollower(overrides(**(PATIENT | {'progress_timeout': 15.0} | values)))
+node = maker(PathFollower, **PATIENT, progress_timeout=15.0)
 
 
 def real(slip=0.0, stamped=False, **values):
@@ -111,12 +108,6 @@ def planar(twist):
     return twist.linear.x, twist.linear.y, twist.angular.z
 
 
-def object_at(w):
-    """Return where the object is."""
-    pose = w.probe.last('pose').pose
-    return np.array([pose.position.x, pose.position.y, read_angle(pose)])
-
-
 def test_carries_the_object_to_the_end_of_the_path():
     steps = (0.0, 0.04, 0.0), (0.02, 0.0, 0.3)
     with world(*real(slip=0.05)) as w:
@@ -127,8 +118,8 @@ def test_carries_the_object_to_the_end_of_the_path():
         assert (status, result.code) == (GoalStatus.STATUS_SUCCEEDED, Result.REACHED)
         assert 'off the end of the path' in result.message
         wanted = np.sum([HOME, *steps], axis=0)
-        assert np.hypot(*(object_at(w) - wanted)[:2]) < 0.01
-        assert abs((object_at(w) - wanted)[2]) < 0.1
+        assert np.hypot(*(w.place() - wanted)[:2]) < 0.01
+        assert abs((w.place() - wanted)[2]) < 0.1
         assert 0.0 < result.rms_position_error < result.max_position_error < 0.02
         assert result.position_error <= result.max_position_error
         # Feedback: about 10 Hz, forward, and the time it takes.
@@ -152,7 +143,7 @@ def test_a_path_of_one_pose_leads_there():
         there = np.add(HOME, (0.01, 0.03, 0.1))
         status, result = client.result(client.send(goal(begin=there)))
         assert (status, result.code) == (GoalStatus.STATUS_SUCCEEDED, Result.REACHED)
-        assert np.abs(object_at(w) - there).max() < 0.01
+        assert np.abs(w.place() - there).max() < 0.01
 
 
 def test_stops_at_once_when_cancelled():
@@ -160,7 +151,7 @@ def test_stops_at_once_when_cancelled():
         client = Client(w)
         w.until(lambda: w.probe.last('pose') is not None)
         handle = client.send(goal((0.0, 0.2, 0.0)))
-        w.until(lambda: object_at(w)[1] > HOME[1] + 0.01)
+        w.until(lambda: w.place()[1] > HOME[1] + 0.01)
         assert handle.cancel()
         status, result = client.result(handle)
         assert (status, result.code) == (GoalStatus.STATUS_CANCELED, Result.CANCELLED)
@@ -170,7 +161,7 @@ def test_stops_at_once_when_cancelled():
         there = w.probe.last('joints').position
         w.spin(0.2)
         assert w.probe.last('joints').position == there
-        assert object_at(w)[1] < HOME[1] + 0.1
+        assert w.place()[1] < HOME[1] + 0.1
 
 
 def test_a_new_goal_preempts_the_old_one():
@@ -178,13 +169,13 @@ def test_a_new_goal_preempts_the_old_one():
         client = Client(w)
         w.until(lambda: w.probe.last('pose') is not None)
         first = client.send(goal((0.0, 0.2, 0.0)))
-        w.until(lambda: object_at(w)[1] > HOME[1] + 0.01)
-        second = client.send(goal((0.02, 0.0, 0.0), begin=object_at(w)))
+        w.until(lambda: w.place()[1] > HOME[1] + 0.01)
+        second = client.send(goal((0.02, 0.0, 0.0), begin=w.place()))
         status, result = client.result(first)
         assert (status, result.code) == (GoalStatus.STATUS_ABORTED, Result.PREEMPTED)
         status, result = client.result(second)
         assert (status, result.code) == (GoalStatus.STATUS_SUCCEEDED, Result.REACHED)
-        assert object_at(w)[0] == pytest.approx(HOME[0] + 0.02, abs=0.005)
+        assert w.place()[0] == pytest.approx(HOME[0] + 0.02, abs=0.005)
         # Who is too late to cancel is told so.
         assert not second.cancel()
 
@@ -404,7 +395,7 @@ def test_gains_can_be_changed_while_it_runs_and_count_from_the_next_goal():
         off = fake(w, center=(CENTER[0] + 0.004, CENTER[1]))
         w.spin(0.2, off)
         for gain in (1.0, 3.0):
-            w.nodes[1].set_parameters(overrides(position_gain=gain))
+            w.change(position_gain=gain)
             before = len(client.twists())
             handle = client.send(goal(UP, begin=PROBED), off)
             w.until(lambda first=before: len(client.twists()) > first + 3, off)
@@ -439,9 +430,9 @@ def test_diagnostics_report_the_state():
     with world(node()) as w:
         tell = fake(w)
         w.until(lambda: w.report('path_follower').hardware_id == 'nine_member', tell)
-        assert w.nodes[1].details()['following'] is False
+        assert w.nodes[1].describe()['following'] is False
         begin(w, tell)
-        details = w.nodes[1].details()
+        details = w.nodes[1].describe()
         assert details['following'] is True
         assert details['phase'] == 'FOLLOWING'
         w.until(lambda: w.report('path_follower').message == 'following', tell)

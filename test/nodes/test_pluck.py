@@ -17,7 +17,7 @@ from isotruss_ros.nodes.simulator import Simulator
 from manual_world import world
 from mujoco_worlds import needs_mujoco
 import numpy as np
-from probe import overrides
+from probe import maker, overrides
 import pytest
 
 HELD = {'object_diameter': 0.2, 'friction': 0.8}
@@ -30,9 +30,7 @@ def plant():
     )
 
 
-def manipulation(**values):
-    """Return what makes a node that moves the object."""
-    return lambda: Manipulation(overrides(**HELD, **values))
+manipulation = maker(Manipulation, **HELD)
 
 
 def pluck():

@@ -141,7 +141,7 @@ def test_the_truth_is_that_of_the_plant():
     faults = {'pose_noise': 0.01, 'indentation': 0.01, 'friction': 0.8}
     with world(lambda: Simulator(overrides(plant='elastic', **faults))) as w:
         heard = hear(w)
-        held = attach_grip(ROBOT.home, w.nodes[1]._object.body)
+        held = attach_grip(ROBOT.home, w.nodes[1]._body)
         forces = heard['truth/contact_forces'][-1][1]
         found = dict(zip(forces.name, forces.effort, strict=True))
         assert found == pytest.approx(

@@ -22,27 +22,13 @@ from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.simulator import Simulator
 from manual_world import world
 import numpy as np
-from probe import CENTER, DIAMETER, MODULE, N, overrides, ROBOT
+from probe import CENTER, DIAMETER, maker, MODULE, N, overrides, planar, ROBOT
 import pytest
-from std_msgs.msg import Float64MultiArray
 
 SPEED = 0.02
 
 
-def node(**values):
-    """Return a simulator node with parameters."""
-    return lambda: Simulator(overrides(**values))
-
-
-def travel(w):
-    """Return the last roller travel."""
-    message = w.probe.last('joints')
-    return np.zeros(N) if message is None else np.array(message.position)
-
-
-def send(w, velocities):
-    """Return a call that sends a command."""
-    return lambda: w.probe.commands.publish(Float64MultiArray(data=[float(v) for v in velocities]))
+node = maker(Simulator)
 
 
 def only(roller, speed=SPEED):
@@ -74,7 +60,7 @@ def test_indents_the_tubes_on_request():
 
 def test_a_free_object_stays_where_it_is_put():
     with world(node(object_is_free=True, object_x=2.5, object_y=-0.5, friction=0.3)) as w:
-        w.until(lambda: travel(w)[1] > 0.003, send(w, only(1)))
+        w.until(lambda: w.travel()[1] > 0.003, lambda: w.probe.send_command(only(1)))
         position = w.probe.last('pose').pose.position
         assert (position.x, position.y) == (2.5, -0.5)
 
@@ -82,10 +68,10 @@ def test_a_free_object_stays_where_it_is_put():
 def test_travel_is_the_integral_of_the_commands():
     with world(node()) as w:
         w.until(lambda: w.probe.last('joints') is not None)
-        w.until(lambda: travel(w)[1] > 0.003, send(w, only(1)))
+        w.until(lambda: w.travel()[1] > 0.003, lambda: w.probe.send_command(only(1)))
         joints = w.probe.last('joints')
         assert joints.velocity[1] == pytest.approx(SPEED)
-        assert not travel(w)[[0, 2, 3, 4, 5]].any()
+        assert not w.travel()[[0, 2, 3, 4, 5]].any()
         moving = [m for _, m in w.probe.seen['joints'] if m.velocity[1] > 0.0]
         elapsed = read_stamp(moving[-1].header) - read_stamp(moving[1].header)
         assert moving[-1].position[1] - moving[1].position[1] == pytest.approx(
@@ -97,13 +83,13 @@ def test_travel_is_the_integral_of_the_commands():
 def test_a_command_that_is_not_renewed_ends():
     timeout = 0.153  # between two cycles
     with world(node(command_timeout=timeout)) as w:
-        w.until(lambda: travel(w)[0] > 0.0, send(w, only(0)))
+        w.until(lambda: w.travel()[0] > 0.0, lambda: w.probe.send_command(only(0)))
         sent = [t for t, message in w.probe.seen['command'] if any(message.data)]
         w.until(lambda: w.probe.last('joints').velocity[0] == 0.0)
-        stopped = travel(w)[0]
+        stopped = w.travel()[0]
         assert stopped == pytest.approx(SPEED * (timeout + sent[-1] - sent[0]), abs=1e-7)
         w.spin(0.1)
-        assert travel(w)[0] == stopped
+        assert w.travel()[0] == stopped
 
 
 @pytest.mark.parametrize(
@@ -111,24 +97,26 @@ def test_a_command_that_is_not_renewed_ends():
 )
 def test_stops_on_a_command_that_means_nothing_and_goes_on_after(data):
     with world(node(command_timeout=5.0)) as w:
-        w.until(lambda: travel(w)[0] > 0.0, send(w, only(0)))
-        w.until(lambda: w.probe.last('joints').velocity[0] == 0.0, send(w, data))
-        stopped = travel(w)
+        w.until(lambda: w.travel()[0] > 0.0, lambda: w.probe.send_command(only(0)))
+        w.until(
+            lambda: w.probe.last('joints').velocity[0] == 0.0, lambda: w.probe.send_command(data)
+        )
+        stopped = w.travel()
         assert np.isfinite(stopped).all()
-        w.until(lambda: travel(w)[0] > stopped[0], send(w, only(0)))
+        w.until(lambda: w.travel()[0] > stopped[0], lambda: w.probe.send_command(only(0)))
 
 
 def test_a_stuck_roller_does_not_move():
     stuck = ROBOT.roller_names[2]
     with world(node(stuck_roller=stuck)) as w:
-        w.until(lambda: travel(w)[1] > 0.001, send(w, [SPEED] * N))
-        assert travel(w)[2] == 0.0
+        w.until(lambda: w.travel()[1] > 0.001, lambda: w.probe.send_command([SPEED] * N))
+        assert w.travel()[2] == 0.0
         assert w.probe.last('joints').velocity[2] == 0.0
 
 
 def test_rollers_are_not_quicker_than_their_limit():
     with world(node(speed_limit=0.01)) as w:
-        w.until(lambda: travel(w)[1] > 0.001, send(w, only(1, 5.0)))
+        w.until(lambda: w.travel()[1] > 0.001, lambda: w.probe.send_command(only(1, 5.0)))
         assert w.probe.last('joints').velocity[1] == 0.01
 
 
@@ -136,14 +124,14 @@ def test_noise_is_added_on_request():
     with world(node(roller_noise=0.005)) as w:
         w.until(
             lambda: len({round(m.velocity[1], 12) for _, m in w.probe.seen['joints']}) > 10,
-            send(w, only(1)),
+            lambda: w.probe.send_command(only(1)),
         )
-        assert not travel(w)[[0, 2, 3, 4, 5]].any()
+        assert not w.travel()[[0, 2, 3, 4, 5]].any()
 
 
 def test_encoders_do_not_measure_slip():
     with world(node(roller_slip=0.3)) as w:
-        w.until(lambda: travel(w)[1] > 0.01, send(w, only(1)))
+        w.until(lambda: w.travel()[1] > 0.01, lambda: w.probe.send_command(only(1)))
         joints, pose = w.probe.last('joints'), w.probe.last('pose').pose
         assert joints.velocity[1] == pytest.approx(SPEED)
         held = RollingGrip.attach(
@@ -164,10 +152,13 @@ def test_blocks_at_impossible_configurations_and_continues():
         push = np.zeros(N)
         push[0] = -2.0
         w.until(lambda: w.probe.last('joints') is not None)
-        w.spin(1.5, send(w, push))
-        blocked = travel(w)
+        w.spin(1.5, lambda: w.probe.send_command(push))
+        blocked = w.travel()
         assert ROBOT.configuration(blocked).member_lengths.min() > 0.0
-        w.until(lambda: np.abs(travel(w) - blocked).max() > 1e-3, send(w, -0.05 * push))
+        w.until(
+            lambda: np.abs(w.travel() - blocked).max() > 1e-3,
+            lambda: w.probe.send_command(-0.05 * push),
+        )
 
 
 def test_both_nodes_move_the_object_by_the_integral_of_the_twists():
@@ -181,7 +172,7 @@ def test_both_nodes_move_the_object_by_the_integral_of_the_twists():
         w.spin(1.0, lambda: w.probe.send_twist(velocity))
         poses = [m for _, m in w.probe.seen['pose']]
         w.until_code(Status.IDLE, lambda: w.probe.send_twist((0.0, 0.0, 0.0)))
-        path = np.array([[m.pose.position.x, m.pose.position.y, turn(m.pose)] for m in poses])
+        path = np.array([planar(m) for m in poses])
         times = np.array([read_stamp(m.header) for m in poses])
         steady = np.flatnonzero(np.abs(path - path[0]).max(axis=1) > 1e-3)
         first, last = steady[5], steady[-1]
@@ -190,15 +181,10 @@ def test_both_nodes_move_the_object_by_the_integral_of_the_twists():
         assert path[last] - path[first] == pytest.approx(np.array(velocity) * elapsed, abs=1e-4)
 
 
-def turn(pose):
-    """Return the angle of a planar pose [rad]."""
-    return 2.0 * math.atan2(pose.orientation.z, pose.orientation.w)
-
-
 def test_a_stuck_roller_bounds_the_motion():
     with world(
         lambda: Simulator(overrides(stuck_roller=ROBOT.roller_names[0])), lambda: Manipulation()
     ) as w:
         w.spin(1.0, w.probe.send_twist)
-        assert travel(w)[0] == 0.0
-        assert np.abs(travel(w)).max() < 1.5 * ROBOT.description.max_speed
+        assert w.travel()[0] == 0.0
+        assert np.abs(w.travel()).max() < 1.5 * ROBOT.description.max_speed

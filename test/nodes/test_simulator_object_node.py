@@ -11,7 +11,7 @@
 
 import math
 
-from boxes import ANGLE, BOX, box_between, DEPTH, pose_of, ROBOT, SIDES
+from boxes import ANGLE, BOX, box_between, DEPTH, ROBOT, SIDES
 from geometry_msgs.msg import PoseStamped
 from isotruss_ros.core import Disc, place_between, solve_twist
 from isotruss_ros.nodes.conversions.messages import to_pose_message
@@ -20,32 +20,12 @@ from manual_world import world
 from matches import follow
 from mujoco_worlds import needs_mujoco
 import numpy as np
-from probe import overrides
+from probe import maker
 import pytest
-from std_msgs.msg import Float64MultiArray
 
-
-def node(**values):
-    """Return a simulator node with the box between its two sides."""
-    settings = {
-        'object': BOX,
-        'grip': list(SIDES),
-        'object_angle': ANGLE,
-        'indentation': DEPTH,
-        'rate': 50.0,
-    }
-    return lambda: Simulator(overrides(**settings | values))
-
-
-def place(w):
-    """Return the pose that was published last; None before."""
-    message = w.probe.last('pose')
-    return None if message is None else pose_of(message)
-
-
-def drive(w, velocities):
-    """Return a call that sends a command."""
-    return lambda: w.probe.commands.publish(Float64MultiArray(data=[float(v) for v in velocities]))
+#: The box is between its two sides.
+HELD = {'object': BOX, 'grip': list(SIDES), 'object_angle': ANGLE, 'indentation': DEPTH}
+node = maker(Simulator, **HELD, rate=50.0)
 
 
 @pytest.mark.parametrize('is_free', [False, True])
@@ -54,29 +34,32 @@ def test_the_box_is_carried_by_the_two_sides(is_free):
     free = {'object_is_free': True, 'object_x': start[0], 'object_y': start[1]}
     command = solve_twist(ROBOT.home, box_between(), (0.02, 0.0, 0.0)).roller_velocities
     with world(node(**(free if is_free else {}))) as w:
-        w.until(lambda: place(w) is not None)
+        w.until(lambda: w.place() is not None)
         # Of a free one the equilibrium is found, near by.
-        assert place(w) == pytest.approx(start, abs=3e-3 if is_free else 1e-9)
-        start = place(w)
+        assert w.place() == pytest.approx(start, abs=3e-3 if is_free else 1e-9)
+        start = w.place()
         if is_free:
             w.spin(0.2)
-        w.until(lambda: place(w)[0] - start[0] > 0.01, drive(w, command))
-        went = place(w) - start
+        w.until(lambda: w.place()[0] - start[0] > 0.01, lambda: w.probe.send_command(command))
+        went = w.place() - start
         assert abs(went[1]) < 0.05 * went[0]
         assert abs(went[2]) < 0.05 * went[0]
 
 
 def test_a_free_box_stays_and_is_put_elsewhere_with_its_angle():
     with world(node(object_is_free=True, object_x=2.5, object_y=-0.5, object_angle=0.7)) as w:
-        w.until(lambda: w.probe.last('joints') is not None and place(w) is not None)
-        w.until(lambda: w.probe.last('joints').position[1] > 0.003, drive(w, [0.02] * 6))
-        assert place(w) == pytest.approx((2.5, -0.5, 0.7))
+        w.until(lambda: w.probe.last('joints') is not None and w.place() is not None)
+        w.until(
+            lambda: w.probe.last('joints').position[1] > 0.003,
+            lambda: w.probe.send_command([0.02] * 6),
+        )
+        assert w.place() == pytest.approx((2.5, -0.5, 0.7))
         there = PoseStamped(pose=to_pose_message(box_between().body.pose))
         there.header.frame_id = 'truss'
         w.nodes[1]._place_object(there)
         w.probe.seen['pose'].clear()
-        w.until(lambda: place(w) is not None)
-        assert place(w) == pytest.approx(np.array(box_between().body.pose), abs=3e-3)
+        w.until(lambda: w.place() is not None)
+        assert w.place() == pytest.approx(np.array(box_between().body.pose), abs=3e-3)
 
 
 @pytest.mark.parametrize('topic', ['place_object', 'external_wrench'])
@@ -88,29 +71,29 @@ def test_a_publisher_that_left_before_its_message_was_received_is_named(topic, c
 
 def test_a_disc_between_two_sides_that_do_not_meet():
     with world(node(object='', object_diameter=0.5)) as w:
-        w.until(lambda: place(w) is not None)
+        w.until(lambda: w.place() is not None)
         disc = place_between(ROBOT.home, SIDES, Disc(0.5), ANGLE, DEPTH)
-        assert place(w) == pytest.approx(np.array(disc.body.pose), abs=1e-9)
+        assert w.place() == pytest.approx(np.array(disc.body.pose), abs=1e-9)
 
 
 def test_without_members_the_sides_of_the_module_hold_it():
     with world(node(grip=[''], grip_module='north/Z', object_angle=0.3)) as w:
-        w.until(lambda: place(w) is not None)
+        w.until(lambda: w.place() is not None)
         shape = box_between().body.shape
         sides = ('north/Z-R', 'north/P-Z')
         expected = place_between(ROBOT.home, sides, shape, 0.3, DEPTH).body.pose
-        assert place(w) == pytest.approx(np.array(expected), abs=1e-9)
+        assert w.place() == pytest.approx(np.array(expected), abs=1e-9)
 
 
 def test_the_elastic_plant_holds_the_box_until_it_is_pulled_out():
     with world(node(plant='elastic')) as w:
-        w.until(lambda: place(w) is not None)
-        start = place(w)
+        w.until(lambda: w.place() is not None)
+        start = w.place()
         assert start == pytest.approx(np.array(box_between().body.pose), abs=0.005)
         _, simulator = w.nodes
         assert set(simulator._elastic.grasp.member_names) == set(SIDES)
         command = solve_twist(ROBOT.home, box_between(), (0.02, 0.0, 0.0)).roller_velocities
-        w.until(lambda: place(w)[0] - start[0] > 0.003, drive(w, command))
+        w.until(lambda: w.place()[0] - start[0] > 0.003, lambda: w.probe.send_command(command))
         w.until(
             lambda: simulator._elastic.dropped is not None,
             lambda: w.probe.send_wrench((100.0, 0.0, 0.0)),
@@ -122,9 +105,9 @@ def test_the_elastic_plant_holds_the_box_until_it_is_pulled_out():
 def test_mujoco_holds_the_box_where_friction_does(friction, held):
     slippery = BOX.replace('friction: 0.9', f'friction: {friction}')
     with world(node(plant='mujoco', object=slippery)) as w:
-        w.until(lambda: place(w) is not None)
-        start = place(w)
+        w.until(lambda: w.place() is not None)
+        start = w.place()
         w.until(lambda: len(w.probe.seen['pose']) > 100)
-        assert (math.hypot(*(place(w) - start)[:2]) < 0.03) == held
+        assert (math.hypot(*(w.place() - start)[:2]) < 0.03) == held
         _, simulator = w.nodes
         assert (set(simulator._driven.grasping_members) == set(SIDES)) == held

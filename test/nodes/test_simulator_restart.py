@@ -18,7 +18,6 @@ import numpy as np
 from probe import N, overrides
 import pytest
 from rclpy.task import Future
-from std_msgs.msg import Float64MultiArray
 
 
 class Clients:
@@ -60,17 +59,14 @@ def test_the_simulator_is_active_with_the_other_plant(w):
 def test_a_reset_puts_the_robot_home_with_the_same_plant(w):
     said = []
 
-    def travel():
-        return np.abs(w.probe.last('joints').position).max()
-
     w.until(lambda: w.probe.last('joints') is not None)
-    home = travel()
-    command = Float64MultiArray(data=[0.05] * N)
-    w.until(lambda: travel() > home + 0.01, lambda: w.probe.commands.publish(command))
+    home = w.travel()
+    command = [0.05] * N
+    w.until(lambda: np.abs(w.travel() - home).max() > 0.01, lambda: w.probe.send_command(command))
     SimulatorRestart(Clients(w), said.append).restart()
     assert said == ['reset: active']
     assert w.nodes[1].get_parameter('plant').value == 'elastic'
-    w.until(lambda: travel() == home)
+    w.until(lambda: np.array_equal(w.travel(), home))
 
 
 def test_a_plant_that_there_is_not_is_told_and_another_one_works(w):

@@ -10,14 +10,12 @@
 """Manipulation with a squeeze force and the elastic simulator, together."""
 
 from isotruss_msgs.msg import ManipulationStatus
-from isotruss_ros.nodes.conversions.messages import make_header
 from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.simulator import Simulator
 from manual_world import world
-from probe import overrides, ROBOT
+from probe import maker, overrides, ROBOT
 import pytest
 from rclpy.parameter import Parameter
-from sensor_msgs.msg import JointState
 
 FORCE, RATE, FRICTION = 30.0, 20.0, 0.9
 
@@ -27,23 +25,14 @@ def plant():
     return Simulator(overrides(plant='elastic', friction=FRICTION, indentation=0.05, rate=RATE))
 
 
-def squeezing(**values):
-    """Return a manipulation node that squeezes."""
-    settings = {'squeeze_force': FORCE, 'friction': FRICTION, 'rate': RATE} | values
-    return lambda: Manipulation(overrides(**settings))
-
-
-def place(w):
-    """Return where the object was published last."""
-    position = w.probe.last('pose').pose.position
-    return position.x, position.y
+squeezing = maker(Manipulation, squeeze_force=FORCE, friction=FRICTION, rate=RATE)
 
 
 def test_the_squeeze_is_regulated_while_the_object_stays_and_moves():
     with world(plant, squeezing()) as w:
         simulator = w.nodes[1]
         w.until(lambda: w.probe.last('pose') is not None)
-        start = place(w)
+        start = w.place()
 
         def squeezed():
             return simulator._elastic.grasp.squeeze == pytest.approx(FORCE, rel=5e-3)
@@ -51,13 +40,13 @@ def test_the_squeeze_is_regulated_while_the_object_stays_and_moves():
         assert not squeezed()
         w.until(squeezed, lambda: w.probe.send_twist((0.0, 0.0, 0.0)))
         assert w.probe.last('status').code == ManipulationStatus.OK
-        assert place(w) == pytest.approx(start, abs=3e-3)
+        assert w.place()[:2] == pytest.approx(start[:2], abs=3e-3)
         w.until(
-            lambda: place(w)[0] > start[0] + 0.02,
+            lambda: w.place()[0] > start[0] + 0.02,
             lambda: w.probe.send_twist((0.02, 0.0, 0.0)),
         )
         assert simulator._elastic.grasp.squeeze == pytest.approx(FORCE, rel=0.02)
-        assert place(w)[1] == pytest.approx(start[1], abs=3e-3)
+        assert w.place()[1] == pytest.approx(start[1], abs=3e-3)
 
 
 def test_a_squeeze_that_is_raised_at_run_time_closes_in_place():
@@ -74,12 +63,12 @@ def test_a_squeeze_that_is_raised_at_run_time_closes_in_place():
             )
 
         reach(FORCE)
-        start, margin = place(w), simulator._elastic.slip_margin
+        start, margin = w.place(), simulator._elastic.slip_margin
         for force in (34.0, 38.0):
             raised = Parameter('squeeze_force', value=force)
             assert manipulation.set_parameters([raised])[0].successful
             reach(force)
-        assert place(w) == pytest.approx(start, abs=1.5e-3)
+        assert w.place()[:2] == pytest.approx(start[:2], abs=1.5e-3)
         assert simulator._elastic.slip_margin > margin + 1.0
 
 
@@ -97,17 +86,13 @@ def test_what_is_not_held_is_not_moved():
 
 def test_pressures_that_are_old_or_bad_halt_and_good_ones_go_on():
     with world(plant, squeezing(pressure_timeout=0.5)) as w:
-        gauge = w.probe.create_publisher(JointState, 'tube_pressures', 1)
 
         def still():
             w.probe.send_twist((0.0, 0.0, 0.0))
 
         def send(pressure):
             still()
-            names = list(ROBOT.description.pressures)
-            message = JointState(name=names, effort=[pressure] * len(names))
-            message.header = make_header(w.probe.past(0.0))
-            gauge.publish(message)
+            w.probe.send_pressures([pressure] * len(ROBOT.description.pressures))
 
         w.until_code(ManipulationStatus.OK, still)
         w.until_code(ManipulationStatus.OK, lambda: send(30e3))

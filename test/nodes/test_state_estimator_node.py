@@ -23,7 +23,7 @@ from isotruss_ros.nodes.state_estimator import StateEstimatorNode
 from manual_world import world
 import numpy as np
 import probe
-from probe import N, overrides, ROBOT
+from probe import maker, N, overrides, ROBOT
 import pytest
 from sensor_msgs.msg import JointState, MultiDOFJointState
 
@@ -40,9 +40,7 @@ PLANT = {
 }
 
 
-def estimator(**values):
-    """Return what makes the node."""
-    return lambda: StateEstimatorNode(overrides(**values))
+estimator = maker(StateEstimatorNode)
 
 
 def last_estimate(w):
@@ -67,7 +65,7 @@ def test_joints_of_a_robot_with_wrong_zeros_are_found():
     with world(lambda: Simulator(overrides(**PLANT)), estimator()) as w:
         listen(w)
         w.spin(2.0)
-        found, truth = last_estimate(w), w.nodes[1]._robot.home.nodes[: len(NAMES)]
+        found, truth = last_estimate(w), w.nodes[1].robot.home.nodes[: len(NAMES)]
     joints = np.array([(place.x, place.y) for place in found.joints])
     assert np.abs(truth - ROBOT.home.nodes[: len(NAMES)]).max() > 0.01
     assert joints == pytest.approx(truth, abs=2e-3)

@@ -38,7 +38,7 @@ def w():
     ]
     with world(*makers) as made:
         ready = 'age of joint states [s]'
-        made.until(lambda: made.nodes[2].details()[ready] != 'none received')
+        made.until(lambda: made.nodes[2].describe()[ready] != 'none received')
         yield made
 
 

@@ -23,7 +23,7 @@ from isotruss_ros.nodes.simulator import Simulator
 from manual_world import world
 from matches import follow
 import numpy as np
-from probe import N, overrides, ROBOT
+from probe import maker, N, ROBOT
 import pytest
 from rclpy.qos import QoSProfile
 from std_msgs.msg import Bool
@@ -39,14 +39,8 @@ STOPPED = 'stopped by the topic emergency_stop'
 SILENCE = 0.08
 
 
-def node(**values):
-    """Return what makes the node."""
-    return lambda: Manipulation(overrides(**({'command_timeout': TIMEOUT} | values)))
-
-
-def simulator(**values):
-    """Return what makes a simulator."""
-    return lambda: Simulator(overrides(**({'command_timeout': TIMEOUT} | values)))
+node = maker(Manipulation, command_timeout=TIMEOUT)
+simulator = maker(Simulator, command_timeout=TIMEOUT)
 
 
 class Rollers:
@@ -63,7 +57,7 @@ class Rollers:
         self.until(lambda: self._publisher.get_subscription_count() > 0)
         self.until(lambda: w.probe.last('joints') is not None)
         # A node that has not heard of the rollers refuses every trajectory.
-        self.until(lambda: w.nodes[1].details()['age of joint states [s]'] != 'none received')
+        self.until(lambda: w.nodes[1].describe()['age of joint states [s]'] != 'none received')
 
     def until(self, what):
         """Spin until something holds."""
@@ -109,7 +103,7 @@ class Rollers:
 
     def follows(self):
         """Return whether the node follows a trajectory."""
-        return 'time on the trajectory [s]' in self.w.nodes[1].details()
+        return 'time on the trajectory [s]' in self.w.nodes[1].describe()
 
     def listen(self):
         """Spin for many cycles of the node, on a busy machine too."""
@@ -248,13 +242,13 @@ def test_an_emergency_stop_ends_the_trajectory_and_rejects_new_ones():
         for said in (True, False):
             w.probe.stops.publish(Bool(data=said))
             still = 'its last message is true' if said else 'its last message is false'
-            rollers.until(lambda words=still: words in w.nodes[1].details()['emergency stop'])
+            rollers.until(lambda words=still: words in w.nodes[1].describe()['emergency stop'])
             rollers.send(trajectory(HOME, AWAY))
             rollers.until(lambda words=still: f'{STOPPED}; {words}' in rollers.said())
             rollers.spin(0.1)
             assert not rollers.commands().any()
             assert w.release_stop().success is not said
-        assert w.nodes[1].details()['emergency stop'] == 'no'
+        assert w.nodes[1].describe()['emergency stop'] == 'no'
         rollers.spin(0.1)
         assert not rollers.commands().any()  # nothing goes on by itself
         assert f'trajectory rejected: {STOPPED}' in rollers.said()
@@ -414,7 +408,7 @@ def test_rate_and_timeout_can_be_changed_at_run_time():
     with world(node(rate=20.0)) as w:
         rollers = Rollers(w, still=True)
         rollers.until_moving(trajectory(HOME, AWAY, times=[0.0, 60.0]))
-        w.nodes[1].set_parameters(overrides(rate=200.0, command_timeout=0.3))
+        w.change(rate=200.0, command_timeout=0.3)
         w.probe.seen['command'].clear()
         rollers.until(lambda: len(rollers.commands()) > 50)
         told = [t for t, _ in w.probe.seen['command']]

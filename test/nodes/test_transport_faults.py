@@ -15,7 +15,6 @@ Either the object moves as commanded all the same, or the rollers stand still wi
 
 from collections import deque
 import copy
-import math
 
 from geometry_msgs.msg import PoseStamped
 from isotruss_ros.core import Status
@@ -26,7 +25,7 @@ from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.simulator import Simulator
 from manual_world import world
 import numpy as np
-from probe import overrides, ROBOT
+from probe import overrides, planar, ROBOT
 import pytest
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
@@ -64,15 +63,7 @@ class Relay:
     def poses(self, begin=0.0):
         """Return times and true (x, y, angle) of the object from a time on."""
         since = [m for m in self.true['object_pose'] if read_stamp(m.header) >= begin]
-        places = [
-            (
-                m.pose.position.x,
-                m.pose.position.y,
-                2.0 * math.atan2(m.pose.orientation.z, m.pose.orientation.w),
-            )
-            for m in since
-        ]
-        return np.array([read_stamp(m.header) for m in since]), np.array(places)
+        return np.array([read_stamp(m.header) for m in since]), np.array(list(map(planar, since)))
 
     def speed(self):
         """Return the largest true speed of any roller now."""

@@ -20,7 +20,7 @@ import runpy
 import sys
 from types import ModuleType, SimpleNamespace
 
-from isotruss_ros.nodes.framework.parameters import AUTOSTART, ParameterError
+from isotruss_ros.nodes.framework.parameters import AUTOSTART, ParameterError, ROBOT
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.simulator import Simulator
@@ -106,7 +106,7 @@ def nodes(entities):
 def specs_of(executable):
     """Return the parameters that a node declares, by name."""
     module = importlib.import_module(f'isotruss_ros.nodes.{executable}')
-    return {spec.name: spec for spec in (*module.SPECS, AUTOSTART)}
+    return {spec.name: spec for spec in (*module.SPECS, ROBOT, AUTOSTART)}
 
 
 def test_arguments_are_parameters_with_the_defaults_of_the_nodes(path, said, entities, nodes):
@@ -150,9 +150,7 @@ def test_nodes_that_are_optional_have_an_argument_of_their_name(entities, nodes)
         assert node.condition.args[0].args == (node.executable,)
         started = switches[node.executable].default_value
         assert started == ('true' if OPTIONAL[node.executable] else 'false')
-        module = importlib.import_module(f'isotruss_ros.nodes.{node.executable}')
-        declared = {spec.name for spec in module.SPECS} | {'use_sim_time', 'autostart'}
-        assert node.parameters[1].keys() <= declared
+        assert node.parameters[1].keys() <= specs_of(node.executable).keys() | {'use_sim_time'}
 
 
 def test_all_nodes_shut_down_when_one_ends(nodes):

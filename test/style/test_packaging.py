@@ -18,6 +18,7 @@ import sys
 import xml.etree.ElementTree as ElementTree
 
 from isotruss_ros import executables
+from isotruss_ros.nodes.framework.runner import find_node
 import pytest
 import setuptools
 
@@ -140,7 +141,7 @@ def test_entry_points_are_mains(setup_arguments):
         nodes += [function] if module == executables.__name__ else []
     assert sorted(nodes) == sorted(executables.NODES)
     for name in nodes:
-        assert callable(importlib.import_module(f'isotruss_ros.nodes.{name}').main)
+        assert callable(find_node(name))
 
 
 @pytest.mark.parametrize('folder', ['isotruss_ros', 'test'])

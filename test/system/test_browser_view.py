@@ -12,7 +12,6 @@
 import contextlib
 import importlib.util
 import io
-import math
 import re
 import shutil
 import threading
@@ -25,17 +24,17 @@ from isotruss_ros.demo.processes import running_nodes
 from isotruss_ros.nodes.conversions.messages import to_pose_message
 import numpy as np
 from PIL import Image
-from probe import begin_context
+from probe import begin_context, world
 import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.qos import qos_profile_sensor_data
+from robots import quick_robot
 
 CHROMIUM = shutil.which('chromium')
 PACKAGES = all(map(importlib.util.find_spec, ('viser', 'playwright')))
 pytestmark = [
     pytest.mark.system,
-    pytest.mark.xdist_group('many nodes'),
+    pytest.mark.xdist_group('browser'),
     pytest.mark.skipif(not PACKAGES, reason='pip install viser playwright'),
     pytest.mark.skipif(CHROMIUM is None, reason='apt-get install chromium'),
     pytest.mark.timeout(900),
@@ -60,54 +59,6 @@ window.cancelAnimationFrame = clearTimeout;
 SPEED = 0.002
 #: Of the browser's own client: it is no fault of the page.
 HARMLESS = 'Unable to preventDefault inside passive event listener'
-
-
-class Observer:
-    """The newest pose and status on the topics."""
-
-    def __init__(self):
-        begin_context()
-        self._node = rclpy.create_node('observer')
-        self.seen = {}
-        for kind, topic in (
-            (PoseStamped, 'object_pose'),
-            (ManipulationStatus, 'manipulation/status'),
-        ):
-            self._node.create_subscription(
-                kind,
-                topic,
-                lambda message, name=topic: self.seen.update({name: message}),
-                qos_profile_sensor_data,
-            )
-
-    def until(self, what, each=lambda: None):
-        """Spin until something holds."""
-        end = time.monotonic() + DEADLINE
-        while not what():
-            assert time.monotonic() < end, f'not within {DEADLINE} s'
-            each()
-            for _ in range(50):
-                rclpy.spin_once(self._node, timeout_sec=0.01)
-
-    def center(self):
-        """Return the measured centre of the object."""
-        position = self.seen['object_pose'].pose.position
-        return np.array([position.x, position.y])
-
-    def angle(self):
-        """Return the measured angle of the object [rad]."""
-        q = self.seen['object_pose'].pose.orientation
-        return 2.0 * math.atan2(q.z, q.w)
-
-    def code(self):
-        """Return the code of the manipulation."""
-        status = self.seen.get('manipulation/status')
-        return None if status is None else status.code
-
-    def close(self):
-        """End the node."""
-        self._node.destroy_node()
-        rclpy.shutdown()
 
 
 def pixels(page):
@@ -247,22 +198,31 @@ class Follower:
 def test_the_object_follows_its_handle_and_a_stop_ends_it(tmp_path):
     from playwright.sync_api import sync_playwright
 
-    shown = {'object_diameter': 0.3, 'friction': 0.8}
-    common = shown | {'rate': 50.0, 'command_timeout': 2.0}
+    quick, patient = {'robot': quick_robot()}, {'command_timeout': 2.0}
+    shown = quick | {'object_diameter': 0.3, 'friction': 0.8}
+    common = shown | patient | {'rate': 50.0}
     nodes = [
         ('simulator', common | {'plant': 'elastic', 'indentation': 0.01}),
         ('manipulation', common),
         ('grasp_analysis', {**common, 'rate': 10.0}),
-        ('grasp_planner', {'command_timeout': 2.0}),
-        ('pick_and_place', shown | {'command_timeout': 2.0}),
+        ('grasp_planner', quick | patient),
+        ('pick_and_place', shown | patient),
         ('viewer', shown | {'port': PORT, 'rate': 10.0}),
     ]
     errors = []
-    with running_nodes(nodes, tmp_path) as processes, sync_playwright() as playwright:
-        observer = Observer()
+    with (
+        running_nodes(nodes, tmp_path) as processes,
+        sync_playwright() as playwright,
+        world() as w,
+    ):
+
+        def until(what):
+            while not what():  # which takes long: much is heard meanwhile
+                w.spin(0.2)
+
         address = read_address(processes[-1])
         assert address.startswith('http://127.0.0.1:')
-        observer.until(lambda: len(observer.seen) == 2)
+        until(lambda: w.probe.last('pose') and w.probe.last('status'))
         browser = launch(playwright, polite_browser(tmp_path))
         # A quarter of the pixels: what draws in software takes the processors from the nodes.
         page = open_page(browser, 0.5)
@@ -272,27 +232,26 @@ def test_the_object_follows_its_handle_and_a_stop_ends_it(tmp_path):
         # The browser's warning of slow drawing has the colour of a handle.
         page.add_style_tag(content='.mantine-Notification-root { display: none }')
         page.get_by_text('slip margin').wait_for()
-        observer.until(lambda: count_green(pixels(page)) > SOME)
+        until(lambda: count_green(pixels(page)) > SOME)
 
         # Nothing moves while the control is off: no twist was published.
-        assert observer.code() == ManipulationStatus.HALT_NO_TWIST
+        assert w.code() == ManipulationStatus.HALT_NO_TWIST
         assert len(blue(pixels(page))[0]) < 0.5 * SOME
         switch_control(page)
-        observer.until(lambda: len(blue(pixels(page))[0]) > SOME)
+        until(lambda: len(blue(pixels(page))[0]) > SOME)
         y, x = middle(blue(pixels(page)))
-        before = observer.center()
+        before = w.place()
         page.mouse.move(x, y)
         page.mouse.down()
         for step in range(10):
             page.mouse.move(x + 2 * step, y + step)
         page.mouse.up()
-        observer.until(
+        until(
             lambda: (
-                observer.code() == ManipulationStatus.IDLE
-                and np.linalg.norm(observer.center() - before) > 0.02
+                w.code() == ManipulationStatus.IDLE and np.hypot(*(w.place() - before)[:2]) > 0.02
             )
         )
-        moved = observer.center() - before
+        moved = w.place() - before
         assert moved[0] > 0.0 > moved[1]
 
         # The other handle turns it in place.
@@ -302,30 +261,25 @@ def test_the_object_follows_its_handle_and_a_stop_ends_it(tmp_path):
         for step in range(10):
             page.mouse.move(x, y - step)
         page.mouse.up()
-        observer.until(
-            lambda: observer.code() == ManipulationStatus.IDLE and observer.angle() > 0.1
-        )
+        until(lambda: w.code() == ManipulationStatus.IDLE and w.place()[2] > 0.1)
 
         # A held object cannot be picked up; it is let go, and picked up again.
         page.get_by_role('button', name='pick', exact=True).click()
         page.get_by_text('place it first').wait_for()
         page.get_by_role('button', name='place', exact=True).click()
         page.get_by_text('place: free, ').wait_for()
-        observer.until(lambda: count_green(pixels(page)) <= SOME)
+        until(lambda: count_green(pixels(page)) <= SOME)
         page.get_by_role('button', name='pick', exact=True).click()
         page.get_by_text('pick: held at ').wait_for()
-        observer.until(lambda: count_green(pixels(page)) > SOME)
+        until(lambda: count_green(pixels(page)) > SOME)
 
         page.get_by_role('button', name='reset', exact=True).click()
-        observer.until(
-            lambda: math.dist(observer.center(), before) < 2e-3 and abs(observer.angle()) < 1e-2
-        )
-        observer.until(lambda: count_green(pixels(page)) > SOME)
+        until(lambda: np.all(np.abs(w.place() - before) < (2e-3, 2e-3, 1e-2)))
+        until(lambda: count_green(pixels(page)) > SOME)
         page.get_by_role('button', name='stop', exact=True).click()
-        observer.until(lambda: observer.code() == ManipulationStatus.HALT_EMERGENCY_STOP)
+        until(lambda: w.code() == ManipulationStatus.HALT_EMERGENCY_STOP)
         page.get_by_text('emergency stop').first.wait_for()
         browser.close()
-        observer.close()
     assert [error for error in errors if HARMLESS not in error] == []
 
 
@@ -341,17 +295,12 @@ class View:
         self.follower, self.log = follower, log
 
     def open_pages(self, count):
-        """Return pages with their numbers; none of them has control."""
-        pages = [open_page(self._browser, 0.3) for _ in range(count)]
-        for page in pages:
-            page.goto(self._address, wait_until='commit')
-        return [(page, number_of(page)) for page in pages]
-
-    def close_pages(self):
-        """Close all pages."""
-        for context in self._browser.contexts:
-            context.close()
-        self.follower.until(lambda: not self.follower.is_commanded())
+        """Return pages with their numbers, those before first; none of them has control."""
+        pages = [page for context in self._browser.contexts for page in context.pages]
+        while len(pages) < count:
+            pages.append(open_page(self._browser, 0.3))
+            pages[-1].goto(self._address, wait_until='commit')
+        return [(page, number_of(page)) for page in pages[:count]]
 
 
 def number_of(page):
@@ -376,15 +325,16 @@ def opened(shared_domain, tmp_path_factory):
 
 @pytest.fixture
 def view(opened):
-    """Return the view without pages, beside an object that moves."""
+    """Return the view, which commands nothing, beside an object that moves."""
+    opened.follower.until(lambda: not opened.follower.is_commanded())
     opened.follower.begin()
-    yield opened
-    opened.close_pages()
+    return opened
 
 
 def test_a_browser_that_reloads_in_mid_drag_commands_nothing_more(view):
     ((page, number),) = view.open_pages(1)
     drag_and_leave(view, page, page.reload)
+    page.mouse.up()
     assert number_of(page) > number
     assert not page.locator('input[type=checkbox]').last.is_checked()
 
@@ -422,6 +372,8 @@ def test_a_second_browser_has_no_control_until_the_first_lets_go(view):
     assert not view.follower.is_commanded()
     switch_control(other)
     page.get_by_text(f'browser {number}: browser {other_number} has control').wait_for()
+    switch_control(other)
+    other.mouse.up()
 
 
 def test_a_drag_without_progress_is_given_up_with_the_reason(view):

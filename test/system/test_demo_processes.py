@@ -18,12 +18,11 @@ import sys
 import time
 
 from isotruss_ros.demo.processes import NodeProcess
-from probe import begin_context, DEADLINE
+from probe import DEADLINE, world
 import psutil
 import pytest
-import rclpy
 
-pytestmark = [pytest.mark.system, pytest.mark.xdist_group('many nodes')]
+pytestmark = pytest.mark.system
 
 
 def begin(folder):
@@ -68,19 +67,13 @@ def test_ctrl_c_ends_it_and_its_nodes_without_a_traceback(tmp_path, times):
 
 
 def test_beside_another_simulation_it_says_so(tmp_path):
-    begin_context()
     simulator = NodeProcess('simulator', {}, tmp_path / 'other.log')
     try:
-        node = rclpy.create_node('listener')
-        deadline = time.monotonic() + DEADLINE
-        while node.count_publishers('joint_states') == 0:
-            assert time.monotonic() < deadline
-            rclpy.spin_once(node, timeout_sec=0.05)
-        node.destroy_node()
+        with world() as w:
+            w.until(lambda: w.probe.last('joints') is not None)
         demo = begin(tmp_path)
         printed, _ = demo.communicate(timeout=2.0 * DEADLINE)
     finally:
         simulator.stop()
-        rclpy.shutdown()
     assert demo.returncode == 1
     assert 'another robot or simulation is there' in ' '.join(printed.split())

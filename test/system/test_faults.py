@@ -39,12 +39,17 @@ pytestmark = [pytest.mark.system, pytest.mark.xdist_group('one robot')]
 
 #: The nodes and their parameters: a goal ends when inputs are late, as a busy machine makes them.
 NODES = {
-    'simulator': {},
-    'manipulation': {},
-    'grasp_analysis': {},
-    'path_follower': {'command_timeout': 5.0},
+    'simulator': {'rate': 50.0},
+    'manipulation': {'rate': 50.0},
+    'grasp_analysis': {'rate': 20.0},
+    'path_follower': {'rate': 50.0, 'command_timeout': 5.0},
 }
 Result = FollowObjectPath.Result
+
+
+def start(r, name, **values):
+    """Start a node."""
+    r.start(name, **NODES[name], **values)
 
 
 @pytest.fixture(scope='module')
@@ -58,7 +63,7 @@ def processes(shared_domain, tmp_path_factory):
 def r(processes):
     """Return the robot, all of whose nodes run, and nothing stops it."""
     for name in NODES.keys() - processes.alive.keys():
-        processes.start(name, **NODES[name])
+        start(processes, name)
     release(processes)
     return processes
 
@@ -77,7 +82,7 @@ def test_each_node_is_killed_in_mid_motion_and_started_again(r):
 
     r.signal('manipulation', signal.SIGKILL)
     r.check_at_rest()
-    r.start('manipulation')
+    start(r, 'manipulation')
     r.until_moving()
 
     r.signal('simulator', signal.SIGKILL)
@@ -86,14 +91,14 @@ def test_each_node_is_killed_in_mid_motion_and_started_again(r):
     r.until(lambda: w.code('state') == GraspState.STALE_JOINT_STATES)
     assert not w.probe.last('state').force_closure
     # The robot is elsewhere, at home, when it is back: the motion goes on from there.
-    r.start('simulator')
+    start(r, 'simulator')
     r.until_moving()
     r.until(lambda: w.code('state') == GraspState.OK)
 
     r.signal('grasp_analysis', signal.SIGKILL)
     r.until_moving()
     w.probe.seen['state'].clear()
-    r.start('grasp_analysis')
+    start(r, 'grasp_analysis')
     r.until(lambda: w.code('state') == GraspState.OK)
 
 
@@ -159,7 +164,7 @@ def test_a_latched_stop_persists_when_the_node_restarts(r):
     r.signal('manipulation', signal.SIGKILL)
     w.probe.seen['status'].clear()
     w.probe.seen['command'].clear()
-    r.start('manipulation', require_emergency_stop=True)
+    start(r, 'manipulation', require_emergency_stop=True)
     r.until(lambda: len(w.probe.seen['status']) > 50)
     assert {m.code for _, m in w.probe.seen['status']} == {Status.HALT_EMERGENCY_STOP}
     assert not any(any(m.data) for _, m in w.probe.seen['command'])
@@ -169,7 +174,7 @@ def test_a_latched_stop_persists_when_the_node_restarts(r):
 def test_two_manipulation_nodes_halt_until_one_of_them_ends(r):
     r.until_moving()
     r.alive['first'] = r.alive['manipulation']
-    r.start('manipulation')
+    start(r, 'manipulation')
     heard = r.w.probe.seen['status']
 
     def both_halt():
@@ -300,7 +305,7 @@ def test_a_path_ends_with_its_node_and_the_next_one_works(r):
     r.signal('path_follower', signal.SIGKILL)
     r.check_rests()
     assert w.code() == Status.HALT_NO_TWIST
-    r.start('path_follower', **NODES['path_follower'])
+    start(r, 'path_follower')
     w.probe.seen['diagnostics'].clear()
     w.until(lambda: bool(w.report('path_follower').name))
     r.check_rests()  # nobody goes on with the old path
@@ -336,7 +341,7 @@ def test_a_trajectory_ends_with_its_node_and_the_next_one_works(r):
     publisher = w.probe.create_publisher(JointTrajectory, topic, 1)
 
     def send(travel):
-        begin = r.travel()
+        begin = r.w.travel()
         points = [
             JointTrajectoryPoint(positions=(begin + share * travel).tolist())
             for share in (0.0, 1.0)
@@ -350,7 +355,7 @@ def test_a_trajectory_ends_with_its_node_and_the_next_one_works(r):
     w.until(r.moving, lambda: send(np.full(N, 0.2)), period=0.5)
     r.signal('manipulation', signal.SIGKILL)
     r.check_rests()
-    r.start('manipulation')
+    start(r, 'manipulation')
     w.probe.seen['status'].clear()
     w.until(lambda: w.code() == Status.HALT_NO_TWIST)
     r.check_rests()

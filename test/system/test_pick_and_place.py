@@ -27,8 +27,9 @@ import pytest
 from rclpy.action import ActionClient
 from rclpy.qos import QoSProfile
 from robot_processes import robot
+from robots import quick_robot
 
-pytestmark = [pytest.mark.system, pytest.mark.xdist_group('many nodes')]
+pytestmark = [pytest.mark.system, pytest.mark.xdist_group('pick and place')]
 
 ACTIONS = {PickObject: 'pick_object', MoveObject: 'move_object', PlaceObject: 'place_object'}
 CENTER, DIAMETER, FRICTION = (0.6, 0.3), 0.2, 0.5
@@ -56,7 +57,8 @@ class Client:
 
     def __init__(self, r, pose=(*CENTER, 0.0), **described):
         self.r = r
-        shared = PATIENT | {'object_diameter': DIAMETER, 'friction': FRICTION} | described
+        patient = PATIENT | {'robot': quick_robot()}
+        shared = patient | {'object_diameter': DIAMETER, 'friction': FRICTION} | described
         x, y, angle = pose
         lying = {'plant': 'elastic', 'object_is_free': True, 'object_x': x, 'object_y': y}
         lying['object_angle'] = angle
@@ -65,7 +67,7 @@ class Client:
             'manipulation': {'rate': 50.0, **shared},
             'grasp_analysis': {'rate': 20.0, **shared},
             'path_follower': {'rate': 50.0, **shared},
-            'grasp_planner': {**PATIENT, **described},
+            'grasp_planner': {**patient, **described},
             'pick_and_place': shared,
         }
         for name in self._values:

@@ -31,10 +31,8 @@ from isotruss_ros.demo.processes import NodeError, NodeProcess, running_nodes
 from isotruss_ros.nodes.conversions.messages import read_stamp
 from isotruss_ros.nodes.framework.runner import Interruption, STOP_SIGNALS
 import numpy as np
-from probe import begin_context, DEADLINE
+from probe import DEADLINE, world
 import pytest
-import rclpy
-from std_msgs.msg import Float64MultiArray
 
 pytestmark = pytest.mark.system
 
@@ -43,30 +41,13 @@ PATIENT = {'command_timeout': 5.0}
 
 
 @pytest.fixture
-def context():
-    """Bring up rclpy in this process."""
-    begin_context()
-    yield
-    rclpy.shutdown()
+def w():
+    """Return a world of processes only."""
+    with world() as made:
+        yield made
 
 
-@pytest.fixture
-def listener(context):
-    """Return a node of this process."""
-    node = rclpy.create_node('listener')
-    yield node
-    node.destroy_node()
-
-
-def spin_until(node, what):
-    """Spin until something holds; fail at the deadline."""
-    deadline = time.monotonic() + DEADLINE
-    while not what():
-        assert time.monotonic() < deadline
-        rclpy.spin_once(node, timeout_sec=0.05)
-
-
-def test_processes_carry_the_object_along_an_arc(context, tmp_path):
+def test_processes_carry_the_object_along_an_arc(w, tmp_path):
     client = DemoClient(load_robot('nine_member').roller_names)
     nodes = [
         ('simulator', PATIENT | {'indentation': 0.01}),
@@ -125,25 +106,13 @@ def assert_grasps_belong_to_the_motion(record):
     ('stop', 'times'),
     [(signal.SIGINT, 2), (signal.SIGTERM, 2)],
 )
-def test_manipulation_stops_cleanly_with_a_zero_command(listener, tmp_path, stop, times):
-    commands = []
-    listener.create_subscription(
-        Float64MultiArray, 'roller_velocity_controller/commands', commands.append, 10
-    )
-    twists = listener.create_publisher(Twist, 'cmd_vel', 1)
+def test_manipulation_stops_cleanly_with_a_zero_command(w, tmp_path, stop, times):
     with running_nodes([('simulator', PATIENT), ('manipulation', PATIENT)], tmp_path) as nodes:
-        twist = Twist()
-        twist.linear.y = 0.01
-
-        def moving():
-            twists.publish(twist)
-            return bool(commands) and any(commands[-1].data)
-
-        spin_until(listener, moving)
+        w.until(lambda: np.nan_to_num(w.command()).any(), w.probe.send_twist)
         for _ in range(times):
             os.killpg(nodes[1].process.pid, stop)  # a session and group of its own
-        spin_until(listener, lambda: nodes[1].process.poll() is not None)
-        spin_until(listener, lambda: not any(commands[-1].data))
+        w.until(lambda: nodes[1].process.poll() is not None)
+        w.until(lambda: not w.command().any())
         assert nodes[1].process.returncode == 0
         assert 'Traceback' not in nodes[1].log.read_text()
 
@@ -231,9 +200,8 @@ def test_a_bad_file_of_parameters_ends_the_process_with_one_line(content, words,
     assert words in line
 
 
-def test_teleop_turns_keys_into_twists_and_restores_the_terminal(listener):
-    heard = []
-    listener.create_subscription(Twist, 'cmd_vel', heard.append, 10)
+def test_teleop_turns_keys_into_twists_and_restores_the_terminal(w):
+    w.probe.listen(Twist, 'twist', 'cmd_vel')
     ours, theirs = pty.openpty()
     process = subprocess.Popen(
         [sys.executable, '-m', 'isotruss_ros.executables', 'teleop'],
@@ -242,14 +210,10 @@ def test_teleop_turns_keys_into_twists_and_restores_the_terminal(listener):
         stderr=subprocess.PIPE,
     )
     try:
-        spin_until(listener, lambda: bool(heard))
+        w.until(lambda: w.probe.last('twist') is not None)
 
         def press(key, done):
-            def pressed():
-                os.write(ours, key)
-                return bool(heard) and done(heard[-1])
-
-            spin_until(listener, pressed)
+            w.until(lambda: done(w.probe.last('twist')), lambda: os.write(ours, key))
 
         press(b'w', lambda twist: twist.linear.y > 0.0)
         press(b'a', lambda twist: twist.linear.x < 0.0 and twist.linear.y == 0.0)
@@ -257,7 +221,7 @@ def test_teleop_turns_keys_into_twists_and_restores_the_terminal(listener):
         press(b' ', lambda twist: twist == Twist())
         press(b'd', lambda twist: twist.linear.x > 0.0)
         # Let go: it stops by itself.
-        spin_until(listener, lambda: heard[-1] == Twist())
+        w.until(lambda: w.probe.last('twist') == Twist())
         process.send_signal(signal.SIGINT)
         _, errors = process.communicate(timeout=DEADLINE)
         assert process.returncode == 0

@@ -34,7 +34,7 @@ def recording(path):
     with world() as w:
         node = Record(overrides(file=str(path)))
         w.add(node)
-        node.open_file()
+        node.begin()
         yield w, node
         node.stop()
 
@@ -93,7 +93,7 @@ def test_a_recording_that_has_no_room_for_its_end_says_so(tmp_path):
     path = tmp_path / 'full.mcap'
     with world():
         node = Record(overrides(file=str(path)))
-        node.open_file()
+        node.begin()
         node._write('joint_states', b'\0' * 100)
         limits = resource.getrlimit(resource.RLIMIT_FSIZE)
         resource.setrlimit(resource.RLIMIT_FSIZE, (100, limits[1]))

@@ -19,7 +19,6 @@ import pytest
 pytestmark = [
     pytest.mark.system,
     pytest.mark.nightly,
-    pytest.mark.xdist_group('many nodes'),
     pytest.mark.skipif(importlib.util.find_spec('viser') is None, reason='pip install viser'),
     needs_mujoco,
 ]

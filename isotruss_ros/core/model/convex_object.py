@@ -113,6 +113,7 @@ class ConvexObject:
         try:
             x, y, angle = map(float, pose)
             fits = all(-MAX_DISTANCE <= number <= MAX_DISTANCE for number in pose)
+            fits = fits and not {bool, np.bool_}.issuperset(map(type, pose))
         except (TypeError, ValueError):
             fits = False
         if not fits:

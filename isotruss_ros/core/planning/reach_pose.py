@@ -80,7 +80,6 @@ def reach_pose(
     rolling, path = RollingGrip.attach(config, grip), [config.roller_positions]
     left = pose_difference(goal, rolling.pose)
     whole = size = math.hypot(*left[:2], grip.body.arm * left[2])
-    status, why = Status.SLOWED_OBJECT, 'the way takes too many steps next to limits'
     for _ in range(PATIENCE * (math.ceil(whole / STEP) + 1)):
         if size <= TOLERANCE:
             status, why = Status.OK, ''
@@ -95,6 +94,8 @@ def reach_pose(
         path.append(rolling.config.roller_positions)
         left = pose_difference(goal, rolling.pose)
         size = math.hypot(*left[:2], grip.body.arm * left[2])
+    else:
+        status, why = Status.SLOWED_OBJECT, 'the way takes too many steps next to limits'
     share = 1.0 - size / whole if whole > TOLERANCE else 1.0
     return ReachedPose(rolling.config, rolling.pose, share, status, why, np.array(path))
 

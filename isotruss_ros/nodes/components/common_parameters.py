@@ -24,7 +24,6 @@ from isotruss_ros.nodes.framework.parameters import (
     Value,
 )
 
-ROBOT = FixedSpec('robot', 'nine_member', 'Preset, or path of a robot file')
 OBJECT_DIAMETER = Spec('object_diameter', 0.3, "The object's own diameter [m]", (0.001, 100.0))
 OBJECT = FixedSpec(
     'object',

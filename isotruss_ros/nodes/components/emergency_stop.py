@@ -13,10 +13,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from isotruss_ros.core import IsotrussError
 from isotruss_ros.nodes.components.sparse_messages import EveryMessage
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from std_msgs.msg import Bool
-from std_srvs.srv import Trigger
 
 #: Of the topic, and of the service that does the same and answers.
 NAME = 'emergency_stop'
@@ -57,8 +57,8 @@ class EmergencyStop:
             self._receive,
             lambda why: self._stop_for(f'{why}: one of its messages may have been true'),
         )
-        node.create_service(Trigger, NAME, self._answer_stop)
-        node.create_service(Trigger, RELEASE, self._release)
+        node.offer(NAME, self._carry_out_stop)
+        node.offer(RELEASE, self._release)
 
     @property
     def reason(self) -> str | None:
@@ -88,28 +88,20 @@ class EmergencyStop:
             self._cause = cause
             self._changed()
 
-    def _answer_stop(
-        self, _request: Trigger.Request, response: Trigger.Response
-    ) -> Trigger.Response:
+    def _carry_out_stop(self) -> str:
         """Stop, and respond once the drives have received zero."""
         self._stop_for(f'stopped by the service {self._service}')
-        response.success = self._wait_for_zero()
-        response.message = self.reason or ''
-        if not response.success:
-            response.message = (
+        if not self._wait_for_zero():
+            raise IsotrussError(
                 'zero was commanded, but not every subscriber has acknowledged it; '
-                + response.message
+                + (self.reason or '')
             )
-        return response
+        return self.reason or ''
 
-    def _release(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _release(self) -> str:
         if self._last:
-            response.success = False
-            response.message = f'the last message of {NAME} is true; publish false first'
-            return response
-        response.success = True
+            raise IsotrussError(f'the last message of {NAME} is true; publish false first')
         stopped = self._stopped or self._cause is not None
-        response.message = 'released' if stopped else 'nothing was stopped'
         self._stopped, self._cause = False, None
         self._changed()
-        return response
+        return 'released' if stopped else 'nothing was stopped'

@@ -21,7 +21,6 @@ from isotruss_ros.core.safety.roller_failure import FailureDetector
 from isotruss_ros.nodes.components.sparse_messages import EveryMessage
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from std_msgs.msg import String
-from std_srvs.srv import Trigger
 
 NAME = 'failed_rollers'
 SERVICE = 'reset_failed_rollers'
@@ -43,7 +42,7 @@ class FailedRollers:
         #: Why the rollers that the topic names are not known; None if they are.
         self._unknown: str | None = None
         EveryMessage(node, String, NAME, self._receive, self._report_missing)
-        node.create_service(Trigger, SERVICE, self._reset)
+        node.offer(SERVICE, self._reset)
 
     def select_named(self, robot: Robot) -> frozenset[str]:
         """
@@ -88,15 +87,13 @@ class FailedRollers:
         self._unknown = f'{why}: publish which rollers have failed again, an empty string for none'
         self._changed()
 
-    def _reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _reset(self) -> str:
         """Use the rollers again that were detected to have failed."""
-        detected = frozenset() if self._detector is None else self._detector.failed
-        response.success = True
-        response.message = 'no roller was detected to have failed'
-        if detected:
-            response.message = f'reset: {", ".join(sorted(detected))}'
-            self._detector.reset()
-        return response
+        if self._detector is None or not self._detector.failed:
+            return 'no roller was detected to have failed'
+        said = f'reset: {", ".join(sorted(self._detector.failed))}'
+        self._detector.reset()
+        return said
 
 
 def describe_reachable_twists(servo: TwistServo) -> str:

@@ -97,11 +97,6 @@ class JointMarkers:
         least = min(map(len, seen.values()))
         return MeasuredJoints(Posture(readings.mean(axis=0), means), least)
 
-    def forget(self) -> None:
-        """Begin to measure anew, such as after the rollers have turned."""
-        self._markers.clear()
-        self._rollers.clear()
-
     def _forget(self, now: float) -> None:
         """Forget what is older than the window."""
         for kept in (self._markers, self._rollers):

@@ -12,12 +12,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-import importlib
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 from isotruss_ros.nodes.framework.parameters import ParameterError, Spec, Value
+from isotruss_ros.nodes.framework.runner import find_node
 from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, LogInfo, OpaqueFunction, Shutdown
 from launch.conditions import IfCondition
@@ -104,9 +104,8 @@ def describe_launch(
 
 def _specs_of(executable: str) -> Sequence[Spec]:
     """Return the declarations of the parameters of a node."""
-    module = importlib.import_module(f'isotruss_ros.nodes.{executable}')
-    (kind,) = (k for k in vars(module).values() if getattr(k, 'node_name', '') == executable)
-    return (*kind.specs, *kind.base_specs)
+    kind = find_node(executable)
+    return (*kind.base_specs, *kind.specs)
 
 
 def _declare(name: str, default: Value | None, description: str) -> DeclareLaunchArgument:

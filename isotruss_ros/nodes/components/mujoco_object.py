@@ -13,12 +13,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from isotruss_ros.core import RollerFaults
+from isotruss_ros.core import ConvexObject, Robot, RollerFaults
 from isotruss_ros.mujoco_plant.driven_robot import DrivenRobot
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 from isotruss_ros.mujoco_plant.recording import PlantRecorder
-from isotruss_ros.nodes.components.simulated_object import StartingObject
 from isotruss_ros.nodes.framework.parameters import FixedSpec, ParameterError, Parameters
 
 #: More than this is not simulated at once where time is the wall's, but reported as lag [s].
@@ -90,19 +89,19 @@ def make_recorder(plant: MujocoPlant | None, path: str) -> PlantRecorder | None:
 
 
 def make_driven_robot(
-    start: StartingObject,
+    robot: Robot,
+    body: ConvexObject,
     values: Parameters,
     faults: RollerFaults,
-    seed: int,
     sim_time: bool,
 ) -> DrivenRobot:
     """
     Return a robot in MuJoCo, at home, with its object.
 
-    :param start: the object; a mass of its own counts instead of `object_mass`.
-    :param values: of `MUJOCO_SPECS`, and the coefficient of friction.
+    :param robot: whose home is where it begins.
+    :param body: in its place; a mass of its own counts instead of `object_mass`.
+    :param values: of the node.
     :param faults: how the rollers differ from perfect ones.
-    :param seed: of the noise and the slip.
     :param sim_time: time is simulated, so that nothing can lag behind it.
     :raises IsotrussError: MuJoCo is not installed, or a value is not usable.
     """
@@ -117,4 +116,5 @@ def make_driven_robot(
         roller_force=values.roller_force,
     )
     longest = float('inf') if sim_time else LONGEST_STEP
-    return DrivenRobot(start.robot, start.body, start.is_free, options, faults, seed, longest)
+    free, seed = values.object_is_free, values.seed
+    return DrivenRobot(robot, body, free, options, faults, seed, longest)

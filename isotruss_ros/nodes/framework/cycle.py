@@ -15,6 +15,7 @@ from collections import deque
 from collections.abc import Callable
 from functools import partial
 import time
+from typing import TYPE_CHECKING
 
 from isotruss_ros.nodes.framework.topics import take_waiting
 from rclpy.clock import Clock
@@ -22,6 +23,9 @@ from rclpy.clock_type import ClockType
 from rclpy.executors import SingleThreadedExecutor, TimeoutException
 from rclpy.node import Node
 from rclpy.timer import Timer
+
+if TYPE_CHECKING:
+    from isotruss_ros.nodes.framework.runner import StoppableNode
 
 #: A stopped clock is detected within the timeout and this share of it, or this time [s].
 WATCH_SHARE, SHORTEST_WATCH = 0.5, 0.01
@@ -31,89 +35,50 @@ LEAD = 1e-3
 LONGEST_WAIT = 0.02
 
 
-class CycleTimes:
-    """Durations since the last report; adding one costs next to nothing."""
-
-    def __init__(self) -> None:
-        # Bounded, should reports fail to come.
-        self._times: deque[float] = deque(maxlen=10_000)
-
-    def add(self, duration: float) -> None:
-        """
-        Add the duration of a cycle.
-
-        :param duration: computing time [s].
-        """
-        self._times.append(duration)
-
-    def summary(self, period: float) -> dict[str, object]:
-        """
-        Return count, median, maximum and overruns by name, and start again.
-
-        :param period: from cycle to cycle [s]; those that took longer are overruns.
-        """
-        times = sorted(self._times)
-        self._times.clear()
-        if not times:
-            return {'cycles': 0}
-        return {
-            'cycles': len(times),
-            'cycle time, median [s]': round(times[len(times) // 2], 6),
-            'cycle time, longest [s]': round(times[-1], 6),
-            'overruns': len(times) - bisect.bisect_right(times, period),
-        }
-
-
 class Cycle:
     """
     Call back at a rate until it is destroyed with the node's other timers.
 
     :ivar is_steady: whether the cycles follow each other by the steady clock.
     :ivar duration: computing time of the last cycle [s].
-    :param node: its clock, simulated or not, is the one that times are read from.
-    :param rate: cycles per second of the clock of the timer [Hz].
+    :param node: has the clock that times are read from, simulated or not, and the parameters
+        `rate` [Hz] and `command_timeout`: a clock without a change for so long has stopped [s].
     :param step: called in every cycle with the time [s].
     :param jumped_back: called before the step when the clock reads less than in the step before.
     :param stopped: called repeatedly instead of steps while simulated time does not advance.
-    :param progress_timeout: time without a change after which the clock counts as stopped [s].
     """
 
     def __init__(
         self,
-        node: Node,
-        rate: float,
+        node: StoppableNode,
         step: Callable[[float], None],
         jumped_back: Callable[[], None],
         stopped: Callable[[float], None] | None = None,
-        progress_timeout: float = 1.0,
     ) -> None:
+        self._values = node.values
         self._clock, self._step, self._jumped_back = node.get_clock(), step, jumped_back
         self._stopped = stopped
         self._last = self._read = 0
         self._changed = time.monotonic()
         self.duration = 0.0
-        self._times = CycleTimes()
+        #: Of the cycles since the last summary; bounded, should nobody ask for one.
+        self._times: deque[float] = deque(maxlen=10_000)
         self.is_steady = not node.get_parameter('use_sim_time').value
         self._clocks = [each for each in node.subscriptions if each.topic_name == '/clock']
         # Timers of the system's clock would stop for an hour when that is set back by an hour.
         create_timer = partial(create_steady_timer, node) if self.is_steady else node.create_timer
-        self._timer = create_timer(1.0 / rate, self._tick)
+        self._timer = create_timer(1.0 / self._values.rate, self._tick)
         self._watchdog: Timer | None = None
         if stopped is not None and not self.is_steady:
             self._watchdog = create_steady_timer(node, SHORTEST_WATCH, self._check)
-        self.change(rate, progress_timeout)
+        self.apply()
 
-    def change(self, rate: float, progress_timeout: float = 1.0) -> None:
-        """
-        Continue at another rate.
-
-        :param rate: cycles per second [Hz].
-        :param progress_timeout: see above [s].
-        """
-        self._timer.timer_period_ns = int(1e9 / rate)
-        self._progress_timeout = progress_timeout
+    def apply(self) -> None:
+        """Continue with the present values of the parameters."""
+        self._timer.timer_period_ns = int(1e9 / self._values.rate)
+        self._timeout = self._values.command_timeout
         if self._watchdog is not None:
-            watched = max(WATCH_SHARE * progress_timeout, SHORTEST_WATCH)
+            watched = max(WATCH_SHARE * self._timeout, SHORTEST_WATCH)
             self._watchdog.timer_period_ns = int(1e9 * watched)
 
     def time_left(self) -> float:
@@ -126,8 +91,17 @@ class Cycle:
         self._tick()
 
     def summary(self) -> dict[str, object]:
-        """Return what `CycleTimes` has of the cycles since this was called last."""
-        return self._times.summary(1e-9 * self._timer.timer_period_ns)
+        """Return count, computing times and overruns of the cycles since this was called last."""
+        times, period = sorted(self._times), 1e-9 * self._timer.timer_period_ns
+        self._times.clear()
+        if not times:
+            return {'cycles': 0}
+        return {
+            'cycles': len(times),
+            'cycle time, median [s]': round(times[len(times) // 2], 6),
+            'cycle time, longest [s]': round(times[-1], 6),
+            'overruns': len(times) - bisect.bisect_right(times, period),
+        }
 
     def _tick(self) -> None:
         # After a long callback the inputs may be newer than the time that was taken before it.
@@ -140,13 +114,13 @@ class Cycle:
         self._last = now.nanoseconds
         self._step(1e-9 * now.nanoseconds)
         self.duration = time.perf_counter() - began
-        self._times.add(self.duration)
+        self._times.append(self.duration)
 
     def _check(self) -> None:
         now, elapsed = self._clock.now(), time.monotonic()
         if now.nanoseconds != self._read:
             self._read, self._changed = now.nanoseconds, elapsed
-        elif elapsed - self._changed > self._progress_timeout:
+        elif elapsed - self._changed > self._timeout:
             self._stopped(1e-9 * now.nanoseconds)
 
 

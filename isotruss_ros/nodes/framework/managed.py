@@ -16,16 +16,23 @@ import inspect
 import traceback
 from typing import Any, ClassVar
 
-from isotruss_ros.core import IsotrussError
-from isotruss_ros.nodes.framework.cycle import Cycle
+from isotruss_ros.core import IsotrussError, load_robot, Robot
 from isotruss_ros.nodes.framework.diagnostics import Diagnostics, Level
-from isotruss_ros.nodes.framework.parameters import AUTOSTART
+from isotruss_ros.nodes.framework.parameters import (
+    AUTOSTART,
+    ParameterError,
+    ROBOT,
+    UNCONFIGURED_ONLY,
+    Value,
+)
 from isotruss_ros.nodes.framework.runner import StoppableNode
 from lifecycle_msgs.srv import ChangeState
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.action import ActionClient, ActionServer
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 
 SUCCESS = TransitionCallbackReturn.SUCCESS
@@ -45,6 +52,8 @@ class ManagedNode(StoppableNode, LifecycleNode):
     anything else leaves it unconfigured; the reason is logged and in the diagnostics.
 
     :cvar awaited: topics and actions without which the active node does nothing, as it logs.
+    :ivar robot: loaded before `configure`.
+    :ivar inputs: the `Inputs` that `configure` has made, whose ages are reported; None without.
     :ivar configured: whether `configure` has succeeded, and what it made is there.
     :ivar active: whether publishers are enabled, in the transitions to and from `active` too.
     :ivar diagnostics: status of the node.
@@ -52,7 +61,9 @@ class ManagedNode(StoppableNode, LifecycleNode):
     """
 
     awaited: ClassVar[tuple[str, ...]] = ()
-    base_specs = (AUTOSTART,)
+    base_specs = (ROBOT, AUTOSTART)
+    robot: Robot
+    inputs: Any = None
     configured = active = False
     _failure: Exception | None = None
 
@@ -61,8 +72,18 @@ class ManagedNode(StoppableNode, LifecycleNode):
     def create(self) -> None:
         """Create what is there in every state."""
 
+    def read_robot(self) -> Robot:
+        """Return the robot of the parameters."""
+        return load_robot(self.values.robot)
+
+    def _check(self, new: dict[str, Value]) -> None:
+        """Refuse unusable values of parameters by name, at `configure` and when they change."""
+
     def configure(self) -> None:
-        """Read the parameters, load the robot, create publishers and subscriptions."""
+        """Create publishers and subscriptions."""
+
+    def _apply(self) -> None:
+        """Take the values of the parameters, after `configure` and when they have changed."""
 
     def activate(self) -> None:
         """Start the timers; publishers are enabled."""
@@ -74,7 +95,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
         """Release what is no entity of the node; called after every `configure`."""
 
     def details(self) -> dict[str, object]:
-        """Return values for the diagnostics by name, besides cycles; called in every state."""
+        """Return values for the diagnostics of the configured node by name, besides cycles."""
         return {}
 
     # -- Public interface --
@@ -85,10 +106,11 @@ class ManagedNode(StoppableNode, LifecycleNode):
 
         :raises IsotrussError: a step failed.
         """
-        self.diagnostics = Diagnostics(self, self._describe)
+        self.diagnostics = Diagnostics(self, self.describe)
         #: The entities that were there before a state, whose end they outlive.
         self._before: dict[str, dict[Any, Callable[[Any], object]]] = {}
-        self.add_post_set_parameters_callback(lambda _: self._change_cycle())
+        self.add_on_set_parameters_callback(self._check_change)
+        self.add_post_set_parameters_callback(lambda _: self._apply_change())
         ignore_negative_time(self)
         _reject_unknown_transitions(self)
         self.create()
@@ -109,22 +131,6 @@ class ManagedNode(StoppableNode, LifecycleNode):
         except rclpy_implementation.RCLError:  # it was interrupted in a transition, or has ended
             if self.active:
                 self.deactivate()
-
-    def begin_cycle(
-        self,
-        step: Callable[[float], None],
-        jumped_back: Callable[[], None],
-        stopped: Callable[[float], None] | None = None,
-    ) -> None:
-        """
-        Begin the cycle of the active node, with its parameters `rate` and `command_timeout`.
-
-        :param step: see `Cycle`, whose clock may stop for that timeout.
-        :param jumped_back: see `Cycle`.
-        :param stopped: see `Cycle`.
-        """
-        values = self.values
-        self.cycle = Cycle(self, values.rate, step, jumped_back, stopped, values.command_timeout)
 
     def keep(self, entity: object) -> None:
         """
@@ -152,9 +158,8 @@ class ManagedNode(StoppableNode, LifecycleNode):
         """Configure; release what a failure leaves behind."""
         self._failure = None
         ignore_negative_time(self)  # which may be simulated since it was unconfigured
-        self.values.locked = True
         self._before['configured'] = self._list_entities()
-        result = self._try_step('configure', self.configure)
+        result = self._try_step('configure', self._configure)
         if result == SUCCESS:
             self.configured = True
             self.diagnostics.set_status(Level.WARN, 'inactive')
@@ -232,18 +237,43 @@ class ManagedNode(StoppableNode, LifecycleNode):
         super().on_deactivate(_state)
         self.active = False
 
+    def _configure(self) -> None:
+        self.robot = self.read_robot()
+        self.diagnostics.hardware_id = self.robot.name
+        present = self.get_parameters_by_prefix('')
+        self._check({name: parameter.value for name, parameter in present.items()})
+        self.configure()
+        self._apply()
+
     def _release(self) -> None:
-        self.values.release()
-        self.configured = False
+        self.configured, self.inputs = False, None
         self._destroy_since('configured')
         self.cleanup()
 
-    def _change_cycle(self) -> None:
-        if self.cycle is not None:
-            self.cycle.change(self.values.rate, self.values.command_timeout)
+    def _check_change(self, parameters: list[Parameter]) -> SetParametersResult:
+        """Return whether parameters can be set, as any can while the node is unconfigured."""
+        new = {parameter.name: parameter.value for parameter in parameters}
+        try:
+            if 'configured' in self._before:
+                if fixed := [name for name in new if name in self.values.fixed]:
+                    raise ParameterError(f'parameter {", ".join(fixed)}: {UNCONFIGURED_ONLY}')
+                self._check(new)
+        except IsotrussError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
 
-    def _describe(self) -> dict[str, object]:
-        return ({} if self.cycle is None else self.cycle.summary()) | self.details()
+    def _apply_change(self) -> None:
+        if self.configured:
+            self._apply()
+        if self.cycle is not None:
+            self.cycle.apply()
+
+    def describe(self) -> dict[str, object]:
+        """Return all values for the diagnostics by name, in any state."""
+        found = {} if self.cycle is None else self.cycle.summary()
+        if self.configured:
+            found |= self.details()
+        return found if self.inputs is None else found | self.inputs.describe_ages()
 
     def _list_entities(self) -> dict[Any, Callable[[Any], object]]:
         """Return every entity with what destroys it: timers first and publishers last."""

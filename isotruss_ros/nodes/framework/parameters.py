@@ -16,17 +16,12 @@ ROS.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
 from isotruss_ros.core import IsotrussError
-from rcl_interfaces.msg import (
-    FloatingPointRange,
-    IntegerRange,
-    ParameterDescriptor,
-    SetParametersResult,
-)
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.exceptions import InvalidParameterValueException, ParameterException
 from rclpy.lifecycle import LifecycleNode
 from rclpy.node import Node
@@ -64,6 +59,7 @@ class Spec:
 
 #: Declaration of a parameter that is read-only.
 FixedSpec = partial(Spec, read_only=True)
+ROBOT = FixedSpec('robot', 'nine_member', 'Preset, or path of a robot file')
 AUTOSTART = FixedSpec('autostart', True, 'Configure and activate the node on its own at start')
 
 
@@ -71,7 +67,7 @@ class Parameters:
     """
     The parameters of one node; each value is an attribute of its name.
 
-    :ivar locked: whether a managed node is configured, so that read-only values cannot be set.
+    :ivar fixed: names of those that a managed node reads when it is configured.
     :param node: declares them; must be one that declares what is given to it on its own
         (`automatically_declare_parameters_from_overrides`), as rclpy does not tell it otherwise.
     :param specs: their declarations.
@@ -80,9 +76,8 @@ class Parameters:
 
     def __init__(self, node: Node, specs: Sequence[Spec]) -> None:
         self._node, self._managed = node, isinstance(node, LifecycleNode)
-        self._fixed = {spec.name for spec in specs if spec.read_only} | {'use_sim_time'}
+        self.fixed = {spec.name for spec in specs if spec.read_only} | {'use_sim_time'}
         self._real = {spec.name for spec in specs if isinstance(spec.default, float)}
-        self.release()
         present = node.get_parameters_by_prefix('')
         given = {name: each for name, each in present.items() if not name.startswith(OF_RCLPY)}
         for name in given:
@@ -92,32 +87,9 @@ class Parameters:
         for name in sorted(given):
             node.get_logger().warning(f'parameter {name}: unknown, and not used')
         node.add_pre_set_parameters_callback(self._read_whole_numbers)
-        node.add_on_set_parameters_callback(self._check_change)
-        node.add_post_set_parameters_callback(lambda _: self._apply())
 
     def __getattr__(self, name: str) -> Value:
         return self._node.get_parameter(name).value
-
-    def on_change(
-        self,
-        apply: Callable[[], None],
-        check: Callable[[Mapping[str, Value]], None] = lambda _new: None,
-    ) -> None:
-        """
-        Check values now and before every change, and apply every change.
-
-        :param apply: called when values have changed.
-        :param check: called with new values by name; raises IsotrussError for an unusable one.
-        :raises IsotrussError: a value at start is unusable.
-        """
-        present = self._node.get_parameters_by_prefix('')
-        check({name: parameter.value for name, parameter in present.items()})
-        self._check, self._apply = check, apply
-
-    def release(self) -> None:
-        """Remove the functions of `on_change`: the node is not configured."""
-        self.locked = False
-        self._check, self._apply = lambda _new: None, lambda: None
 
     def _declare(self, spec: Spec, given: Parameter | None) -> None:
         """Declare a parameter, with the value that is given to the node if there is one."""
@@ -156,14 +128,3 @@ class Parameters:
             else p
             for p in parameters
         ]
-
-    def _check_change(self, parameters: list[Parameter]) -> SetParametersResult:
-        """Return whether parameters can be set."""
-        fixed = [parameter.name for parameter in parameters if parameter.name in self._fixed]
-        try:
-            if fixed and self.locked:
-                raise ParameterError(f'parameter {", ".join(fixed)}: {UNCONFIGURED_ONLY}')
-            self._check({parameter.name: parameter.value for parameter in parameters})
-        except IsotrussError as error:
-            return SetParametersResult(successful=False, reason=str(error))
-        return SetParametersResult(successful=True)

@@ -29,6 +29,7 @@ from rclpy.logging import LoggingSeverity, set_logger_level
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
+from std_srvs.srv import Trigger
 
 #: Ctrl-C, `kill`, and a terminal that is closed.
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -67,7 +68,7 @@ class StoppableNode(Node):
         #: When a warning of each kind was logged last [s].
         self._warned: dict[str, float] = {}
         try:
-            self.values = Parameters(self, (*self.specs, *self.base_specs))
+            self.values = Parameters(self, (*self.base_specs, *self.specs))
             self.start()
         except IsotrussError:
             self.destroy_node()
@@ -75,6 +76,13 @@ class StoppableNode(Node):
 
     def start(self) -> None:
         """Begin, with the parameters; the last step of the constructor."""
+
+    def begin(self) -> None:
+        """
+        Begin what only a process of its own has: a file, a server, the keyboard.
+
+        :raises IsotrussError: why it cannot begin.
+        """
 
     def now(self) -> float:
         """Return the time of the node's clock [s]."""
@@ -91,6 +99,24 @@ class StoppableNode(Node):
         if now - self._warned.get(kind, -WARNING_PERIOD) >= WARNING_PERIOD:
             self._warned[kind] = now
             self.get_logger().warning(message)
+
+    def offer(self, name: str, carry_out: Callable[[], str]) -> None:
+        """
+        Offer a service without arguments.
+
+        :param name: of the service, std_srvs/Trigger.
+        :param carry_out: does what is asked for and returns in words what came of it; raises
+            IsotrussError where it does not succeed.
+        """
+
+        def respond(_request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            try:
+                response.message, response.success = carry_out(), True
+            except IsotrussError as error:
+                response.message = str(error)
+            return response
+
+        self.create_service(Trigger, name, respond)
 
     def stop(self) -> None:
         """Leave the robot safe; publishers still work."""
@@ -130,11 +156,21 @@ class Interruption:
             signal.signal(which, signal.SIG_IGN)
 
 
-def run(make_node: Callable[[], StoppableNode], args: Sequence[str] | None = None) -> int:
+def find_node(name: str) -> type[StoppableNode]:
+    """
+    Return the class of a node.
+
+    :param name: of the node, its module and its executable.
+    """
+    module = importlib.import_module(f'isotruss_ros.nodes.{name}')
+    return next(kind for kind in vars(module).values() if getattr(kind, 'node_name', '') == name)
+
+
+def run(kind: Callable[[], StoppableNode], args: Sequence[str] | None = None) -> int:
     """
     Spin a node until it is interrupted, or done.
 
-    :param make_node: returns the node; may raise IsotrussError.
+    :param kind: class of the node.
     :param args: command line, that of the process when left out.
     :return: exit code: 0 when interrupted, 1 when the node could not start or go on.
     """
@@ -156,7 +192,8 @@ def run(make_node: Callable[[], StoppableNode], args: Sequence[str] | None = Non
     node, what = None, 'cannot start'
     try:
         try:
-            node = make_node()
+            node = kind()
+            node.begin()
             what = 'cannot go on'
             # What exists by now stays: the garbage collector need not walk it between cycles.
             gc.freeze()

@@ -106,3 +106,9 @@ def test_places_up_to_the_largest_distance_are_taken():
     for center in ((MAX_DISTANCE, -MAX_DISTANCE), (-MAX_DISTANCE, MAX_DISTANCE)):
         assert ConvexObject.disc(center, 0.1).center == complex(*center)
         assert ConvexObject.disc(np.array(center), 0.1).center == complex(*center)
+
+
+def test_truths_are_no_pose():
+    for pose in ((True, False, True), np.array([True, False, True])):
+        with pytest.raises(GraspError, match=r'pose .* must be 3 finite numbers'):
+            ConvexObject.disc((0.0, 0.0), 0.2).moved_to(pose)
