@@ -28,15 +28,18 @@ SLIP, SLIP_TIME = 0.005, 2.0
 #: A pose lies that departs from the model by so much more than the expected load explains [m] ...
 LIE = 0.006
 #: ... on a way of so many steps at most [m] ...
-STEP, STEPS = 0.001, 75
+STEP, STEPS = 0.0005, 150
 #: ... and goes as twists ask for, as closely as this [m].
 LED = 0.002
 #: A pose lies that does not move by this [m] where members and twists move the object by that [m].
-STUCK, MOVED = 0.0002, 0.006
-#: Half-swings of the pose error from this size on count [m] ...
-SWING = 0.003
+STUCK, MOVED = 0.0002, 0.004
+#: Half-swings of the pose error from this size on count [m], and from this many times the noise
+#: where that is more ...
+SWING, NOISES = 0.002, 2.5
 #: ... where they take less than so many times pi / omega, or this time if that is not known [s].
 SLOWEST, SWING_TIME = 2.0, 0.5
+#: Noise until it is known [m].
+UNKNOWN_NOISE = 0.0012
 #: So many half-swings, each at least so large against the one before it, do not decay.
 SWINGS, NO_DECAY = 3, 0.95
 #: Low-pass on what is measured; for swings, 1 / omega where that is known [s].
@@ -61,6 +64,7 @@ class PoseComparison(NamedTuple):
     :ivar error: what is missing to the reference.
     :ivar asked: motion that the twist of the last cycle asked for.
     :ivar moved: motion of the measured pose since the last cycle.
+    :ivar borne: whether the grip bears the load that is most probable.
     """
 
     apart: Array
@@ -68,10 +72,7 @@ class PoseComparison(NamedTuple):
     error: Array
     asked: Array
     moved: Array
-
-
-#: A pose that is that of its model.
-NOTHING_APART = PoseComparison(*np.zeros((5, 3)))
+    borne: bool = True
 
 
 class GripWatch:
@@ -83,14 +84,14 @@ class GripWatch:
       moves the object off both.
     - An oscillation that grows, or does not decay, has half-swings that do not.
 
+    :ivar first: (2, 3) how far apart the object is at first, and what a load leaves of it, which
+        is no slip [m].
+    :ivar noise: median step of the measured pose from cycle to cycle [m].
     :param frequency: lowest natural frequency of the held object; None if not known [rad/s].
-    :param first: how far apart the object is at first, which is no slip.
     """
 
-    def __init__(
-        self, frequency: float | None = None, first: PoseComparison = NOTHING_APART
-    ) -> None:
-        self._first, self._frequency = first, frequency
+    def __init__(self, frequency: float | None = None) -> None:
+        self.first, self.noise, self._frequency = np.zeros((2, 3)), UNKNOWN_NOISE, frequency
         self._apart, self._unexplained, self._error = np.zeros((3, 3))
         self._slipped_for = 0.0
         self._asked, self._measured, self._travelled = np.zeros(3), np.zeros(3), 0.0
@@ -113,8 +114,8 @@ class GripWatch:
         :param elapsed: since the cycle before [s].
         """
         passed = -math.expm1(-elapsed / FILTER_TIME)
-        self._apart = self._apart + passed * (poses.apart - self._first.apart - self._apart)
-        left = poses.unexplained - self._first.unexplained
+        apart, left = np.array((poses.apart, poses.unexplained)) - self.first
+        self._apart = self._apart + passed * (apart - self._apart)
         self._unexplained = self._unexplained + passed * (left - self._unexplained)
         followed = -math.expm1(-elapsed / self._swing_filter)
         self._error = self._error + followed * (poses.error - self._error)
@@ -122,10 +123,10 @@ class GripWatch:
         self._slipped_for = self._slipped_for + elapsed if away > SLIP else 0.0
         if self._departs(poses):
             return GripFault.POSE_DISAGREES
-        if self._slipped_for > SLIP_TIME:
+        if self._slipped_for > (SLIP_TIME if poses.borne else 0.0):
             return GripFault.SLIPPED
         grown = [
-            swings.update(value, elapsed)
+            swings.update(value, elapsed, max(SWING, NOISES * self.noise))
             for swings, value in zip(self._swings, self._error.tolist(), strict=True)
         ]
         return GripFault.OSCILLATES if any(grown) else None
@@ -141,12 +142,13 @@ class GripWatch:
         self._travelled = 0.0
         here = np.array((self._asked, self._measured, self._apart))
         since = here - np.array(self._places)[::-1]
-        asked, moved, apart = np.linalg.norm(since, axis=2).T
+        _, moved, apart = np.linalg.norm(since, axis=2).T
         stuck = np.logical_and.accumulate(moved < STUCK)
         off_path = np.linalg.norm(since[:, 1] - since[:, 0], axis=1)
         led = np.logical_and.accumulate(off_path < LED)
         explained = math.hypot(*(poses.apart - poses.unexplained))
-        stands = stuck & (np.minimum(asked, apart) > MOVED)
+        way = STEP * np.arange(1, len(since) + 1)
+        stands = stuck & (np.minimum(way, apart) > MOVED)
         return bool((stands | led & (apart > LIE + explained)).any())
 
 
@@ -163,15 +165,15 @@ class _Swings:
         self._rising, self._age = True, 0.0
         self._sizes: list[float] = []
 
-    def update(self, value: float, elapsed: float) -> bool:
-        """Return whether the last half-swings do not decay; the number (m) is of this cycle."""
+    def update(self, value: float, elapsed: float, least: float) -> bool:
+        """Return whether the last half-swings do not decay; the numbers (m) are of this cycle."""
         if math.isnan(self._extreme):
             self._extreme = self._turned = value
         self._age += elapsed
         sign = 1.0 if self._rising else -1.0
         if sign * (value - self._extreme) >= 0.0:
             self._extreme = value
-        elif sign * (self._extreme - value) > SWING:
+        elif sign * (self._extreme - value) > least:
             if self._age > self._longest:
                 self._sizes.clear()
             self._sizes.append(abs(self._extreme - self._turned))

@@ -48,6 +48,8 @@ REST_TIME = 1.0
 TRIM_TIME = 0.5
 #: ... where its deviation is no larger share of the target than this.
 TRUSTED = 0.2
+#: Fewer poses than this do not tell of their noise.
+FEWEST = 4
 #: Zeros that are corrected by more than this begin the model anew [m].
 RESTART = 2e-3
 #: The status in each fault.
@@ -135,7 +137,8 @@ class SqueezeControl:
         self._rows, self._drift = np.zeros((4, 0)), np.zeros(4)
         self._estimate: EstimatedTravel | None = None
         self._offsets: Array | float | None = None
-        self._trim = 0.0
+        self._trim = self._averaged = 0.0
+        self._first: list[Array] = []
 
     def lose(self) -> None:
         """Take note that the object is not between the members any more."""
@@ -216,7 +219,7 @@ class SqueezeControl:
             if found is not None:
                 self._learn(before, grasp, found, elapsed)
                 self._rows = grip_jacobian(config, grip)
-                self._observe(grasp, found, grip.body.pose, elapsed)
+                self._observe(grasp, found, grip, elapsed)
                 return HoldStatus.HELD
         again = self._start(config, grip)
         if before is not None and self.fault is None:
@@ -249,7 +252,7 @@ class SqueezeControl:
             return replace(held, scale=0.0, status=HALTS[self.fault])
         twist, correction = np.asarray(twist), self._correction(period)
         command = _solve_within_limits(twist + correction, opening, solve)
-        free = self.slip_margin - LEFT_MARGIN * self._squeeze
+        free = self._margin(self.grasp, np.zeros(3)) - LEFT_MARGIN * self._squeeze
         share = self._usage.margin_share(command, period, free) if twist.any() else 1.0
         if share < 1.0:
             slowed = _solve_within_limits(share * twist + correction, opening, solve)
@@ -296,7 +299,7 @@ class SqueezeControl:
         beyond = np.append(change - moved - given.pose @ loaded, pressed)
         self._drift = beyond / elapsed if elapsed > 0.0 else np.zeros(4)
         # A load that changed the margin is not to be taken for what the travel did.
-        margin = given.slip_margin - before.slip_margin(self.settings.friction, loaded)
+        margin = self._margin(grasp, np.zeros(3)) - self._margin(before, loaded)
         self._usage.learn(grasp, margin, travel)
 
     def _start(self, config: Configuration, grip: Grip) -> HoldStatus:
@@ -312,13 +315,14 @@ class SqueezeControl:
             self.grasp = None
             return HoldStatus.UNSTABLE
         self._take(found, given, np.zeros(3))
-        # What a load explains is no slip.
         offset = pose_difference(grip.body.pose, found.pose)
-        left = self.load.begin(offset, given.pose, found.arm)
-        even, still = np.array([1.0, 1.0, found.arm]), np.zeros(3)
-        first = PoseComparison(even * offset, even * left, still, still, still)
+        self.load.offset = self.load.bias = offset
+        self._first, self._averaged = [offset], 0.0
         self._measured = np.array(grip.body.pose)
-        self._watch = GripWatch(self.frequency, first)
+        self._watch = GripWatch(self.frequency)
+        # What a load explains is no slip.
+        left = offset - given.pose @ self.load.most_probable(offset, given.pose, found.arm)
+        self._watch.first = np.array((offset, left)) * (1.0, 1.0, found.arm)
         self._usage = UsageLimits(found)
         self._rows, self._drift = grip_jacobian(config, grip), np.zeros(4)
         return found.hold(self.settings.friction)
@@ -332,15 +336,27 @@ class SqueezeControl:
         )
         self.gains = gains_of(self._softening * gain)
 
-    def _observe(
-        self, grasp: HeldGrip, given: Sensitivity, measured: Pose, elapsed: float
-    ) -> None:
+    def _observe(self, grasp: HeldGrip, given: Sensitivity, grip: Grip, elapsed: float) -> None:
         """Take in where the object was measured and where the model has it."""
         self._choose_gains(grasp)
+        measured, friction = grip.body.pose, self.settings.friction
         offset = pose_difference(measured, grasp.pose)
         moved = given.pose @ self.load.wrench
-        loaded = self.load.update(offset, given.pose, grasp.arm, elapsed, self.gains)
-        self._take(grasp, given, loaded)
+        borne = True
+        if self._first:
+            self._take(grasp, given, np.zeros(3))
+            self._average(grasp, given, grip, offset, elapsed)
+        else:
+            least = LEFT_MARGIN * grasp.squeeze
+            loaded, borne = self.load.update(
+                offset,
+                given.pose,
+                grasp.arm,
+                elapsed,
+                self.gains,
+                lambda more: grasp.slip_margin(friction, more) > least,
+            )
+            self._take(grasp, given, loaded)
         self._follow_estimate(elapsed)
         even, error = np.array([1.0, 1.0, grasp.arm]), np.zeros(3)
         if self.reference is not None:
@@ -348,8 +364,41 @@ class SqueezeControl:
         asked, went = elapsed * self._asked, pose_difference(measured, self._measured)
         self._measured = np.array(measured)
         lengths = (offset + moved, offset, error, asked, went)
-        poses = PoseComparison(*(even * each for each in lengths))
+        poses = PoseComparison(*(even * each for each in lengths), borne)
         self._look_for_faults(poses, elapsed)
+
+    def _average(
+        self, grasp: HeldGrip, given: Sensitivity, grip: Grip, offset: Array, elapsed: float
+    ) -> None:
+        """Take in a pose of the first while; at its end begin with the load or the mean."""
+        self._first.append(offset)
+        self._averaged += elapsed
+        first, even = np.array(self._first), np.array([1.0, 1.0, grasp.arm])
+        self.load.offset = self.load.bias = first.mean(axis=0)
+        if self._averaged < self.gains.filter_time:
+            return
+        self._first.clear()
+        # A load moves the object once; noise moves it in each cycle.
+        noise = np.median(np.abs(np.diff(even * first, axis=0)), axis=0).max()
+        known = len(first) >= FEWEST
+        if known:
+            self._watch.noise = float(noise)
+        if not known or noise < self.settings.load.pose_error:
+            loaded = self.load.begin(self.load.offset, given.pose, grasp.arm)
+            self._take(grasp, given, loaded)
+            return
+        mean = Pose(*(np.array(grasp.pose) + self.load.offset))
+        there = replace(grip, body=grip.body.moved_to(mean))
+        found = attach_model(grasp.config, there, self._pressures)
+        if isinstance(found, HoldStatus):
+            return
+        given = sensitivity(found, self.settings.friction)
+        if given is None:
+            return
+        loaded = self.load.begin(pose_difference(mean, found.pose), given.pose, grasp.arm)
+        self._take(found, given, loaded)
+        self._watch.first[0] += even * pose_difference(grasp.pose, found.pose)
+        self._watch.first[1] = even * self.load.bias
 
     def _follow_estimate(self, elapsed: float) -> None:
         """Move the target by what the model has more of the squeeze than an estimate."""
@@ -376,6 +425,11 @@ class SqueezeControl:
         self.grasp, self._slope, self.slip_margin = grasp, given.slope, given.slip_margin
         self._pose = np.array(grasp.pose) + given.pose @ loaded
         self._squeeze = grasp.squeeze + float(given.squeeze @ loaded)
+
+    def _margin(self, grasp: HeldGrip, more: Array) -> float:
+        """Return the slip margin without a load or with more (3,); no load is trusted to help."""
+        friction = self.settings.friction
+        return min(grasp.slip_margin(friction, each) for each in (more, -grasp.wrench))
 
     def _wrench(self, grasp: HeldGrip) -> Array:
         """Return the estimated wrench (fx, fy, m) [N, N m]."""
