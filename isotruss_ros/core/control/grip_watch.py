@@ -18,8 +18,8 @@ from __future__ import annotations
 from collections import deque
 import enum
 import math
-from typing import NamedTuple
 
+from isotruss_ros.core.control.held_model import Observation
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
@@ -38,8 +38,6 @@ STUCK, MOVED = 0.0002, 0.004
 SWING, NOISES = 0.002, 2.5
 #: ... where they take less than so many times pi / omega, or this time if that is not known [s].
 SLOWEST, SWING_TIME = 2.0, 0.5
-#: Noise until it is known [m].
-UNKNOWN_NOISE = 0.0012
 #: So many half-swings, each at least so large against the one before it, do not decay.
 SWINGS, NO_DECAY = 3, 0.95
 #: Low-pass on what is measured; for swings, 1 / omega where that is known [s].
@@ -55,26 +53,6 @@ class GripFault(enum.Enum):
     OSCILLATES = 'oscillates'
 
 
-class PoseComparison(NamedTuple):
-    """
-    The measured pose of an object against its model in one cycle, (3,) each [m].
-
-    :ivar apart: measured pose minus that of the model without a load.
-    :ivar unexplained: what the expected load leaves of it.
-    :ivar error: what is missing to the reference.
-    :ivar asked: motion that the twist of the last cycle asked for.
-    :ivar moved: motion of the measured pose since the last cycle.
-    :ivar borne: whether the grip bears the load that is most probable.
-    """
-
-    apart: Array
-    unexplained: Array
-    error: Array
-    asked: Array
-    moved: Array
-    borne: bool = True
-
-
 class GripWatch:
     """
     Compares the measured pose of a held object with the model, and looks for oscillations.
@@ -84,14 +62,11 @@ class GripWatch:
       moves the object off both.
     - An oscillation that grows, or does not decay, has half-swings that do not.
 
-    :ivar first: (2, 3) how far apart the object is at first, and what a load leaves of it, which
-        is no slip [m].
-    :ivar noise: median step of the measured pose from cycle to cycle [m].
     :param frequency: lowest natural frequency of the held object; None if not known [rad/s].
     """
 
     def __init__(self, frequency: float | None = None) -> None:
-        self.first, self.noise, self._frequency = np.zeros((2, 3)), UNKNOWN_NOISE, frequency
+        self._frequency = frequency
         self._apart, self._unexplained, self._error = np.zeros((3, 3))
         self._slipped_for = 0.0
         self._asked, self._measured, self._travelled = np.zeros(3), np.zeros(3), 0.0
@@ -106,47 +81,51 @@ class GripWatch:
         longest = SLOWEST * math.pi / self._frequency if self._frequency else SWING_TIME
         self._swings = tuple(_Swings(longest) for _ in range(3))
 
-    def update(self, poses: PoseComparison, elapsed: float) -> GripFault | None:
+    def update(
+        self, seen: Observation, error: Array, asked: Array, moved: Array, elapsed: float
+    ) -> GripFault | None:
         """
         Take one cycle in.
 
-        :param poses: of this cycle.
+        :param seen: the measured pose against its model.
+        :param error: (3,) what is missing to the reference [m].
+        :param asked: (3,) motion that the twist of the last cycle asked for [m].
+        :param moved: (3,) motion of the measured pose since the last cycle [m].
         :param elapsed: since the cycle before [s].
         """
         passed = -math.expm1(-elapsed / FILTER_TIME)
-        apart, left = np.array((poses.apart, poses.unexplained)) - self.first
-        self._apart = self._apart + passed * (apart - self._apart)
-        self._unexplained = self._unexplained + passed * (left - self._unexplained)
+        self._apart = self._apart + passed * (seen.apart - self._apart)
+        self._unexplained = self._unexplained + passed * (seen.unexplained - self._unexplained)
         followed = -math.expm1(-elapsed / self._swing_filter)
-        self._error = self._error + followed * (poses.error - self._error)
+        self._error = self._error + followed * (error - self._error)
         away = math.hypot(*self._unexplained)
         self._slipped_for = self._slipped_for + elapsed if away > SLIP else 0.0
-        if self._departs(poses):
+        explained = math.hypot(*(seen.apart - seen.unexplained))
+        if self._departs(asked, moved, explained):
             return GripFault.POSE_DISAGREES
-        if self._slipped_for > (SLIP_TIME if poses.borne else 0.0):
+        if self._slipped_for > (SLIP_TIME if seen.borne else 0.0):
             return GripFault.SLIPPED
         grown = [
-            swings.update(value, elapsed, max(SWING, NOISES * self.noise))
+            swings.update(value, elapsed, max(SWING, NOISES * seen.noise))
             for swings, value in zip(self._swings, self._error.tolist(), strict=True)
         ]
         return GripFault.OSCILLATES if any(grown) else None
 
-    def _departs(self, poses: PoseComparison) -> bool:
+    def _departs(self, asked: Array, moved: Array, explained: float) -> bool:
         """Return whether the pose departs from the model, and stands still or goes as asked."""
-        if self._travelled == 0.0 and poses.asked.any():
+        if self._travelled == 0.0 and asked.any():
             self._places.append((self._asked, self._measured, self._apart))
-        self._asked, self._measured = self._asked + poses.asked, self._measured + poses.moved
-        self._travelled += math.hypot(*poses.asked)
+        self._asked, self._measured = self._asked + asked, self._measured + moved
+        self._travelled += math.hypot(*asked)
         if self._travelled < STEP:
             return False
         self._travelled = 0.0
         here = np.array((self._asked, self._measured, self._apart))
         since = here - np.array(self._places)[::-1]
-        _, moved, apart = np.linalg.norm(since, axis=2).T
-        stuck = np.logical_and.accumulate(moved < STUCK)
+        _, stayed, apart = np.linalg.norm(since, axis=2).T
+        stuck = np.logical_and.accumulate(stayed < STUCK)
         off_path = np.linalg.norm(since[:, 1] - since[:, 0], axis=1)
         led = np.logical_and.accumulate(off_path < LED)
-        explained = math.hypot(*(poses.apart - poses.unexplained))
         way = STEP * np.arange(1, len(since) + 1)
         stands = stuck & (np.minimum(way, apart) > MOVED)
         return bool((stands | led & (apart > LIE + explained)).any())

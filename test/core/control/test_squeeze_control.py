@@ -171,7 +171,7 @@ def test_an_unknown_load_is_found_and_costs_little_squeeze_and_no_pose():
     loop.run((0.02, 0.02, 0.0), 4.0)
     assert loop.squeeze == pytest.approx(loop.target, rel=0.03)
     assert loop.errors[-1] < 1e-4
-    assert loop.control.load.wrench == pytest.approx([1.8, 2.4, 0.0], abs=0.2)
+    assert loop.control.model.load.wrench == pytest.approx([1.8, 2.4, 0.0], abs=0.2)
     # The margin is what is left beside the load.
     assert loop.control.slip_margin == pytest.approx(loop.object.slip_margin, rel=0.05)
 
@@ -316,7 +316,7 @@ def test_the_squeeze_that_is_regulated_is_that_under_the_estimated_load(wrench):
         # After so long the load that is most probable is the estimated one.
         assert control.follow(CONFIG, measured_at(measured), 100.0) is HoldStatus.HELD
         control.solve(np.zeros(3), PERIOD, still(len(CONFIG.roller_positions), asked))
-        loaded = roll_grip(model, CONFIG, control.load.wrench * (1.0, 1.0, model.arm))
+        loaded = roll_grip(model, CONFIG, control.model.load.wrench * (1.0, 1.0, model.arm))
         regulated = force - asked[-1][1] * model.squeeze_stiffness() / gain
         assert regulated == pytest.approx(loaded.squeeze, abs=0.05 * abs(wrench[0]) + 0.01)
 

@@ -103,7 +103,7 @@ def test_the_squeeze_is_the_one_of_the_model_where_the_rollers_have_come_to(miss
     there = CONFIG.moved_to(CONFIG.roller_positions + 2.0 * period * command.roller_velocities)
     truth = roll_grip(MODEL, there)
     control.follow(there, replace(AT_REST, body=truth.body), period)
-    assert control._squeeze == pytest.approx(truth.squeeze, rel=1e-6)
+    assert control.model.squeeze == pytest.approx(truth.squeeze, rel=1e-6)
 
 
 def test_a_load_that_comes_later_is_estimated_as_one_that_is_there_at_once():
@@ -113,8 +113,8 @@ def test_a_load_that_comes_later_is_estimated_as_one_that_is_there_at_once():
         control.follow(CONFIG, loaded, 0.02)
     for _ in range(2):
         once.follow(CONFIG, loaded, 100.0)
-    assert np.abs(once.load.wrench).max() > 0.4
-    assert control.load.wrench == pytest.approx(once.load.wrench, rel=1e-3)
+    assert np.abs(once.model.load.wrench).max() > 0.4
+    assert control.model.load.wrench == pytest.approx(once.model.load.wrench, rel=1e-3)
 
 
 def test_a_load_is_not_expected_to_go_on_growing():
@@ -125,7 +125,7 @@ def test_a_load_is_not_expected_to_go_on_growing():
     control.follow(CONFIG, loaded, 0.02)
     grown = abs(control.grasp.squeeze - before) / 0.02
     assert grown > 1.0
-    assert abs(control._drift[3]) < 0.3 * grown
+    assert abs(control.model.drift[3]) < 0.3 * grown
 
 
 def cycles(control, twist, count, period=0.02):

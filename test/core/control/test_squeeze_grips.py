@@ -114,5 +114,5 @@ def test_an_unknown_load_is_found():
     loop.object.external_wrench = load
     loop.run((0.0, 0.0, 0.0), 2.0)
     assert loop.errors[-1][0] < 2e-4
-    assert loop.control.load.wrench == pytest.approx(load, abs=0.1 * np.hypot(*load[:2]))
+    assert loop.control.model.load.wrench == pytest.approx(load, abs=0.1 * np.hypot(*load[:2]))
     assert loop.control.slip_margin == pytest.approx(loop.object.slip_margin, rel=0.05)
