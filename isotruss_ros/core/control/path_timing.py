@@ -27,6 +27,7 @@ class PathClock:
     :ivar rate: path time by time.
     :ivar ramp_time: from rest to rate 1 and back [s].
     :ivar waited: time since the last progress [s].
+    :ivar period: of the control loop, which may change on the path [s].
     :param duration: of the path [s].
     :param ramp_time: from rest to rate 1 and back [s].
     :param progress_timeout: how long a time counts for progress [s].
@@ -50,19 +51,8 @@ class PathClock:
         self._min_rate = min_rate
         self._least_progress = standstill_rate * progress_timeout
         self._mark = self._now = 0.0
-        self._period = period
-        self._known = deque([(0.0, 0.0)], maxlen=_samples(period))
-
-    @property
-    def period(self) -> float:
-        """Return the time from cycle to cycle [s]."""
-        return self._period
-
-    @period.setter
-    def period(self, period: float) -> None:
-        """Change the period, from the next cycle on."""
-        self._period = period
-        self._known = deque(self._known, maxlen=_samples(period))
+        self.period = period
+        self._known = deque([(0.0, 0.0)])
 
     @property
     def at_end(self) -> bool:
@@ -100,7 +90,7 @@ class PathClock:
 
         :param elapsed: time since the last cycle [s].
         """
-        return min(max(elapsed, 0.0), 2.0 * self._period)
+        return min(max(elapsed, 0.0), 2.0 * self.period)
 
     def advance(self, elapsed: float, room: float, scale: float, held: bool) -> None:
         """
@@ -115,6 +105,8 @@ class PathClock:
         self._now += max(elapsed, 0.0)
         if self._now > self._known[-1][0]:
             self._known.append((self._now, self.time))
+        while self._known[0][0] < self._now - MEMORY:
+            self._known.popleft()
         step = self.step(elapsed)
         wanted = 1.0 if scale >= 1.0 else max(self.rate * scale, self._min_rate)
         most = step / self.ramp_time
@@ -122,15 +114,10 @@ class PathClock:
         left = self._duration - self.time
         self.rate = 0.0 if held else min(rate, room, math.sqrt(2.0 * left / self.ramp_time))
         self.time = min(self.time + self.rate * step, self._duration)
-        due = self._now + self._period
+        due = self._now + self.period
         if due < self._known[-1][0]:
             self._known.pop()  # the cycle before was to take longer
         self._known.append((due, self.time))
         self.waited += max(elapsed, 0.0)
         if self.time - self._mark > self._least_progress:
             self.waited, self._mark = 0.0, self.time
-
-
-def _samples(period: float) -> int:
-    """Return how many cycles to remember; every one may add two."""
-    return 2 + 2 * math.ceil(MEMORY / period)

@@ -157,15 +157,6 @@ class PathTracker:
         self.max_position_error = self.max_angle_error = 0.0
         self._watched, self._squares = 0.0, 0.0
 
-    @property
-    def period(self) -> float:
-        """Return the time from cycle to cycle; the rate may change on the path [s]."""
-        return self.clock.period
-
-    @period.setter
-    def period(self, period: float) -> None:
-        self.clock.period = period
-
     def allow_for_inertia(self, frequency: float) -> None:
         """
         Take so long from rest to speed that the object keeps within its free share of the path.
@@ -236,7 +227,7 @@ class PathTracker:
     def _feedback(self, error: Array, age: float) -> Array:
         """Return the twist that takes the error away (3,), within its bounds."""
         settings, path = self.settings, self.path
-        most = MAX_GAIN_TIMES_DELAY / (age + self.period)
+        most = MAX_GAIN_TIMES_DELAY / (age + self.clock.period)
         twist = error * min(settings.position_gain, most)
         twist[2] = error[2] * min(settings.angle_gain, most)
         speed, turn = math.hypot(twist[0], twist[1]), abs(float(twist[2]))

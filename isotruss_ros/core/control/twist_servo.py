@@ -24,10 +24,10 @@ from dataclasses import replace
 import functools
 import importlib
 
-from isotruss_ros.core.control.decision import Decision, HaltError, HALTS
+from isotruss_ros.core.control.command_history import CommandHistory
+from isotruss_ros.core.control.decision import Decision, describe, HaltError, HALTS
 from isotruss_ros.core.control.inputs import (
     CLOCK_SKEW,
-    CommandHistory,
     fresh_pressures,
     Input,
     InputError,
@@ -210,10 +210,8 @@ class TwistServo:
                     fresh_pressures(now, self.pressure_timeout, self.pressures, self.clock_skew)
                 )
             command = self._solve(rollers, pose[0] if pose else None, twist, now, failed)
-            keeps_contacts = self._joint is None
-            note = self.squeeze.note() if self.squeeze else ''
-            notes = (_describe(command, keeps_contacts), note)
-            message = '; '.join(note for note in notes if note)
+            notes = describe(command, self._joint is None), self.squeeze and self.squeeze.note()
+            message = '; '.join(filter(None, notes))
         except (InputError, HaltError) as error:
             if isinstance(error, HaltError):
                 status = error.status
@@ -229,11 +227,15 @@ class TwistServo:
             command, message = RollerCommand(stopped, np.zeros(3), 0.0, status), str(error)
         self._history.record(now, command.roller_velocities)
         names = tuple(name for name in self.robot.roller_names if name in failed) if failed else ()
-        regulated = self.squeeze if self.squeeze and self.squeeze.grasp else None
-        frequency = (regulated.frequency or 0.0) if regulated else 0.0
-        gain = regulated.gains.pose if regulated else 0.0
-        pressed = regulated.squeeze if regulated else None
-        return Decision(command, twist, message, names, frequency, gain, pressed)
+        decision, squeeze = Decision(command, twist, message, names), self.squeeze
+        if squeeze is None or squeeze.grasp is None:
+            return decision
+        return replace(
+            decision,
+            frequency=squeeze.frequency or 0.0,
+            pose_gain=squeeze.gains.pose,
+            squeeze=squeeze.squeeze,
+        )
 
     def note_command(self, velocities: Array, now: float) -> None:
         """
@@ -279,7 +281,10 @@ class TwistServo:
         A command for the measured configuration, which is older, would have a first-order error.
         """
         pose_time = rollers.time if pose is None else pose.time
-        before, travel, last = self._expected_travel(rollers, pose_time, now, failed)
+        still = np.array([name in failed for name in self.robot.roller_names])
+        before, travel, last = self._history.expected_travel(
+            rollers, pose_time, now, 0.5 * self.period, still
+        )
         try:
             measured, config = self._tracker.predict(rollers.value.positions, travel)
             grip = None if pose is None else self.grip_at(pose.value)
@@ -361,30 +366,6 @@ class TwistServo:
         squeeze.advance(twist, command)
         return command
 
-    def _expected_travel(
-        self, rollers: StampedInput, pose_time: float, now: float, failed: frozenset[str]
-    ) -> tuple[Array, Array, Array]:
-        """
-        Return how far the rollers travel after their measurement.
-
-        They follow the commands, except failed ones. Measured speeds count for the time before
-        the first command of this servo, when another client may have moved them.
-
-        :return: (r,) each: travel until the object was measured, until the middle of the cycle
-            that begins now [m], and the speeds with which they get from now to there [m/s].
-        """
-        history, measured = self._history, rollers.value.velocities
-        last = measured if history.last is None else history.last
-        travel = history.travel(rollers.time, now, measured) + 0.5 * self.period * last
-        before = np.zeros(len(travel))
-        if pose_time != rollers.time:
-            before = history.travel(rollers.time, pose_time, measured)
-        if failed:
-            stuck = [name in failed for name in self.robot.roller_names]
-            last = np.where(stuck, 0.0, last)
-            before[stuck] = travel[stuck] = 0.0
-        return before, travel, last
-
 
 @functools.lru_cache(maxsize=8)
 def _make_grip(
@@ -400,25 +381,3 @@ def _make_grip(
     names = members or members_at(robot, module)
     body = body or ConvexObject(Disc(diameter))
     return Grip(names, body if mass is None else replace(body, mass=mass), friction)
-
-
-def _describe(command: RollerCommand, keeps_contacts: bool) -> str:
-    """Return how a command differs from the twist; empty where it does not."""
-    parts: list[str] = []
-    if command.status >= Status.HALT_NO_TWIST:
-        return ''
-    why, which = 'is unreachable', 'reachable one'
-    if keeps_contacts:
-        why, which = 'is unreachable or would leave the contacts', 'one that keeps them'
-    if command.status is Status.UNREACHABLE:
-        vx, vy, omega = command.achieved_twist
-        parts.append(
-            f'the twist {why}; the closest {which} is ({vx:.4g}, {vy:.4g}) m/s, {omega:.4g} rad/s'
-        )
-    if command.scale < 1.0:
-        how = 'sliding with' if command.status is Status.SLIDING else 'slowed to'
-        why = ': the rest would take too much roller speed'
-        if command.limiting:
-            why = f' by the limits of {", ".join(command.limiting)}'
-        parts.append(f'{how} {100 * command.scale:.3g} %{why}')
-    return '; '.join(parts)
