@@ -20,6 +20,7 @@ import enum
 import math
 
 from isotruss_ros.core.control.held_model import Observation
+from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
@@ -51,6 +52,11 @@ class GripFault(enum.Enum):
     NOT_HELD = 'not held'
     POSE_DISAGREES = 'the pose disagrees'
     OSCILLATES = 'oscillates'
+
+    @property
+    def halt(self) -> Status:
+        """Return the status in this fault."""
+        return Status[f'HALT_{self.name}']
 
 
 class GripWatch:

@@ -11,7 +11,6 @@
 
 from __future__ import annotations
 
-import enum
 from typing import Any, NamedTuple
 
 from isotruss_ros.core.errors import IsotrussError
@@ -67,28 +66,21 @@ class RejectedInput(NamedTuple):
 Input = StampedInput | RejectedInput | None
 
 
-class InputFault(enum.Enum):
-    """Why an input cannot be used."""
-
-    MISSING = enum.auto()
-    STALE = enum.auto()
-    INVALID = enum.auto()
-
-
 class InputError(IsotrussError):
     """
     An input cannot be used.
 
     :ivar name: name of the input.
-    :ivar fault: why.
+    :ivar code: what is wrong with which input, such as NO_TWIST, STALE_TWIST or INVALID_TWIST; the
+        codes of statuses and reports have these names.
+    :param fault: NO, STALE or INVALID.
     :param name: name of the input.
-    :param fault: why it cannot be used.
     :param message: the reason in words.
     """
 
-    def __init__(self, name: str, fault: InputFault, message: str) -> None:
+    def __init__(self, fault: str, name: str, message: str) -> None:
         super().__init__(message)
-        self.name, self.fault = name, fault
+        self.name, self.code = name, f'{fault}_{name.upper()}'
 
 
 def require_fresh(
@@ -112,21 +104,21 @@ def require_fresh(
     for name, given in inputs.items():
         words = name.replace('_', ' ')
         if given is None:
-            raise InputError(name, InputFault.MISSING, f'{words}: none received yet')
+            raise InputError('NO', name, f'{words}: none received yet')
         if isinstance(given, RejectedInput):
-            raise InputError(name, InputFault.INVALID, given.reason)
+            raise InputError('INVALID', name, given.reason)
         age = now - given.time
         if age > timeout:
             raise InputError(
+                'STALE',
                 name,
-                InputFault.STALE,
                 f'{words}: {age:.3f} s old; must be at most {timeout} s ({setting}: set it '
                 'higher where the machine is busy)',
             )
         if age < -clock_skew:
             raise InputError(
+                'INVALID',
                 name,
-                InputFault.INVALID,
                 f'{words}: stamped {-age:.3f} s in the future; must be at most {clock_skew:g} s: '
                 'synchronise the clocks',
             )

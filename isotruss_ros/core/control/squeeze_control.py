@@ -45,13 +45,6 @@ TRIM_TIME = 0.5
 TRUSTED = 0.2
 #: Zeros that are corrected by more than this begin the model anew [m].
 RESTART = 2e-3
-#: The status in each fault.
-HALTS = {
-    GripFault.SLIPPED: Status.HALT_SLIPPED,
-    GripFault.NOT_HELD: Status.HALT_NOT_HELD,
-    GripFault.POSE_DISAGREES: Status.HALT_POSE_DISAGREES,
-    GripFault.OSCILLATES: Status.HALT_OSCILLATES,
-}
 #: Faults in which the rollers stand still; in the others the squeeze is regulated on.
 STILL = frozenset({GripFault.POSE_DISAGREES, GripFault.OSCILLATES})
 
@@ -235,13 +228,13 @@ class SqueezeControl:
         model = self.model
         if self.fault in STILL:
             still = np.zeros(len(model.grasp.config.roller_positions))
-            return RollerCommand(still, np.zeros(3), 0.0, HALTS[self.fault])
+            return RollerCommand(still, np.zeros(3), 0.0, self.fault.halt)
         missing = self.gains.squeeze * (self.settings.force + self._trim - model.squeeze)
         most = self.settings.max_force_rate
         opening = (max(-most, min(missing, most)) - model.drift[3]) / model.slope
         if self.fault is not None:
             held = solve(np.zeros(3), opening)
-            return replace(held, scale=0.0, status=HALTS[self.fault])
+            return replace(held, scale=0.0, status=self.fault.halt)
         twist, correction = np.asarray(twist), self._correction(model, period)
         command = _solve_within_limits(twist + correction, opening, solve)
         free = model.sure_margin - LEFT_MARGIN * model.squeeze

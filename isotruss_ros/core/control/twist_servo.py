@@ -25,7 +25,7 @@ import functools
 import importlib
 
 from isotruss_ros.core.control.command_history import CommandHistory
-from isotruss_ros.core.control.decision import Decision, describe, HaltError, HALTS
+from isotruss_ros.core.control.decision import Decision, describe, halt_for, HaltError
 from isotruss_ros.core.control.inputs import (
     CLOCK_SKEW,
     fresh_pressures,
@@ -216,7 +216,7 @@ class TwistServo:
             if isinstance(error, HaltError):
                 status = error.status
             else:
-                status = HALTS[error.name, error.fault]
+                status = halt_for(error)
                 if error.name != 'twist':  # which comes first, so that it can be used
                     twist = np.asarray(self.twist.value)
             if self.squeeze is not None and status is Status.HALT_NO_GRASP:
