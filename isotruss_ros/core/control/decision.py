@@ -66,30 +66,3 @@ def halt_for(error: InputError) -> Status:
     """
     # A twist that is too old is none: whoever sent it has stopped.
     return Status['HALT_' + error.code.replace('STALE_TWIST', 'NO_TWIST')]
-
-
-def describe(command: RollerCommand, keeps_contacts: bool) -> str:
-    """
-    Return how a command differs from the twist; empty where it does not.
-
-    :param command: the command.
-    :param keeps_contacts: whether it moves an object.
-    """
-    parts: list[str] = []
-    if command.status >= Status.HALT_NO_TWIST:
-        return ''
-    why, which = 'is unreachable', 'reachable one'
-    if keeps_contacts:
-        why, which = 'is unreachable or would leave the contacts', 'one that keeps them'
-    if command.status is Status.UNREACHABLE:
-        vx, vy, omega = command.achieved_twist
-        parts.append(
-            f'the twist {why}; the closest {which} is ({vx:.4g}, {vy:.4g}) m/s, {omega:.4g} rad/s'
-        )
-    if command.scale < 1.0:
-        how = 'sliding with' if command.status is Status.SLIDING else 'slowed to'
-        why = ': the rest would take too much roller speed'
-        if command.limiting:
-            why = f' by the limits of {", ".join(command.limiting)}'
-        parts.append(f'{how} {100 * command.scale:.3g} %{why}')
-    return '; '.join(parts)

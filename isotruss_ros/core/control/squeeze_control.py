@@ -19,14 +19,13 @@ frequency of the held object, see `loop_gains`.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-import math
+from dataclasses import replace
 
 from isotruss_ros.core.control.grip_watch import GripFault, GripWatch
 from isotruss_ros.core.control.held_model import attach_model, HeldModel, Observation
 from isotruss_ros.core.control.inputs import steady_pressures
-from isotruss_ros.core.control.load_estimate import LoadSettings
 from isotruss_ros.core.control.loop_gains import choose_gain, gains_of, LoopGains, SLOW
+from isotruss_ros.core.control.squeeze_target import SqueezeSettings, SqueezeTrim
 from isotruss_ros.core.control.state_estimate import EstimatedTravel
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, LEFT_MARGIN
 from isotruss_ros.core.holding.loaded_frame import lowest_frequency
@@ -39,10 +38,6 @@ import numpy as np
 
 #: After an oscillation the rollers stand still for as long as this [s], and the gain is halved.
 REST_TIME = 1.0
-#: The target moves by the difference to an estimated squeeze, behind this low-pass [s], ...
-TRIM_TIME = 0.5
-#: ... where its deviation is no larger share of the target than this.
-TRUSTED = 0.2
 #: Zeros that are corrected by more than this begin the model anew [m].
 RESTART = 2e-3
 #: Faults in which the rollers stand still; in the others the squeeze is regulated on.
@@ -50,36 +45,6 @@ STILL = frozenset({GripFault.POSE_DISAGREES, GripFault.OSCILLATES})
 
 #: Solves the program for a twist (3,) and a rate of the grip's opening [m/s].
 Solve = Callable[[Array, float], RollerCommand]
-
-
-@dataclass(frozen=True)
-class SqueezeSettings:
-    """
-    What the squeeze is to be, and how quickly it gets there.
-
-    :ivar force: mean normal force of the grasping members, positive [N].
-    :ivar friction: coefficient between tube and object.
-    :ivar pose_gain: the user's own gain of the pose, from which the others follow; None for that
-        of the frequency, see `choose_gain` [1/s].
-    :ivar force_gain: accept a gain beyond the limit.
-    :ivar frequency: lowest natural frequency of the held object, measured; None to compute it from
-        the masses [rad/s].
-    :ivar max_force_rate: the squeeze changes no quicker than this [N/s].
-    :ivar max_utilisation: of the moment at which tubes wrinkle; commands that lead toward it are
-        slowed, and beyond it only those that lead away are carried out [-].
-    :ivar utilisation_rate: share of what is left to that bound that is used in a second [1/s].
-    :ivar load: what loads and errors are expected.
-    """
-
-    force: float
-    friction: float
-    pose_gain: float | None = None
-    force_gain: bool = False
-    frequency: float | None = None
-    max_force_rate: float = 10.0
-    max_utilisation: float = 1.0
-    utilisation_rate: float = 5.0
-    load: LoadSettings = field(default_factory=LoadSettings)
 
 
 class SqueezeControl:
@@ -115,9 +80,8 @@ class SqueezeControl:
         self._watch, self._rest = GripWatch(), 0.0
         self._velocity, self._asked, self._elapsed = np.zeros(3), np.zeros(3), 0.0
         self._measured = np.zeros(3)
-        self._estimate: EstimatedTravel | None = None
+        self._trim = SqueezeTrim()
         self._offsets: Array | float | None = None
-        self._trim = 0.0
 
     @property
     def grasp(self) -> HeldGrip | None:
@@ -151,7 +115,7 @@ class SqueezeControl:
         :param estimate: fresh; None without one.
         :param offsets: (r,) in the positions of the rollers from now on [m].
         """
-        self._estimate = estimate
+        self._trim.estimate = estimate
         before, self._offsets, model = self._offsets, offsets, self.model
         if model is None or before is None or np.array_equal(offsets, before):
             return
@@ -165,19 +129,12 @@ class SqueezeControl:
             return f'the object oscillates: the gain is softened to {self.gains.pose:.3g} 1/s'
         if self.fault is not None:
             return f'{self.fault.value}: open the grip, or set squeeze_force again to go on'
-        if self._estimate is None and self._trim:
-            return f'no fresh state estimate: the squeeze keeps its correction {self._trim:+.1f} N'
-        return ''
+        return self._trim.note()
 
     @property
     def squeeze(self) -> tuple[float, float] | None:
         """Return mean normal force and its standard deviation, inf if not known [N]; or None."""
-        if self.model is None:
-            return None
-        estimate = self._estimate
-        if estimate is None or math.isnan(estimate.squeeze):
-            return self.model.squeeze - self._trim, math.inf
-        return estimate.squeeze, estimate.squeeze_deviation
+        return None if self.model is None else self._trim.tell(self.model.squeeze)
 
     def follow(self, config: Configuration, grip: Grip, elapsed: float) -> HoldStatus:
         """
@@ -203,7 +160,7 @@ class SqueezeControl:
         if hold is HoldStatus.HELD:
             self._choose_gains(self.model.grasp)
             seen = self.model.observe(grip, elapsed, self.gains)
-            self._follow_estimate(elapsed)
+            self._trim.follow(self.model.squeeze, self.settings.force, elapsed)
             self._look_for_faults(seen, grip, elapsed)
             return hold
         again = self._start(config, grip)
@@ -229,7 +186,7 @@ class SqueezeControl:
         if self.fault in STILL:
             still = np.zeros(len(model.grasp.config.roller_positions))
             return RollerCommand(still, np.zeros(3), 0.0, self.fault.halt)
-        missing = self.gains.squeeze * (self.settings.force + self._trim - model.squeeze)
+        missing = self.gains.squeeze * (self.settings.force + self._trim.force - model.squeeze)
         most = self.settings.max_force_rate
         opening = (max(-most, min(missing, most)) - model.drift[3]) / model.slope
         if self.fault is not None:
@@ -293,14 +250,6 @@ class SqueezeControl:
             self.frequency, description.damping_ratio, settings.pose_gain, settings.force_gain
         )
         self.gains = gains_of(self._softening * gain)
-
-    def _follow_estimate(self, elapsed: float) -> None:
-        """Move the target by what the model has more of the squeeze than an estimate."""
-        estimate = self._estimate
-        if estimate is None or not estimate.squeeze_deviation <= TRUSTED * self.settings.force:
-            return
-        passed = -math.expm1(-elapsed / TRIM_TIME)
-        self._trim += passed * (self.model.squeeze - estimate.squeeze - self._trim)
 
     def _look_for_faults(self, seen: Observation, grip: Grip, elapsed: float) -> None:
         """Watch the grip; after an oscillation stand still for a while, and go on more softly."""

@@ -24,10 +24,10 @@ from dataclasses import replace
 import functools
 import importlib
 
-from isotruss_ros.core.control.command_history import CommandHistory
-from isotruss_ros.core.control.decision import Decision, describe, halt_for, HaltError
+from isotruss_ros.core.control.decision import Decision, halt_for, HaltError
 from isotruss_ros.core.control.inputs import (
     CLOCK_SKEW,
+    CommandHistory,
     fresh_pressures,
     Input,
     InputError,
@@ -210,7 +210,7 @@ class TwistServo:
                     fresh_pressures(now, self.pressure_timeout, self.pressures, self.clock_skew)
                 )
             command = self._solve(rollers, pose[0] if pose else None, twist, now, failed)
-            notes = describe(command, self._joint is None), self.squeeze and self.squeeze.note()
+            notes = _describe(command, self._joint is None), self.squeeze and self.squeeze.note()
             message = '; '.join(filter(None, notes))
         except (InputError, HaltError) as error:
             if isinstance(error, HaltError):
@@ -381,3 +381,25 @@ def _make_grip(
     names = members or members_at(robot, module)
     body = body or ConvexObject(Disc(diameter))
     return Grip(names, body if mass is None else replace(body, mass=mass), friction)
+
+
+def _describe(command: RollerCommand, keeps_contacts: bool) -> str:
+    """Return how a command differs from the twist; empty where it does not."""
+    parts: list[str] = []
+    if command.status >= Status.HALT_NO_TWIST:
+        return ''
+    why, which = 'is unreachable', 'reachable one'
+    if keeps_contacts:
+        why, which = 'is unreachable or would leave the contacts', 'one that keeps them'
+    if command.status is Status.UNREACHABLE:
+        vx, vy, omega = command.achieved_twist
+        parts.append(
+            f'the twist {why}; the closest {which} is ({vx:.4g}, {vy:.4g}) m/s, {omega:.4g} rad/s'
+        )
+    if command.scale < 1.0:
+        how = 'sliding with' if command.status is Status.SLIDING else 'slowed to'
+        why = ': the rest would take too much roller speed'
+        if command.limiting:
+            why = f' by the limits of {", ".join(command.limiting)}'
+        parts.append(f'{how} {100 * command.scale:.3g} %{why}')
+    return '; '.join(parts)

@@ -10,8 +10,13 @@
 """What was sent is added up as by a sum over every moment, back to when nothing is known."""
 
 from hypothesis import given
-from isotruss_ros.core.control.command_history import CommandHistory, LOT
-from isotruss_ros.core.control.inputs import limit_stamps, RejectedInput, StampedInput
+from isotruss_ros.core.control.inputs import (
+    CommandHistory,
+    limit_stamps,
+    LOT,
+    RejectedInput,
+    StampedInput,
+)
 import numpy as np
 import pytest
 import robots
