@@ -17,6 +17,10 @@ import math
 
 #: Measurements that are older than this are taken as so old [s].
 MEMORY = 1.0
+#: Limits of the robot do not slow below this rate: the rest of the path may lead away from them.
+MIN_RATE = 0.1
+#: A robot that follows at less than this rate makes no progress.
+STANDSTILL = 0.05
 
 
 class PathClock:
@@ -32,24 +36,14 @@ class PathClock:
     :param ramp_time: from rest to rate 1 and back [s].
     :param progress_timeout: how long a time counts for progress [s].
     :param period: of the control loop; a longer cycle than two counts as two [s].
-    :param min_rate: limits of the robot do not slow below this rate: the rest of the path may lead
-        away from them.
-    :param standstill_rate: a robot that follows at less than this rate makes no progress.
     """
 
     def __init__(
-        self,
-        duration: float,
-        ramp_time: float,
-        progress_timeout: float,
-        period: float,
-        min_rate: float = 0.1,
-        standstill_rate: float = 0.05,
+        self, duration: float, ramp_time: float, progress_timeout: float, period: float
     ) -> None:
         self.time = self.rate = self.waited = 0.0
         self._duration, self.ramp_time = duration, ramp_time
-        self._min_rate = min_rate
-        self._least_progress = standstill_rate * progress_timeout
+        self._least_progress = STANDSTILL * progress_timeout
         self._mark = self._now = 0.0
         self.period = period
         self._known = deque([(0.0, 0.0)])
@@ -108,7 +102,7 @@ class PathClock:
         while self._known[0][0] < self._now - MEMORY:
             self._known.popleft()
         step = self.step(elapsed)
-        wanted = 1.0 if scale >= 1.0 else max(self.rate * scale, self._min_rate)
+        wanted = 1.0 if scale >= 1.0 else max(self.rate * scale, MIN_RATE)
         most = step / self.ramp_time
         rate = min(max(wanted, self.rate - most), self.rate + most)
         left = self._duration - self.time
