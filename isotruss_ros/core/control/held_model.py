@@ -221,10 +221,10 @@ class HeldModel:
                     moved = pose_difference(grasp.pose, found.pose)
                     grasp, mean = found, mean + moved
                     self._begun[0] += self._even * moved
-        begun = self.load.begin(mean, grasp.response.pose, grasp.arm)
-        if grasp is not self.grasp:
+        attached, self.grasp = grasp is not self.grasp, grasp
+        self._take(grasp, self.load.begin(mean, grasp.response.pose, grasp.arm, self._bears))
+        if attached:
             self._begun[1] = self._even * self.load.bias
-        self._take(grasp, begun)
 
 
 def attach_model(

@@ -52,17 +52,24 @@ class LoadEstimate:
         self.settings = settings
         self.offset, self.wrench, self.bias = np.zeros(3), np.zeros(3), np.zeros(3)
 
-    def begin(self, offset: Array, compliance: Array, radius: float) -> Array:
+    def begin(
+        self,
+        offset: Array,
+        compliance: Array,
+        radius: float,
+        bears: Callable[[Array], bool],
+    ) -> Array:
         """
-        Begin with the most probable load.
+        Begin with the most probable load; with none where the object would slip under it.
 
         :param offset: (3,) mean of the measured minus the modelled pose [m, rad].
         :param compliance: as for `update`.
         :param radius: of the object [m].
+        :param bears: whether the object is held under a wrench (3,) [N].
         :return: (3,) the wrench [N].
         """
-        self.offset = offset
-        self.wrench = self.most_probable(offset, compliance, radius)
+        self.offset, probable = offset, self.most_probable(offset, compliance, radius)
+        self.wrench = probable if bears(probable) else np.zeros(3)
         self.bias = offset - compliance @ self.wrench
         return self.wrench
 

@@ -50,7 +50,7 @@ def test_the_wrench_is_the_most_probable_one():
 
 def test_a_load_from_the_start_is_taken_over_whole():
     load, offset = LoadEstimate(LoadSettings(size=50.0)), np.array([4e-3, 2e-3, 0.0])
-    load.begin(offset, 2e-3 * np.eye(3), RADIUS)
+    load.begin(offset, 2e-3 * np.eye(3), RADIUS, lambda wrench: True)
     assert load.wrench[:2] == pytest.approx([2.0, 1.0], abs=0.01)
     assert 2e-3 * load.wrench + load.bias == pytest.approx(offset)
 
@@ -72,6 +72,6 @@ def test_a_load_under_which_the_object_would_slip_is_not_believed():
 
 def test_where_no_load_is_expected_errors_of_the_model_do_not_become_one():
     load = LoadEstimate(LoadSettings())
-    load.begin(np.array([0.01, 0.0, 0.0]), 5e-3 * np.eye(3), RADIUS)
+    load.begin(np.array([0.01, 0.0, 0.0]), 5e-3 * np.eye(3), RADIUS, lambda wrench: True)
     assert not load.wrench.any()
     assert load.bias == pytest.approx([0.01, 0.0, 0.0])
