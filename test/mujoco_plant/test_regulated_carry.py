@@ -123,16 +123,27 @@ def test_an_oscillation_that_grows_is_stopped_before_the_object_is_lost(grasp, g
     assert np.abs(carry.errors[-1]).max() < 2e-3
 
 
-@pytest.mark.nightly
-def test_an_oscillation_grows_in_the_elastic_plant_and_is_stopped():
-    forced = {'pose_gain': 12.0, 'force_gain': True, 'load': LoadSettings(5.0)}
-    carry = Carry('disc 0.1 m', (3.0, 0.5), plant=elastic_plant, **forced)
+@pytest.mark.parametrize(('grasp', 'gain', 'masses'), some_now(GROWING[:5], 0))
+def test_an_oscillation_grows_in_the_elastic_plant_and_is_stopped(grasp, gain, masses):
+    forced = {'pose_gain': gain, 'force_gain': True, 'load': LoadSettings(5.0)}
+    carry = Carry(grasp, masses, plant=elastic_plant, **forced)
     carry.run(1.0)
     carry.push(PUSH)
     carry.run(7.0)
     assert Status.HALT_OSCILLATES in carry.statuses
     assert carry.statuses[-1] is Status.OK
     assert np.abs(carry.errors[-1]).max() < 2e-3
+
+
+@pytest.mark.parametrize('seed', some_now(range(4)))
+@pytest.mark.parametrize('grasp', some_now(['box', 'brick', 'disc 0.1 m', 'disc 0.3 m']))
+def test_noise_is_no_slip_where_a_load_is_expected(grasp, seed):
+    carry = Carry(grasp, late=3, noise=NOISE, seed=seed, load=LoadSettings(5.0))
+    rng = np.random.default_rng(seed)
+    carry.run(1.0)
+    carry.run(3.0, rng.uniform(-1.0, 1.0, 3) * (0.02, 0.02, 0.08))
+    assert max(carry.statuses) < Status.HALT_NO_TWIST
+    assert np.abs(carry.errors).max() < 5e-3
 
 
 @pytest.mark.parametrize('seed', some_now(range(20)))
@@ -158,6 +169,20 @@ def test_a_frozen_pose_is_told_within_ten_millimetres(grasp):
     carry.step(twist)
     assert (carry.plant.travel == stood).all()
     assert carry.statuses[-1] is Status.HALT_POSE_DISAGREES
+
+
+@pytest.mark.parametrize('pull', some_now([0.0, 1.0]))
+def test_a_frozen_pose_is_told_where_the_path_turns_back(pull):
+    carry = Carry('disc 0.3 m')
+    carry.run(1.0)
+    frozen = np.array(carry.plant.object_pose())
+    carry.plant.pull((0.0, -pull, 0.0))
+    for k in range(300):
+        carry.step((0.02 * np.cos(0.03 * k), 0.01 * np.sin(0.06 * k), 0.0), frozen)
+        if carry.control.fault is not None:
+            break
+    assert carry.control.fault is GripFault.POSE_DISAGREES
+    assert np.hypot(*(np.array(carry.plant.object_pose()) - frozen)[:2]) < 0.01
 
 
 def test_a_pose_made_of_the_commanded_path_is_told_where_the_object_stays_behind():

@@ -15,7 +15,7 @@ import time
 
 from builtin_interfaces.msg import Duration, Time
 from diagnostic_msgs.msg import DiagnosticStatus
-from isotruss_ros.core.control.roller_trajectory import DEFAULT
+from isotruss_ros.core.control.roller_trajectory import PROGRESS_TIMEOUT, TOLERANCE
 from isotruss_ros.nodes.components import sparse_messages
 from isotruss_ros.nodes.conversions.path_messages import MAX_POINTS
 from isotruss_ros.nodes.manipulation import Manipulation
@@ -30,7 +30,6 @@ from std_msgs.msg import Bool
 from trajectories import AWAY, HOME, lasting, NAMES, TOPIC, trajectory
 from trajectory_msgs.msg import JointTrajectory
 
-PATIENCE, TOLERANCE = DEFAULT.progress_timeout, DEFAULT.tolerance
 MAX_SPEED = ROBOT.description.max_speed
 #: Long: a busy machine delays, and most tests are not about that.
 TIMEOUT = 5.0
@@ -155,7 +154,7 @@ def test_aborts_on_a_stuck_roller():
         assert f'trajectory aborted: roller {NAMES[3]} stays 0.00' in rollers.said()
         moving = [t for t, m in w.probe.seen['command'] if any(m.data)]
         began, ended = moving[0], moving[-1]
-        assert PATIENCE < ended - began < PATIENCE + 3.0
+        assert PROGRESS_TIMEOUT < ended - began < PROGRESS_TIMEOUT + 3.0
         # The others wait for it.
         assert np.abs(rollers.places()[-1]).max() < 0.01
 

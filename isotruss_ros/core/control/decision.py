@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from isotruss_ros.core.control.inputs import InputFault
+from isotruss_ros.core.control.inputs import InputError
 from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
 from isotruss_ros.core.numerics.arrays import Array
@@ -58,17 +58,11 @@ class HaltError(IsotrussError):
         self.status = status
 
 
-#: The status for each fault of an input.
-HALTS = {
-    ('twist', InputFault.MISSING): Status.HALT_NO_TWIST,
-    ('twist', InputFault.STALE): Status.HALT_NO_TWIST,
-    ('twist', InputFault.INVALID): Status.HALT_INVALID_TWIST,
-    ('joint_states', InputFault.MISSING): Status.HALT_NO_JOINT_STATES,
-    ('joint_states', InputFault.STALE): Status.HALT_STALE_JOINT_STATES,
-    ('joint_states', InputFault.INVALID): Status.HALT_INVALID_JOINT_STATES,
-    ('object_pose', InputFault.MISSING): Status.HALT_NO_OBJECT_POSE,
-    ('object_pose', InputFault.STALE): Status.HALT_STALE_OBJECT_POSE,
-    ('object_pose', InputFault.INVALID): Status.HALT_INVALID_OBJECT_POSE,
-    ('tube_pressures', InputFault.STALE): Status.HALT_STALE_TUBE_PRESSURES,
-    ('tube_pressures', InputFault.INVALID): Status.HALT_INVALID_TUBE_PRESSURES,
-}
+def halt_for(error: InputError) -> Status:
+    """
+    Return the status where an input cannot be used.
+
+    :param error: why.
+    """
+    # A twist that is too old is none: whoever sent it has stopped.
+    return Status['HALT_' + error.code.replace('STALE_TWIST', 'NO_TWIST')]

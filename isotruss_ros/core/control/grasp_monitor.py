@@ -31,7 +31,6 @@ from isotruss_ros.core.control.inputs import (
     fresh_pressures,
     Input,
     InputError,
-    InputFault,
     PRESSURE_TIMEOUT,
     require_fresh,
 )
@@ -50,19 +49,6 @@ from isotruss_ros.core.model.shapes import Disc
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.statics.wrinkling import MAX_UTILISATION
 
-#: The code for each fault of an input; a wrench that was never received is zero.
-FAULTS = {
-    ('joint_states', InputFault.MISSING): GraspCode.NO_JOINT_STATES,
-    ('joint_states', InputFault.STALE): GraspCode.STALE_JOINT_STATES,
-    ('joint_states', InputFault.INVALID): GraspCode.INVALID_JOINT_STATES,
-    ('object_pose', InputFault.MISSING): GraspCode.NO_OBJECT_POSE,
-    ('object_pose', InputFault.STALE): GraspCode.STALE_OBJECT_POSE,
-    ('object_pose', InputFault.INVALID): GraspCode.INVALID_OBJECT_POSE,
-    ('external_wrench', InputFault.STALE): GraspCode.STALE_EXTERNAL_WRENCH,
-    ('external_wrench', InputFault.INVALID): GraspCode.INVALID_EXTERNAL_WRENCH,
-    ('tube_pressures', InputFault.STALE): GraspCode.STALE_TUBE_PRESSURES,
-    ('tube_pressures', InputFault.INVALID): GraspCode.INVALID_TUBE_PRESSURES,
-}
 #: The code for each error of an analysis; the last is that of any other.
 ERRORS = (
     (ConfigurationError, GraspCode.NO_CONFIGURATION),
@@ -139,7 +125,7 @@ class GraspMonitor:
             rollers, pose, *wrench = require_fresh(now, self.timeout, **inputs)
             pressures = fresh_pressures(now, self.pressure_timeout, self.pressures)
         except InputError as error:
-            return GraspReport(FAULTS[error.name, error.fault], str(error), now)
+            return GraspReport(GraspCode[error.code], str(error), now)
         try:
             body = (self.body or ConvexObject(Disc(self.object_diameter))).moved_to(pose.value)
         except GraspError as error:
@@ -175,7 +161,7 @@ class GraspMonitor:
                 return replace(_analyze(query, self.robot.configuration), time=now)
             (rollers,) = require_fresh(now, self.timeout, joint_states=self.rollers)
         except InputError as error:
-            return GraspReport(FAULTS[error.name, error.fault], str(error), now)
+            return GraspReport(GraspCode[error.code], str(error), now)
         query = query._replace(roller_positions=tuple(rollers.value.positions.tolist()))
         return replace(_analyze(query, self._tracker.configuration), time=rollers.time)
 

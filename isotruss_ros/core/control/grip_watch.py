@@ -18,8 +18,9 @@ from __future__ import annotations
 from collections import deque
 import enum
 import math
-from typing import NamedTuple
 
+from isotruss_ros.core.control.held_model import Observation
+from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
@@ -28,13 +29,14 @@ SLIP, SLIP_TIME = 0.005, 2.0
 #: A pose lies that departs from the model by so much more than the expected load explains [m] ...
 LIE = 0.006
 #: ... on a way of so many steps at most [m] ...
-STEP, STEPS = 0.001, 75
+STEP, STEPS = 0.0005, 150
 #: ... and goes as twists ask for, as closely as this [m].
 LED = 0.002
 #: A pose lies that does not move by this [m] where members and twists move the object by that [m].
-STUCK, MOVED = 0.0002, 0.006
-#: Half-swings of the pose error from this size on count [m] ...
-SWING = 0.003
+STUCK, MOVED = 0.0002, 0.004
+#: Half-swings of the pose error from this size on count [m], and from this many times the noise
+#: where that is more ...
+SWING, NOISES = 0.002, 2.5
 #: ... where they take less than so many times pi / omega, or this time if that is not known [s].
 SLOWEST, SWING_TIME = 2.0, 0.5
 #: So many half-swings, each at least so large against the one before it, do not decay.
@@ -51,27 +53,10 @@ class GripFault(enum.Enum):
     POSE_DISAGREES = 'the pose disagrees'
     OSCILLATES = 'oscillates'
 
-
-class PoseComparison(NamedTuple):
-    """
-    The measured pose of an object against its model in one cycle, (3,) each [m].
-
-    :ivar apart: measured pose minus that of the model without a load.
-    :ivar unexplained: what the expected load leaves of it.
-    :ivar error: what is missing to the reference.
-    :ivar asked: motion that the twist of the last cycle asked for.
-    :ivar moved: motion of the measured pose since the last cycle.
-    """
-
-    apart: Array
-    unexplained: Array
-    error: Array
-    asked: Array
-    moved: Array
-
-
-#: A pose that is that of its model.
-NOTHING_APART = PoseComparison(*np.zeros((5, 3)))
+    @property
+    def halt(self) -> Status:
+        """Return the status in this fault."""
+        return Status[f'HALT_{self.name}']
 
 
 class GripWatch:
@@ -84,13 +69,10 @@ class GripWatch:
     - An oscillation that grows, or does not decay, has half-swings that do not.
 
     :param frequency: lowest natural frequency of the held object; None if not known [rad/s].
-    :param first: how far apart the object is at first, which is no slip.
     """
 
-    def __init__(
-        self, frequency: float | None = None, first: PoseComparison = NOTHING_APART
-    ) -> None:
-        self._first, self._frequency = first, frequency
+    def __init__(self, frequency: float | None = None) -> None:
+        self._frequency = frequency
         self._apart, self._unexplained, self._error = np.zeros((3, 3))
         self._slipped_for = 0.0
         self._asked, self._measured, self._travelled = np.zeros(3), np.zeros(3), 0.0
@@ -105,48 +87,53 @@ class GripWatch:
         longest = SLOWEST * math.pi / self._frequency if self._frequency else SWING_TIME
         self._swings = tuple(_Swings(longest) for _ in range(3))
 
-    def update(self, poses: PoseComparison, elapsed: float) -> GripFault | None:
+    def update(
+        self, seen: Observation, error: Array, asked: Array, moved: Array, elapsed: float
+    ) -> GripFault | None:
         """
         Take one cycle in.
 
-        :param poses: of this cycle.
+        :param seen: the measured pose against its model.
+        :param error: (3,) what is missing to the reference [m].
+        :param asked: (3,) motion that the twist of the last cycle asked for [m].
+        :param moved: (3,) motion of the measured pose since the last cycle [m].
         :param elapsed: since the cycle before [s].
         """
         passed = -math.expm1(-elapsed / FILTER_TIME)
-        self._apart = self._apart + passed * (poses.apart - self._first.apart - self._apart)
-        left = poses.unexplained - self._first.unexplained
-        self._unexplained = self._unexplained + passed * (left - self._unexplained)
+        self._apart = self._apart + passed * (seen.apart - self._apart)
+        self._unexplained = self._unexplained + passed * (seen.unexplained - self._unexplained)
         followed = -math.expm1(-elapsed / self._swing_filter)
-        self._error = self._error + followed * (poses.error - self._error)
+        self._error = self._error + followed * (error - self._error)
         away = math.hypot(*self._unexplained)
         self._slipped_for = self._slipped_for + elapsed if away > SLIP else 0.0
-        if self._departs(poses):
+        explained = math.hypot(*(seen.apart - seen.unexplained))
+        if self._departs(asked, moved, explained):
             return GripFault.POSE_DISAGREES
-        if self._slipped_for > SLIP_TIME:
+        if self._slipped_for > (SLIP_TIME if seen.borne else 0.0):
             return GripFault.SLIPPED
         grown = [
-            swings.update(value, elapsed)
+            swings.update(value, elapsed, max(SWING, NOISES * seen.noise))
             for swings, value in zip(self._swings, self._error.tolist(), strict=True)
         ]
         return GripFault.OSCILLATES if any(grown) else None
 
-    def _departs(self, poses: PoseComparison) -> bool:
+    def _departs(self, asked: Array, moved: Array, explained: float) -> bool:
         """Return whether the pose departs from the model, and stands still or goes as asked."""
-        if self._travelled == 0.0 and poses.asked.any():
+        if self._travelled == 0.0 and asked.any():
             self._places.append((self._asked, self._measured, self._apart))
-        self._asked, self._measured = self._asked + poses.asked, self._measured + poses.moved
-        self._travelled += math.hypot(*poses.asked)
+        self._asked, self._measured = self._asked + asked, self._measured + moved
+        self._travelled += math.hypot(*asked)
         if self._travelled < STEP:
             return False
         self._travelled = 0.0
         here = np.array((self._asked, self._measured, self._apart))
         since = here - np.array(self._places)[::-1]
-        asked, moved, apart = np.linalg.norm(since, axis=2).T
-        stuck = np.logical_and.accumulate(moved < STUCK)
+        _, stayed, apart = np.linalg.norm(since, axis=2).T
+        stuck = np.logical_and.accumulate(stayed < STUCK)
         off_path = np.linalg.norm(since[:, 1] - since[:, 0], axis=1)
         led = np.logical_and.accumulate(off_path < LED)
-        explained = math.hypot(*(poses.apart - poses.unexplained))
-        stands = stuck & (np.minimum(asked, apart) > MOVED)
+        way = STEP * np.arange(1, len(since) + 1)
+        stands = stuck & (np.minimum(way, apart) > MOVED)
         return bool((stands | led & (apart > LIE + explained)).any())
 
 
@@ -163,15 +150,15 @@ class _Swings:
         self._rising, self._age = True, 0.0
         self._sizes: list[float] = []
 
-    def update(self, value: float, elapsed: float) -> bool:
-        """Return whether the last half-swings do not decay; the number (m) is of this cycle."""
+    def update(self, value: float, elapsed: float, least: float) -> bool:
+        """Return whether the last half-swings do not decay; the numbers (m) are of this cycle."""
         if math.isnan(self._extreme):
             self._extreme = self._turned = value
         self._age += elapsed
         sign = 1.0 if self._rising else -1.0
         if sign * (value - self._extreme) >= 0.0:
             self._extreme = value
-        elif sign * (self._extreme - value) > SWING:
+        elif sign * (self._extreme - value) > least:
             if self._age > self._longest:
                 self._sizes.clear()
             self._sizes.append(abs(self._extreme - self._turned))

@@ -7,43 +7,236 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""The model of a held object in the loop."""
+"""
+The model of a held object in the loop: how the robot holds it, and what the measured pose tells.
+
+It rolls with the tubes, so that it follows the configuration. What its travel does beyond the rows
+of (19) is learned: it is expected of the next cycle as well.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
+from isotruss_ros.core.control.load_estimate import LoadEstimate, LoadSettings
+from isotruss_ros.core.control.loop_gains import LoopGains
+from isotruss_ros.core.control.usage_limits import UsageLimits
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_statics import TubeModel
-from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, travel_rates
-from isotruss_ros.core.holding.roll_grip import roll_contacts
+from isotruss_ros.core.holding.held_grip import (
+    HeldGrip,
+    HoldStatus,
+    LEFT_MARGIN,
+    travel_rates,
+)
+from isotruss_ros.core.holding.roll_grip import roll_contacts, roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import find_members, Grip
+from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
+from isotruss_ros.core.model.pose import Pose, pose_difference
 from isotruss_ros.core.numerics.arrays import Array
+import numpy as np
+
+#: Fewer poses than this do not tell of their noise.
+FEWEST = 4
+#: Noise until it is known [m].
+UNKNOWN_NOISE = 0.0012
 
 
-@dataclass(frozen=True, eq=False)
-class Sensitivity:
+class Observation(NamedTuple):
     """
-    How a held object answers to a small wrench (fx, fy, m / arm) [N], and to the grip's opening.
+    The measured pose of an object against its model, turns times its arm.
 
-    :ivar pose: (3, 3) displacement of (x, y, angle) [m/N, rad/N].
-    :ivar squeeze: (3,) change of the mean normal force of the members [-].
-    :ivar slope: change of the squeeze as the grip opens, negative [N/m].
-    :ivar slip_margin: see `SettledGrasp.slip_margin` [N].
+    :ivar apart: (3,) measured pose minus that of the model without a load, but for what it was at
+        first [m].
+    :ivar unexplained: (3,) what the expected load leaves of it [m].
+    :ivar borne: whether the grip bears the load that is most probable.
+    :ivar noise: median step of the measured pose from cycle to cycle [m].
     """
 
-    pose: Array
-    squeeze: Array
-    slope: float
-    slip_margin: float
+    apart: Array
+    unexplained: Array
+    borne: bool = True
+    noise: float = UNKNOWN_NOISE
+
+
+class HeldModel:
+    """
+    How the robot holds an object, under the load that follows from its measured pose.
+
+    :ivar grasp: the equilibrium where the robot is.
+    :ivar load: the wrench on the object.
+    :ivar pose: (x, y, angle) of the object, with the load that came last [m, rad].
+    :ivar squeeze: mean normal force of the members, the same [N].
+    :ivar drift: (4,) what the last travel did beyond the rows of (19) and loads: to the pose
+        [m/s, rad/s] and to the squeeze [N/s].
+    :ivar usage: what commands use of slip margin and tubes.
+    :param grasp: the equilibrium near the measured pose, with a `response`.
+    :param grip: its object is where it was measured.
+    :param friction: coefficient between tube and object.
+    :param load: what is expected.
+    """
+
+    def __init__(self, grasp: HeldGrip, grip: Grip, friction: float, load: LoadSettings) -> None:
+        self._friction, self.load = friction, LoadEstimate(load)
+        offset, give = pose_difference(grip.body.pose, grasp.pose), grasp.response.pose
+        self.load.offset = self.load.bias = offset
+        # What a load explains is no slip.
+        left = offset - give @ self.load.most_probable(offset, give, grasp.arm)
+        self._even = np.array([1.0, 1.0, grasp.arm])
+        self._begun = self._even * (offset, left)
+        self._first, self._averaged, self._noise = [offset], 0.0, UNKNOWN_NOISE
+        self._rows, self.drift = grip_jacobian(grasp.config, grip), np.zeros(4)
+        self.usage = UsageLimits(grasp)
+        self._take(grasp, np.zeros(3))
+
+    @property
+    def slip_margin(self) -> float:
+        """Return the slip margin under the estimated load [N]."""
+        return self.grasp.slip_margin(self._friction)
+
+    @property
+    def sure_margin(self) -> float:
+        """Return the slip margin with the load or without: no load is trusted to help [N]."""
+        return self._sure_margin(self.grasp, np.zeros(3))
+
+    @property
+    def slope(self) -> float:
+        """Return the change of the squeeze as the grip opens, negative [N/m]."""
+        return self.grasp.squeeze_stiffness()
+
+    def move_zeros(self, moved: Array) -> bool:
+        """
+        Correct zeros of the rollers; return whether there is an equilibrium then.
+
+        What is corrected did not roll: the anchors move along, so that the contacts stay.
+
+        :param moved: (r,) by which the positions of the rollers change [m].
+        """
+        grasp = self.grasp
+        config = grasp.config.moved_to(grasp.config.roller_positions + moved)
+        travel = travel_rates(config, grasp.contacts.members) @ moved
+        anchors = grasp.anchors + grasp.statics.sides * travel
+        found = roll_contacts(grasp, config, grasp.contacts, anchors, grasp.angles, grasp.wrench)
+        if found is not None:
+            self.grasp = replace(found, motion=grasp.motion)
+        return found is not None
+
+    def follow(
+        self,
+        config: Configuration,
+        grip: Grip,
+        elapsed: float,
+        pressures: tuple[float, ...] | None,
+    ) -> HoldStatus:
+        """
+        Roll to where the robot is; return whether the object is still held, or why not.
+
+        :param config: where the robot is.
+        :param grip: its object is where it was measured.
+        :param elapsed: since the last call [s].
+        :param pressures: (t,) gauge, by tube [Pa]; those of the robot file if None.
+        """
+        before = self.grasp
+        if before.tubes.pressure != pressures:
+            before = replace(before, tubes=before.tubes._replace(pressure=pressures))
+        grasp = roll_grip(before, config, self.load.wrench * self._even)
+        if grasp is None:
+            return HoldStatus.NO_BALANCE
+        hold = grasp.hold(self._friction)
+        if hold is HoldStatus.HELD and grasp.response is None:
+            return HoldStatus.UNSTABLE
+        if hold is HoldStatus.HELD:
+            self._learn(before, grasp, elapsed)
+            self._rows = grip_jacobian(config, grip)
+            self._take(grasp, np.zeros(3))
+        return hold
+
+    def observe(self, grip: Grip, elapsed: float, gains: LoopGains) -> Observation:
+        """
+        Take in where the object was measured.
+
+        :param grip: its object is there.
+        :param elapsed: since the last call [s].
+        :param gains: how quickly the load is estimated.
+        """
+        grasp, borne = self.grasp, True
+        offset = pose_difference(grip.body.pose, grasp.pose)
+        apart = offset + grasp.response.pose @ self.load.wrench
+        unlike = self._even * (apart, offset) - self._begun
+        if self._first:
+            self._average(grip, offset, elapsed, gains)
+        else:
+            loaded, borne = self.load.update(
+                offset, grasp.response.pose, grasp.arm, elapsed, gains, self._bears
+            )
+            self._take(grasp, loaded)
+        return Observation(*unlike, borne, self._noise)
+
+    def _bears(self, more: Array) -> bool:
+        """Return whether the object is held well under more load (3,) [N]."""
+        return self.grasp.slip_margin(self._friction, more) > LEFT_MARGIN * self.grasp.squeeze
+
+    def _sure_margin(self, grasp: HeldGrip, more: Array) -> float:
+        """Return the slip margin under more load (3,), or without any where that is less [N]."""
+        return min(grasp.slip_margin(self._friction, each) for each in (more, -grasp.wrench))
+
+    def _take(self, grasp: HeldGrip, loaded: Array) -> None:
+        """Go on with an equilibrium, and a load (3,) that came since [N]."""
+        self.grasp = grasp
+        self.pose = np.array(grasp.pose) + grasp.response.pose @ loaded
+        self.squeeze = grasp.squeeze + float(grasp.response.squeeze @ loaded)
+
+    def _learn(self, before: HeldGrip, grasp: HeldGrip, elapsed: float) -> None:
+        """Take in what the last travel did beyond the rows of (19) and loads, and to the tubes."""
+        travel = grasp.config.roller_positions - before.config.roller_positions
+        moved, loaded = self._rows @ travel, grasp.wrench - before.wrench
+        change = pose_difference(grasp.pose, before.pose)
+        pressed = grasp.squeeze - before.squeeze - before.squeeze_stiffness() * moved[3]
+        expected = np.append(grasp.response.pose @ loaded, grasp.response.squeeze @ loaded)
+        beyond = np.append(change - moved[:3], pressed) - expected
+        self.drift = beyond / elapsed if elapsed > 0.0 else np.zeros(4)
+        # A load that changed the margin is not to be taken for what the travel did.
+        margin = self._sure_margin(grasp, np.zeros(3)) - self._sure_margin(before, loaded)
+        self.usage.learn(grasp, margin, travel)
+
+    def _average(self, grip: Grip, offset: Array, elapsed: float, gains: LoopGains) -> None:
+        """
+        Take in a pose of the first while, in which there is no load; at its end begin with one.
+
+        One noisy pose is not enough to tell it: the object is attached anew to their mean.
+        """
+        grasp = self.grasp
+        self._first.append(offset)
+        self._averaged += elapsed
+        first = np.array(self._first)
+        mean = self.load.offset = self.load.bias = first.mean(axis=0)
+        if self._averaged < gains.filter_time:
+            return
+        self._first.clear()
+        if len(first) >= FEWEST:
+            # A load moves the object once; noise moves it in each cycle.
+            steps = np.abs(np.diff(self._even * first, axis=0))
+            self._noise = float(np.median(steps, axis=0).max())
+            if self._noise > self.load.settings.pose_error:
+                there = grip.body.moved_to(Pose(*(np.array(grasp.pose) + mean)))
+                found = attach_model(grasp.config, replace(grip, body=there), grasp.tubes.pressure)
+                if not isinstance(found, HoldStatus):
+                    moved = pose_difference(grasp.pose, found.pose)
+                    grasp, mean = found, mean + moved
+                    self._begun[0] += self._even * moved
+        attached, self.grasp = grasp is not self.grasp, grasp
+        self._take(grasp, self.load.begin(mean, grasp.response.pose, grasp.arm, self._bears))
+        if attached:
+            self._begun[1] = self._even * self.load.bias
 
 
 def attach_model(
     config: Configuration, grip: Grip, pressures: tuple[float, ...] | None = None
 ) -> HeldGrip | HoldStatus:
     """
-    Return the equilibrium near the measured pose, or why there is none.
+    Return the equilibrium near the measured pose, with a `response`, or why there is none.
 
     :param config: where the robot is.
     :param grip: its object is where it was measured.
@@ -53,34 +246,7 @@ def attach_model(
     """
     members = find_members(config.robot, grip.members).members
     tubes = TubeModel(pressure=pressures)
-    return attach_grip(config, grip.body, members, tubes=tubes, quick=True)
-
-
-def sensitivity(grasp: HeldGrip, friction: float) -> Sensitivity | None:
-    """
-    Return how a held object answers; None where its equilibrium is indifferent.
-
-    :param grasp: how the object is held.
-    :param friction: coefficient between tube and object.
-    """
-    response = grasp.response
-    if response is None:
-        return None
-    margin = grasp.slip_margin(friction)
-    return Sensitivity(response.pose, response.squeeze, grasp.squeeze_stiffness(), margin)
-
-
-def move_zeros(grasp: HeldGrip, moved: Array) -> HeldGrip | None:
-    """
-    Return the equilibrium where zeros of the rollers are corrected; None where there is none.
-
-    What is corrected did not roll: the anchors move along, so that the contacts stay.
-
-    :param grasp: how the object is held before that.
-    :param moved: (r,) by which the positions of the rollers change [m].
-    """
-    config = grasp.config.moved_to(grasp.config.roller_positions + moved)
-    travel = travel_rates(config, grasp.contacts.members) @ moved
-    anchors = grasp.anchors + grasp.statics.sides * travel
-    found = roll_contacts(grasp, config, grasp.contacts, anchors, grasp.angles, grasp.wrench)
-    return None if found is None else replace(found, motion=grasp.motion)
+    found = attach_grip(config, grip.body, members, tubes=tubes, quick=True)
+    if not isinstance(found, HoldStatus) and found.response is None:
+        return HoldStatus.UNSTABLE
+    return found

@@ -16,7 +16,6 @@ And the commands that were sent since: with them the travel since an old measure
 from __future__ import annotations
 
 from bisect import bisect_right
-import enum
 from typing import Any, NamedTuple
 
 from isotruss_ros.core.errors import IsotrussError
@@ -74,28 +73,21 @@ class RejectedInput(NamedTuple):
 Input = StampedInput | RejectedInput | None
 
 
-class InputFault(enum.Enum):
-    """Why an input cannot be used."""
-
-    MISSING = enum.auto()
-    STALE = enum.auto()
-    INVALID = enum.auto()
-
-
 class InputError(IsotrussError):
     """
     An input cannot be used.
 
     :ivar name: name of the input.
-    :ivar fault: why.
+    :ivar code: what is wrong with which input, such as NO_TWIST, STALE_TWIST or INVALID_TWIST; the
+        codes of statuses and reports have these names.
+    :param fault: NO, STALE or INVALID.
     :param name: name of the input.
-    :param fault: why it cannot be used.
     :param message: the reason in words.
     """
 
-    def __init__(self, name: str, fault: InputFault, message: str) -> None:
+    def __init__(self, fault: str, name: str, message: str) -> None:
         super().__init__(message)
-        self.name, self.fault = name, fault
+        self.name, self.code = name, f'{fault}_{name.upper()}'
 
 
 def require_fresh(
@@ -119,21 +111,21 @@ def require_fresh(
     for name, given in inputs.items():
         words = name.replace('_', ' ')
         if given is None:
-            raise InputError(name, InputFault.MISSING, f'{words}: none received yet')
+            raise InputError('NO', name, f'{words}: none received yet')
         if isinstance(given, RejectedInput):
-            raise InputError(name, InputFault.INVALID, given.reason)
+            raise InputError('INVALID', name, given.reason)
         age = now - given.time
         if age > timeout:
             raise InputError(
+                'STALE',
                 name,
-                InputFault.STALE,
                 f'{words}: {age:.3f} s old; must be at most {timeout} s ({setting}: set it '
                 'higher where the machine is busy)',
             )
         if age < -clock_skew:
             raise InputError(
+                'INVALID',
                 name,
-                InputFault.INVALID,
                 f'{words}: stamped {-age:.3f} s in the future; must be at most {clock_skew:g} s: '
                 'synchronise the clocks',
             )
@@ -258,6 +250,31 @@ class CommandHistory:
             return self._until(end) - self._until(begin)
         unknown = min(end, first) - min(begin, first)
         return self._until(max(end, first)) - self._until(max(begin, first)) + unknown * before
+
+    def expected_travel(
+        self, rollers: StampedInput, then: float, now: float, ahead: float, still: Array
+    ) -> tuple[Array, Array, Array]:
+        """
+        Return how far the rollers travel after their measurement.
+
+        They follow the commands. Measured speeds count for the time before the first one, when
+        another client may have moved them.
+
+        :param rollers: the measured `RollerState`.
+        :param then: a time in between [s].
+        :param now: time on the clock of the entries [s].
+        :param ahead: for so long after now [s].
+        :param still: (r,) whether each roller does not follow commands.
+        :return: (r,) each: travel until then, until the end [m], and the speeds with which they
+            get from now to there [m/s].
+        """
+        measured = rollers.value.velocities
+        last = np.where(still, 0.0, measured if self.last is None else self.last)
+        before = np.zeros(self._count)
+        if then != rollers.time:
+            before = np.where(still, 0.0, self.travel(rollers.time, then, measured))
+        travel = np.where(still, 0.0, self.travel(rollers.time, now, measured))
+        return before, travel + ahead * last, last
 
     def _until(self, time: float) -> Array:
         place = bisect_right(self._times, time) - 1

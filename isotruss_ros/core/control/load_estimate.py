@@ -11,6 +11,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 import math
 
@@ -50,55 +51,70 @@ class LoadEstimate:
     def __init__(self, settings: LoadSettings) -> None:
         self.settings = settings
         self.offset, self.wrench, self.bias = np.zeros(3), np.zeros(3), np.zeros(3)
-        self._count = math.inf
 
-    def begin(self, offset: Array, compliance: Array, radius: float) -> Array:
-        """
-        Begin without a load where the object was measured.
-
-        Until there are more measurements than the filter remembers their mean counts, and the load
-        comes with their number: one pose is not enough to tell a load from noise.
-
-        :param offset: (3,) measured minus modelled pose [m, rad].
-        :param compliance: as for `update`.
-        :param radius: of the object [m].
-        :return: (3,) what the most probable load leaves of the offset [m, rad].
-        """
-        self.offset, self.wrench, self.bias, self._count = offset, np.zeros(3), offset, 1
-        return offset - compliance @ self._most_probable(compliance, radius)
-
-    def update(
-        self, offset: Array, compliance: Array, radius: float, period: float, gains: LoopGains
+    def begin(
+        self,
+        offset: Array,
+        compliance: Array,
+        radius: float,
+        bears: Callable[[Array], bool],
     ) -> Array:
         """
+        Begin with the most probable load; with none where the object would slip under it.
+
+        :param offset: (3,) mean of the measured minus the modelled pose [m, rad].
+        :param compliance: as for `update`.
+        :param radius: of the object [m].
+        :param bears: whether the object is held under a wrench (3,) [N].
+        :return: (3,) the wrench [N].
+        """
+        self.offset, probable = offset, self.most_probable(offset, compliance, radius)
+        self.wrench = probable if bears(probable) else np.zeros(3)
+        self.bias = offset - compliance @ self.wrench
+        return self.wrench
+
+    def update(
+        self,
+        offset: Array,
+        compliance: Array,
+        radius: float,
+        period: float,
+        gains: LoopGains,
+        bears: Callable[[Array], bool],
+    ) -> tuple[Array, bool]:
+        """
         Take a measurement in.
+
+        A load under which the object would slip is not believed before it does.
 
         :param offset: (3,) measured minus modelled pose, the wrench so far included [m, rad].
         :param compliance: (3, 3) pose by wrench, see `WrenchResponse` [m/N, rad/N].
         :param radius: of the object [m].
         :param period: since the last measurement [s].
         :param gains: how quickly.
-        :return: (3,) by which the wrench changed [N].
+        :param bears: whether the object is held where the wrench changes by (3,) [N].
+        :return: (3,) by which the wrench changed [N], and whether the most probable one is borne.
         """
         passed = -math.expm1(-period / gains.filter_time)
-        self._count += 1
-        begun, followed = self._count * passed, -math.expm1(-period * gains.bias)
-        share = max(passed, 1.0 / self._count)
-        self.offset = self.offset + share * (offset + compliance @ self.wrench - self.offset)
-        probable = self._most_probable(compliance, radius)
-        if begun < 1.0:
-            # The object is wanted where it is meanwhile.
-            change, followed = begun * probable - self.wrench, 1.0
-        else:
-            change = passed * (probable - self.wrench)
+        self.offset = self.offset + passed * (offset + compliance @ self.wrench - self.offset)
+        change = passed * (self.most_probable(self.offset, compliance, radius) - self.wrench)
+        borne = bears(change)
+        if not borne:
+            change = -passed * self.wrench
         self.wrench = self.wrench + change
         left = self.offset - compliance @ self.wrench
-        self.bias = self.bias + followed * (left - self.bias)
-        return change
+        self.bias = self.bias - math.expm1(-period * gains.bias) * (left - self.bias)
+        return change, borne
 
-    def _most_probable(self, compliance: Array, radius: float) -> Array:
-        """Return the most probable wrench (3,) for the offset [N]."""
+    def most_probable(self, offset: Array, compliance: Array, radius: float) -> Array:
+        """
+        Return the most probable wrench (3,) [N].
+
+        :param offset: (3,) measured pose minus that of the model without a load [m, rad].
+        :param compliance: as for `update`.
+        :param radius: of the object [m].
+        """
         settings, even = self.settings, np.array([1.0, 1.0, radius])
         give = even[:, None] * compliance
         variance = settings.size**2 * give @ give.T + settings.pose_error**2 * np.eye(3)
-        return settings.size**2 * give.T @ np.linalg.solve(variance, even * self.offset)
+        return settings.size**2 * give.T @ np.linalg.solve(variance, even * offset)

@@ -101,7 +101,7 @@ class PathServo:
     """
 
     def __init__(self, period: float, timeout: float) -> None:
-        self._period = period
+        self.period = period
         self.timeout = timeout
         self.pose: Input = None
         self.servo_feedback: Input = None
@@ -109,18 +109,6 @@ class PathServo:
         self.estimate: Input = None
         self.tracker: PathTracker | None = None
         self._before = 0.0
-
-    @property
-    def period(self) -> float:
-        """Return the time from cycle to cycle [s]."""
-        return self._period
-
-    @period.setter
-    def period(self, period: float) -> None:
-        """Go on at another rate, on the path that is being followed as well."""
-        self._period = period
-        if self.tracker is not None:
-            self.tracker.period = period
 
     def measured(self, now: float) -> Pose:
         """
@@ -151,7 +139,7 @@ class PathServo:
                 f'({measured.x:.4g}, {measured.y:.4g}) m, {measured.angle:.4g} rad; must begin '
                 f'within {settings.position_tolerance:g} m and {settings.angle_tolerance:g} rad'
             )
-        self.tracker = PathTracker(path, settings, self._period)
+        self.tracker = PathTracker(path, settings, self.period)
         self._before = now
 
     def decide(self, now: float) -> Step:
@@ -165,6 +153,7 @@ class PathServo:
             (pose,) = require_fresh(now, self.timeout, object_pose=self.pose)
         except InputError as error:
             return Step(np.zeros(3), Outcome.STOPPED, str(error), None)
+        self.tracker.clock.period = self.period
         held, feedback = self._servo_feedback(now)
         self.tracker.allow_for_inertia(feedback.frequency)
         tracking = self.tracker.update(pose.value, now - pose.time, elapsed, feedback.scale, held)

@@ -17,6 +17,10 @@ import math
 
 #: Measurements that are older than this are taken as so old [s].
 MEMORY = 1.0
+#: Limits of the robot do not slow below this rate: the rest of the path may lead away from them.
+MIN_RATE = 0.1
+#: A robot that follows at less than this rate makes no progress.
+STANDSTILL = 0.05
 
 
 class PathClock:
@@ -27,42 +31,22 @@ class PathClock:
     :ivar rate: path time by time.
     :ivar ramp_time: from rest to rate 1 and back [s].
     :ivar waited: time since the last progress [s].
+    :ivar period: of the control loop, which may change on the path [s].
     :param duration: of the path [s].
     :param ramp_time: from rest to rate 1 and back [s].
     :param progress_timeout: how long a time counts for progress [s].
     :param period: of the control loop; a longer cycle than two counts as two [s].
-    :param min_rate: limits of the robot do not slow below this rate: the rest of the path may lead
-        away from them.
-    :param standstill_rate: a robot that follows at less than this rate makes no progress.
     """
 
     def __init__(
-        self,
-        duration: float,
-        ramp_time: float,
-        progress_timeout: float,
-        period: float,
-        min_rate: float = 0.1,
-        standstill_rate: float = 0.05,
+        self, duration: float, ramp_time: float, progress_timeout: float, period: float
     ) -> None:
         self.time = self.rate = self.waited = 0.0
         self._duration, self.ramp_time = duration, ramp_time
-        self._min_rate = min_rate
-        self._least_progress = standstill_rate * progress_timeout
+        self._least_progress = STANDSTILL * progress_timeout
         self._mark = self._now = 0.0
-        self._period = period
-        self._known = deque([(0.0, 0.0)], maxlen=_samples(period))
-
-    @property
-    def period(self) -> float:
-        """Return the time from cycle to cycle [s]."""
-        return self._period
-
-    @period.setter
-    def period(self, period: float) -> None:
-        """Change the period, from the next cycle on."""
-        self._period = period
-        self._known = deque(self._known, maxlen=_samples(period))
+        self.period = period
+        self._known = deque([(0.0, 0.0)])
 
     @property
     def at_end(self) -> bool:
@@ -100,7 +84,7 @@ class PathClock:
 
         :param elapsed: time since the last cycle [s].
         """
-        return min(max(elapsed, 0.0), 2.0 * self._period)
+        return min(max(elapsed, 0.0), 2.0 * self.period)
 
     def advance(self, elapsed: float, room: float, scale: float, held: bool) -> None:
         """
@@ -115,22 +99,19 @@ class PathClock:
         self._now += max(elapsed, 0.0)
         if self._now > self._known[-1][0]:
             self._known.append((self._now, self.time))
+        while self._known[0][0] < self._now - MEMORY:
+            self._known.popleft()
         step = self.step(elapsed)
-        wanted = 1.0 if scale >= 1.0 else max(self.rate * scale, self._min_rate)
+        wanted = 1.0 if scale >= 1.0 else max(self.rate * scale, MIN_RATE)
         most = step / self.ramp_time
         rate = min(max(wanted, self.rate - most), self.rate + most)
         left = self._duration - self.time
         self.rate = 0.0 if held else min(rate, room, math.sqrt(2.0 * left / self.ramp_time))
         self.time = min(self.time + self.rate * step, self._duration)
-        due = self._now + self._period
+        due = self._now + self.period
         if due < self._known[-1][0]:
             self._known.pop()  # the cycle before was to take longer
         self._known.append((due, self.time))
         self.waited += max(elapsed, 0.0)
         if self.time - self._mark > self._least_progress:
             self.waited, self._mark = 0.0, self.time
-
-
-def _samples(period: float) -> int:
-    """Return how many cycles to remember; every one may add two."""
-    return 2 + 2 * math.ceil(MEMORY / period)

@@ -38,6 +38,12 @@ MAX_GAIN_TIMES_DELAY = 0.75
 #: An object held at the frequency omega is off its path by about this times a / omega^2 where it
 #: is accelerated by a: twice for a step of a, and more with the lag of the loop.
 INERTIA = 2.5
+#: Path time runs freely up to this share of the tolerances, and stands still from this one on.
+FREE, STANDING = 0.5, 0.9
+#: At the end the error must be below this share of the tolerances.
+REACHED = 0.5
+#: The feedback is at most this share of the path's own speed and turn rate.
+MAX_CORRECTION = 0.5
 #: Zero divided by this is zero.
 TINY = 1e-12
 
@@ -69,12 +75,6 @@ class TrackingSettings:
     :ivar angle_gain: the same for the orientation [1/s].
     :ivar ramp_time: from rest to the full speed of the path, and back [s].
     :ivar progress_timeout: the object may stand still for this long [s].
-    :ivar free_share: path time runs freely up to this share of the tolerances ...
-    :ivar standing_share: ... and stands still from this one on.
-    :ivar reached_share: at the end the error must be below this share of the tolerances.
-    :ivar max_correction: the feedback is at most this share of the path's own speed and turn rate.
-    :ivar min_rate: of path time, where limits of the robot slow it [-].
-    :ivar standstill_rate: of path time; at less the object stands still [-].
     :raises PathError: names the value and what would be right.
     """
 
@@ -84,23 +84,12 @@ class TrackingSettings:
     angle_gain: float = 2.0
     ramp_time: float = 0.5
     progress_timeout: float = 3.0
-    free_share: float = 0.5
-    standing_share: float = 0.9
-    reached_share: float = 0.5
-    max_correction: float = 0.5
-    min_rate: float = 0.1
-    standstill_rate: float = 0.05
 
     def __post_init__(self) -> None:
         """Reject what is not a positive number; gains may be 0."""
         for name, value in vars(self).items():
             if not (value > 0.0 or (value == 0.0 and name.endswith('gain'))) or value == math.inf:
                 raise PathError(f'{name} {value!r}: must be a positive number')
-        if not self.free_share < self.standing_share <= 1.0:
-            raise PathError(
-                f'free_share {self.free_share!r} and standing_share {self.standing_share!r}: '
-                'the first must be smaller, the second at most 1'
-            )
 
 
 #: How an object is brought back that went along a little as the grip closed on it: at this speed
@@ -147,24 +136,10 @@ class PathTracker:
         self.path = path
         self.settings = settings
         self.clock = PathClock(
-            path.duration,
-            settings.ramp_time,
-            settings.progress_timeout,
-            period,
-            settings.min_rate,
-            settings.standstill_rate,
+            path.duration, settings.ramp_time, settings.progress_timeout, period
         )
         self.max_position_error = self.max_angle_error = 0.0
         self._watched, self._squares = 0.0, 0.0
-
-    @property
-    def period(self) -> float:
-        """Return the time from cycle to cycle; the rate may change on the path [s]."""
-        return self.clock.period
-
-    @period.setter
-    def period(self, period: float) -> None:
-        self.clock.period = period
 
     def allow_for_inertia(self, frequency: float) -> None:
         """
@@ -178,7 +153,7 @@ class PathTracker:
                 path.speed / settings.position_tolerance,
                 path.turn_rate / settings.angle_tolerance,
             )
-            needed = INERTIA * max(shares) / (settings.free_share * frequency**2)
+            needed = INERTIA * max(shares) / (FREE * frequency**2)
             self.clock.ramp_time = max(settings.ramp_time, needed)
 
     @property
@@ -207,8 +182,7 @@ class PathTracker:
             position_error / self.settings.position_tolerance,
             angle_error / self.settings.angle_tolerance,
         )
-        standing, free = self.settings.standing_share, self.settings.free_share
-        room = min(max((standing - share) / (standing - free), 0.0), 1.0)
+        room = min(max((STANDING - share) / (STANDING - FREE), 0.0), 1.0)
         here, over = self.path.pose(self.clock.time), self.clock.at_end
         self.clock.advance(elapsed, room, scale, held)
         phase = self._phase(share, over, min(room, scale), held)
@@ -236,12 +210,12 @@ class PathTracker:
     def _feedback(self, error: Array, age: float) -> Array:
         """Return the twist that takes the error away (3,), within its bounds."""
         settings, path = self.settings, self.path
-        most = MAX_GAIN_TIMES_DELAY / (age + self.period)
+        most = MAX_GAIN_TIMES_DELAY / (age + self.clock.period)
         twist = error * min(settings.position_gain, most)
         twist[2] = error[2] * min(settings.angle_gain, most)
         speed, turn = math.hypot(twist[0], twist[1]), abs(float(twist[2]))
-        twist[:2] *= min(1.0, settings.max_correction * path.speed / max(speed, TINY))
-        twist[2] *= min(1.0, settings.max_correction * path.turn_rate / max(turn, TINY))
+        twist[:2] *= min(1.0, MAX_CORRECTION * path.speed / max(speed, TINY))
+        twist[2] *= min(1.0, MAX_CORRECTION * path.turn_rate / max(turn, TINY))
         return twist
 
     def _phase(self, share: float, over: bool, pace: float, held: bool) -> PathPhase:
@@ -254,7 +228,7 @@ class PathTracker:
         """
         if share > 1.0:
             return PathPhase.OFF_PATH
-        if over and not held and share <= self.settings.reached_share:
+        if over and not held and share <= REACHED:
             return PathPhase.REACHED
         if self.clock.waited > self.settings.progress_timeout:
             return PathPhase.OFF_PATH if over and not held else PathPhase.STUCK

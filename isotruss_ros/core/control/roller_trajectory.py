@@ -16,7 +16,6 @@ lags, trajectory time waits; an input that is missing, timed out or rejected end
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 from isotruss_ros.core.control.inputs import Input, require_fresh
@@ -28,6 +27,20 @@ from numpy.typing import ArrayLike
 
 #: What takes longer is a mistake [s].
 MAX_DURATION = 86_400.0
+#: Rate at which errors of the roller positions decay [1/s].
+GAIN = 5.0
+#: Largest distance of the rollers from the first waypoint [m].
+START_TOLERANCE = 0.01
+#: Of the last waypoint, within which the rollers rest [m], for as long as this [s]; and where they
+#: come no nearer: what encoders resolve or drives reach is less fine [m].
+TOLERANCE, SETTLING_TIME, NEAR_TOLERANCE = 2e-5, 0.1, 5e-4
+#: Trajectory time waits while a roller lags by more than this [m].
+MAX_LAG = 5e-3
+#: After this time without progress a trajectory is given up [s].
+PROGRESS_TIMEOUT = 3.0
+#: A cycle takes the trajectory on by at most so much: one that comes later than that would cut its
+#: corners [s].
+MAX_STEP = 0.2
 
 
 class Wanted(NamedTuple):
@@ -96,36 +109,6 @@ class RollerTrajectory:
         return Wanted(self._positions[place] + (time - self._times[place]) * slope, slope)
 
 
-@dataclass(frozen=True)
-class RollerTrackingSettings:
-    """
-    How the servo follows a roller trajectory.
-
-    :ivar gain: rate at which errors of the roller positions decay [1/s].
-    :ivar start_tolerance: largest distance of the rollers from the first waypoint [m].
-    :ivar tolerance: of the last waypoint, within which the rollers rest [m].
-    :ivar near_tolerance: of the last waypoint, where they come no nearer; what encoders resolve or
-        drives reach is less fine [m].
-    :ivar settling_time: for which the rollers must stay within that tolerance [s].
-    :ivar max_lag: trajectory time waits while a roller lags by more than this [m].
-    :ivar progress_timeout: after which a trajectory without progress is aborted [s].
-    :ivar max_step: a cycle takes the trajectory on by at most so much: one that comes later than
-        that would cut its corners [s].
-    """
-
-    gain: float = 5.0
-    start_tolerance: float = 0.01
-    tolerance: float = 2e-5
-    near_tolerance: float = 5e-4
-    settling_time: float = 0.1
-    max_lag: float = 5e-3
-    progress_timeout: float = 3.0
-    max_step: float = 0.2
-
-
-DEFAULT = RollerTrackingSettings()
-
-
 class RollerStep(NamedTuple):
     """
     What to do in this cycle.
@@ -148,14 +131,10 @@ class RollerTrajectoryServo:
     :ivar time: of the trajectory, where the rollers are [s].
     :param robot: the robot.
     :param timeout: measurements older than this are not used [s].
-    :param settings: tolerances and gain.
     """
 
-    def __init__(
-        self, robot: Robot, timeout: float, settings: RollerTrackingSettings = DEFAULT
-    ) -> None:
+    def __init__(self, robot: Robot, timeout: float) -> None:
         self._robot = robot
-        self.settings = settings
         self.timeout = timeout
         self.rollers: Input = None
         self.time = 0.0
@@ -186,11 +165,11 @@ class RollerTrajectoryServo:
         state = require_fresh(now, self.timeout, joint_states=self.rollers)[0].value
         away = np.abs(trajectory.at(0.0).positions - state.positions)
         worst = int(away.argmax())
-        if away[worst] > self.settings.start_tolerance:
+        if away[worst] > START_TOLERANCE:
             raise ConfigurationError(
                 f'the trajectory begins {away[worst]:.4g} m from where roller '
                 f'{self._robot.roller_names[worst]} is; must begin within '
-                f'{self.settings.start_tolerance} m'
+                f'{START_TOLERANCE} m'
             )
         self._trajectory, self._before, self._offsets = trajectory, now, state.offsets
         self.time, self._waited, self._near_since = 0.0, 0.0, None
@@ -207,7 +186,7 @@ class RollerTrajectoryServo:
         """
         still = np.zeros(len(self._robot.roller_names))
         # Cycles come late on a busy machine, or seldom by a clock that ticks seldom.
-        longest = min(self.settings.max_step, self.timeout)
+        longest = min(MAX_STEP, self.timeout)
         elapsed, self._before = min(max(0.0, now - self._before), longest), now
         trajectory = self._trajectory
         if trajectory is None:
@@ -225,13 +204,11 @@ class RollerTrajectoryServo:
         wanted, behind = trajectory.at(ahead), trajectory.at(self.time).positions - positions
         error, speeds = wanted.positions - positions, wanted.speeds
         # Rollers at rest are behind, those under way are ahead by what they do in a cycle.
-        waits = (
-            min(float(np.abs(error).max()), float(np.abs(behind).max())) > self.settings.max_lag
-        )
+        waits = min(float(np.abs(error).max()), float(np.abs(behind).max())) > MAX_LAG
         if waits:
             error, speeds = behind, still
         lag, at_end = float(np.abs(error).max()), ahead >= trajectory.duration
-        near = at_end and lag <= self.settings.tolerance
+        near = at_end and lag <= TOLERANCE
         if self._rests(near, min(measured.time, now), now):
             self._trajectory = None
             return RollerStep(still, True, '')
@@ -239,18 +216,18 @@ class RollerTrajectoryServo:
             self.time, self._waited = ahead, 0.0
         elif not near:
             self._waited += elapsed
-        if self._waited > self.settings.progress_timeout:
+        if self._waited > PROGRESS_TIMEOUT:
             self._trajectory = None
-            if at_end and lag <= self.settings.near_tolerance:
+            if at_end and lag <= NEAR_TOLERANCE:
                 return RollerStep(still, True, '')
             worst = self._robot.roller_names[int(np.abs(error).argmax())]
             return RollerStep(
                 still, True, f'roller {worst} stays {lag:.4g} m behind the trajectory'
             )
-        speeds = speeds + self.settings.gain * error
+        speeds = speeds + GAIN * error
         if at_end:
             # What has arrived rests: rollers are uneven only while they move.
-            speeds = np.where(np.abs(error) <= self.settings.tolerance, 0.0, speeds)
+            speeds = np.where(np.abs(error) <= TOLERANCE, 0.0, speeds)
         limit = self._robot.description.max_speed
         return RollerStep(np.clip(speeds, -limit, limit), False, '')
 
@@ -264,7 +241,4 @@ class RollerTrajectoryServo:
             self._near_since = None
         elif self._near_since is None:
             self._near_since = now
-        return (
-            self._near_since is not None
-            and measured - self._near_since > self.settings.settling_time
-        )
+        return self._near_since is not None and measured - self._near_since > SETTLING_TIME

@@ -24,7 +24,7 @@ from dataclasses import replace
 import functools
 import importlib
 
-from isotruss_ros.core.control.decision import Decision, HaltError, HALTS
+from isotruss_ros.core.control.decision import Decision, halt_for, HaltError
 from isotruss_ros.core.control.inputs import (
     CLOCK_SKEW,
     CommandHistory,
@@ -210,15 +210,13 @@ class TwistServo:
                     fresh_pressures(now, self.pressure_timeout, self.pressures, self.clock_skew)
                 )
             command = self._solve(rollers, pose[0] if pose else None, twist, now, failed)
-            keeps_contacts = self._joint is None
-            note = self.squeeze.note() if self.squeeze else ''
-            notes = (_describe(command, keeps_contacts), note)
-            message = '; '.join(note for note in notes if note)
+            notes = _describe(command, self._joint is None), self.squeeze and self.squeeze.note()
+            message = '; '.join(filter(None, notes))
         except (InputError, HaltError) as error:
             if isinstance(error, HaltError):
                 status = error.status
             else:
-                status = HALTS[error.name, error.fault]
+                status = halt_for(error)
                 if error.name != 'twist':  # which comes first, so that it can be used
                     twist = np.asarray(self.twist.value)
             if self.squeeze is not None and status is Status.HALT_NO_GRASP:
@@ -229,11 +227,15 @@ class TwistServo:
             command, message = RollerCommand(stopped, np.zeros(3), 0.0, status), str(error)
         self._history.record(now, command.roller_velocities)
         names = tuple(name for name in self.robot.roller_names if name in failed) if failed else ()
-        regulated = self.squeeze if self.squeeze and self.squeeze.grasp else None
-        frequency = (regulated.frequency or 0.0) if regulated else 0.0
-        gain = regulated.gains.pose if regulated else 0.0
-        pressed = regulated.squeeze if regulated else None
-        return Decision(command, twist, message, names, frequency, gain, pressed)
+        decision, squeeze = Decision(command, twist, message, names), self.squeeze
+        if squeeze is None or squeeze.grasp is None:
+            return decision
+        return replace(
+            decision,
+            frequency=squeeze.frequency or 0.0,
+            pose_gain=squeeze.gains.pose,
+            squeeze=squeeze.squeeze,
+        )
 
     def note_command(self, velocities: Array, now: float) -> None:
         """
@@ -279,7 +281,10 @@ class TwistServo:
         A command for the measured configuration, which is older, would have a first-order error.
         """
         pose_time = rollers.time if pose is None else pose.time
-        before, travel, last = self._expected_travel(rollers, pose_time, now, failed)
+        still = np.array([name in failed for name in self.robot.roller_names])
+        before, travel, last = self._history.expected_travel(
+            rollers, pose_time, now, 0.5 * self.period, still
+        )
         try:
             measured, config = self._tracker.predict(rollers.value.positions, travel)
             grip = None if pose is None else self.grip_at(pose.value)
@@ -360,30 +365,6 @@ class TwistServo:
         command = squeeze.solve(twist, self.period, solve)
         squeeze.advance(twist, command)
         return command
-
-    def _expected_travel(
-        self, rollers: StampedInput, pose_time: float, now: float, failed: frozenset[str]
-    ) -> tuple[Array, Array, Array]:
-        """
-        Return how far the rollers travel after their measurement.
-
-        They follow the commands, except failed ones. Measured speeds count for the time before
-        the first command of this servo, when another client may have moved them.
-
-        :return: (r,) each: travel until the object was measured, until the middle of the cycle
-            that begins now [m], and the speeds with which they get from now to there [m/s].
-        """
-        history, measured = self._history, rollers.value.velocities
-        last = measured if history.last is None else history.last
-        travel = history.travel(rollers.time, now, measured) + 0.5 * self.period * last
-        before = np.zeros(len(travel))
-        if pose_time != rollers.time:
-            before = history.travel(rollers.time, pose_time, measured)
-        if failed:
-            stuck = [name in failed for name in self.robot.roller_names]
-            last = np.where(stuck, 0.0, last)
-            before[stuck] = travel[stuck] = 0.0
-        return before, travel, last
 
 
 @functools.lru_cache(maxsize=8)

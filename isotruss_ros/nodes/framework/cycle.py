@@ -15,7 +15,6 @@ from collections import deque
 from collections.abc import Callable
 from functools import partial
 import time
-from typing import TYPE_CHECKING
 
 from isotruss_ros.nodes.framework.topics import take_waiting
 from rclpy.clock import Clock
@@ -23,9 +22,6 @@ from rclpy.clock_type import ClockType
 from rclpy.executors import SingleThreadedExecutor, TimeoutException
 from rclpy.node import Node
 from rclpy.timer import Timer
-
-if TYPE_CHECKING:
-    from isotruss_ros.nodes.framework.runner import StoppableNode
 
 #: A stopped clock is detected within the timeout and this share of it, or this time [s].
 WATCH_SHARE, SHORTEST_WATCH = 0.5, 0.01
@@ -41,8 +37,8 @@ class Cycle:
 
     :ivar is_steady: whether the cycles follow each other by the steady clock.
     :ivar duration: computing time of the last cycle [s].
-    :param node: has the clock that times are read from, simulated or not, and the parameters
-        `rate` [Hz] and `command_timeout`: a clock without a change for so long has stopped [s].
+    :param node: has the clock that times are read from, simulated or not, and, in `values`, the
+        parameters `rate` [Hz] and `command_timeout`: a clock without a change for so long has stopped [s].
     :param step: called in every cycle with the time [s].
     :param jumped_back: called before the step when the clock reads less than in the step before.
     :param stopped: called repeatedly instead of steps while simulated time does not advance.
@@ -50,7 +46,7 @@ class Cycle:
 
     def __init__(
         self,
-        node: StoppableNode,
+        node: Node,
         step: Callable[[float], None],
         jumped_back: Callable[[], None],
         stopped: Callable[[float], None] | None = None,

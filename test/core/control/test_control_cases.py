@@ -23,12 +23,12 @@ from isotruss_ros.core import (
     Status,
     TwistServo,
 )
-from isotruss_ros.core.control import squeeze_control, twist_servo
+from isotruss_ros.core.control import twist_servo
 from isotruss_ros.core.control.grasp_monitor import GraspMonitor
 from isotruss_ros.core.control.grasp_report import GraspCode
-from isotruss_ros.core.control.held_model import sensitivity
 from isotruss_ros.core.control.inputs import RejectedInput, RollerState, StampedInput
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
+from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.manipulation.status import RollerCommand
 import numpy as np
 import pytest
@@ -70,16 +70,9 @@ def controlled(force=10.0):
     return control, solve
 
 
-class Indifferent:
-    """A model of an object that answers to wrenches without bound."""
-
-    response = None
-
-
 def test_an_indifferent_equilibrium_is_not_held(monkeypatch):
-    assert sensitivity(Indifferent(), FRICTION) is None
     control, _ = controlled()
-    monkeypatch.setattr(squeeze_control, 'sensitivity', lambda grasp, friction: None)
+    monkeypatch.setattr(HeldGrip, 'response', None)
     assert control.follow(ROBOT.home, GRIP, PERIOD) is HoldStatus.UNSTABLE
     assert control.grasp is None
     with pytest.raises(ValueError, match='follow comes before solve'):
@@ -98,7 +91,7 @@ def test_a_direction_that_limits_bend_ends_the_reference():
     # The next one is from where the object is then.
     control.follow(ROBOT.home, GRIP, PERIOD)
     control.solve(twist, PERIOD, solve)
-    assert control.reference == pytest.approx(control._pose + control.load.bias)
+    assert control.reference == pytest.approx(control.model.pose + control.model.load.bias)
 
 
 def squeezing_servo(velocities=REST):

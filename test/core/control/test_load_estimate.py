@@ -33,7 +33,10 @@ def test_the_wrench_is_the_most_probable_one():
             load.offset,
         )
         # What is measured has the wrench so far in the model.
-        change = load.update(measured - compliance @ wrench, compliance, RADIUS, PERIOD, GAINS)
+        change, borne = load.update(
+            measured - compliance @ wrench, compliance, RADIUS, PERIOD, GAINS, lambda more: True
+        )
+        assert borne
         offset = before + passed * (measured - before)
         rows = np.vstack([even[:, None] * compliance / 3e-4, np.eye(3) / 5.0])
         right = np.append(even * offset / 3e-4, np.zeros(3))
@@ -45,30 +48,30 @@ def test_the_wrench_is_the_most_probable_one():
         assert load.bias == pytest.approx(bias + (1.0 - np.exp(-0.02)) * (left - bias))
 
 
-def test_a_load_from_the_start_is_taken_over_by_the_mean_of_its_poses():
-    """As much of it as there are poses of those that the filter remembers."""
-    rng = np.random.default_rng(0)
-    load, compliance, real = (
-        LoadEstimate(LoadSettings(size=50.0)),
-        2e-3 * np.eye(3),
-        [2.0, 1.0, 0.0],
-    )
-    gains = GAINS._replace(filter_time=0.5)
-    measured = compliance @ real + 1e-3 * rng.normal(size=(200, 3))
-    load.begin(measured[0], compliance, RADIUS)
-    for k in range(1, 200):
-        load.update(measured[k] - compliance @ load.wrench, compliance, RADIUS, PERIOD, gains)
-        # Where the object is wanted, its mean so far.
-        if k < 40:
-            wanted = compliance @ load.wrench + load.bias
-            assert wanted == pytest.approx(measured[: k + 1].mean(axis=0))
-            assert np.abs(load.wrench[:2]).max() < 0.025 * (k + 1) * 2.0
-    assert load.wrench[:2] == pytest.approx(real[:2], abs=0.2)
+def test_a_load_from_the_start_is_taken_over_whole():
+    load, offset = LoadEstimate(LoadSettings(size=50.0)), np.array([4e-3, 2e-3, 0.0])
+    load.begin(offset, 2e-3 * np.eye(3), RADIUS, lambda wrench: True)
+    assert load.wrench[:2] == pytest.approx([2.0, 1.0], abs=0.01)
+    assert 2e-3 * load.wrench + load.bias == pytest.approx(offset)
+
+
+def test_a_load_under_which_the_object_would_slip_is_not_believed():
+    load, real = LoadEstimate(LoadSettings(size=50.0)), 0.02 * np.array([1.0, 0.0, 0.0])
+    for _ in range(200):
+        held = load.update(
+            real - 2e-3 * load.wrench,
+            2e-3 * np.eye(3),
+            RADIUS,
+            PERIOD,
+            GAINS._replace(filter_time=0.2),
+            lambda more: np.linalg.norm(load.wrench + more) < 3.0,
+        )[1]
+    assert not held
+    assert 2.5 < load.wrench[0] < 3.0
 
 
 def test_where_no_load_is_expected_errors_of_the_model_do_not_become_one():
     load = LoadEstimate(LoadSettings())
-    load.begin(np.array([0.01, 0.0, 0.0]), 5e-3 * np.eye(3), RADIUS)
-    load.update(np.array([0.01, 0.0, 0.0]), 5e-3 * np.eye(3), RADIUS, PERIOD, GAINS)
+    load.begin(np.array([0.01, 0.0, 0.0]), 5e-3 * np.eye(3), RADIUS, lambda wrench: True)
     assert not load.wrench.any()
     assert load.bias == pytest.approx([0.01, 0.0, 0.0])

@@ -342,10 +342,3 @@ def test_nothing_that_is_measured_makes_it_run_away(cycles):
 def test_settings_that_mean_nothing_are_refused(name, value):
     with pytest.raises(PathError, match=name):
         TrackingSettings(**{name: value})
-
-
-def test_settings_of_a_path_in_a_wrong_order_are_refused():
-    TrackingSettings(free_share=0.3, standing_share=1.0)
-    for free, standing in ((0.5, 0.5), (0.6, 0.5), (0.5, 1.01)):
-        with pytest.raises(PathError, match=f'free_share {free} and standing_share {standing}'):
-            TrackingSettings(free_share=free, standing_share=standing)

@@ -10,6 +10,7 @@
 """The squeeze and the pose of a held object, regulated on the elastic plant."""
 
 from dataclasses import replace
+from functools import partial
 import math
 
 from comparison.wedge import opening
@@ -18,7 +19,6 @@ from isotruss_ros.core import (
     ElasticObject,
     Grip,
     HoldStatus,
-    Pose,
     RollerFaults,
     SimulatedRobot,
     solve_twist,
@@ -37,9 +37,10 @@ from isotruss_ros.core.manipulation.status import RollerCommand
 from nightly import some_now
 import numpy as np
 import pytest
+from squeeze_loop import SqueezeLoop
 
 CONFIG, CYLINDER = gripped(35.0, squeeze=0.1)
-MODULE, FRICTION, PERIOD, GAIN = 'north/Z', 0.5, 0.02, 2.0
+MODULE, FRICTION, PERIOD = 'north/Z', 0.5, 0.02
 
 
 def measured_at(pose):
@@ -47,75 +48,7 @@ def measured_at(pose):
     return Grip.at_module(CONFIG.robot, MODULE, CYLINDER.moved_to(pose))
 
 
-class Loop:
-    """A controller and a plant, in step."""
-
-    def __init__(
-        self,
-        force=None,
-        scale=1.0,
-        regulated=True,
-        max_utilisation=math.inf,
-        noise=0.0,
-        period=PERIOD,
-        **gains,
-    ):
-        self.period = period
-        self.object = ElasticObject(CYLINDER, FRICTION, stiffness_scale=scale)
-        self.plant = SimulatedRobot(CONFIG, self.object, RollerFaults())
-        self.plant.advance(0.0)
-        model = attach_grip(CONFIG, CYLINDER)
-        self.target = model.squeeze if force is None else force
-        self.control = SqueezeControl(
-            SqueezeSettings(
-                self.target, FRICTION, max_utilisation=max_utilisation, **MASSLESS | gains
-            )
-        )
-        self.regulated = regulated
-        self.noise, self.rng, self.statuses = noise, np.random.default_rng(0), []
-        self.reference = np.array(self.plant.object_pose)
-        self.errors = []
-        #: What an estimator tells before each cycle; None without one.
-        self.told = None
-
-    def error(self):
-        """Return how far the object is from its reference: x, y [m], angle [rad]."""
-        error = self.reference - np.array(self.plant.object_pose)
-        error[2] = math.remainder(error[2], 2.0 * math.pi)
-        return error
-
-    def run(self, twist, duration):
-        """Follow a twist that begins and ends at rest."""
-        count = round(duration / self.period)
-        for k in range(count):
-            rate = 1.0 - np.cos(2.0 * np.pi * (k + 0.5) / count)
-            wanted = rate * np.array(twist) + GAIN * self.error()
-            config = self.plant.config
-            pose = Pose(*self.plant.object_pose + self.noise * self.rng.standard_normal(3))
-            grasp = measured_at(pose)
-
-            def solve(twist, opening_rate, config=config, grasp=grasp):
-                return solve_twist(config, grasp, twist, opening_rate=opening_rate)
-
-            command = solve(wanted, 0.0)
-            if self.told is not None:
-                self.control.take_estimate(self.told(), np.zeros(6))
-            if self.regulated:
-                held = self.control.follow(config, grasp, self.period)
-                assert held is HoldStatus.HELD
-                command = self.control.solve(rate * np.array(twist), self.period, solve)
-                self.control.advance(rate * np.array(twist), command)
-            self.statuses.append(command.status)
-            self.plant.command(command.roller_velocities)
-            self.plant.advance(self.period)
-            self.reference = self.reference + self.period * rate * np.array(twist)
-            assert self.object.grasp is not None
-            self.errors.append(np.hypot(*self.error()[:2]))
-
-    @property
-    def squeeze(self):
-        """Return the mean normal force in the plant [N]."""
-        return self.object.grasp.squeeze
+Loop = partial(SqueezeLoop, CONFIG, replace(measured_at(CYLINDER.pose), friction=FRICTION))
 
 
 @pytest.mark.parametrize(
@@ -171,7 +104,7 @@ def test_an_unknown_load_is_found_and_costs_little_squeeze_and_no_pose():
     loop.run((0.02, 0.02, 0.0), 4.0)
     assert loop.squeeze == pytest.approx(loop.target, rel=0.03)
     assert loop.errors[-1] < 1e-4
-    assert loop.control.load.wrench == pytest.approx([1.8, 2.4, 0.0], abs=0.2)
+    assert loop.control.model.load.wrench == pytest.approx([1.8, 2.4, 0.0], abs=0.2)
     # The margin is what is left beside the load.
     assert loop.control.slip_margin == pytest.approx(loop.object.slip_margin, rel=0.05)
 
@@ -316,7 +249,7 @@ def test_the_squeeze_that_is_regulated_is_that_under_the_estimated_load(wrench):
         # After so long the load that is most probable is the estimated one.
         assert control.follow(CONFIG, measured_at(measured), 100.0) is HoldStatus.HELD
         control.solve(np.zeros(3), PERIOD, still(len(CONFIG.roller_positions), asked))
-        loaded = roll_grip(model, CONFIG, control.load.wrench * (1.0, 1.0, model.arm))
+        loaded = roll_grip(model, CONFIG, control.model.load.wrench * (1.0, 1.0, model.arm))
         regulated = force - asked[-1][1] * model.squeeze_stiffness() / gain
         assert regulated == pytest.approx(loaded.squeeze, abs=0.05 * abs(wrench[0]) + 0.01)
 

@@ -13,7 +13,7 @@ from dataclasses import replace
 import math
 
 from grips import gripped, MASSLESS
-from isotruss_ros.core import Grip, HoldStatus, solve_twist, Status
+from isotruss_ros.core import Grip, HoldStatus, Pose, solve_twist, Status
 from isotruss_ros.core.control.grip_watch import GripFault
 from isotruss_ros.core.control.load_estimate import LoadSettings
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
@@ -103,7 +103,7 @@ def test_the_squeeze_is_the_one_of_the_model_where_the_rollers_have_come_to(miss
     there = CONFIG.moved_to(CONFIG.roller_positions + 2.0 * period * command.roller_velocities)
     truth = roll_grip(MODEL, there)
     control.follow(there, replace(AT_REST, body=truth.body), period)
-    assert control._squeeze == pytest.approx(truth.squeeze, rel=1e-6)
+    assert control.model.squeeze == pytest.approx(truth.squeeze, rel=1e-6)
 
 
 def test_a_load_that_comes_later_is_estimated_as_one_that_is_there_at_once():
@@ -111,9 +111,52 @@ def test_a_load_that_comes_later_is_estimated_as_one_that_is_there_at_once():
     loaded = replace(AT_REST, body=roll_grip(MODEL, CONFIG, np.array([0.5, -1.0, 0.1])).body)
     for _ in range(40):
         control.follow(CONFIG, loaded, 0.02)
-    once.follow(CONFIG, loaded, 100.0)
-    assert np.abs(once.load.wrench).max() > 0.4
-    assert control.load.wrench == pytest.approx(once.load.wrench, rel=1e-3)
+    for _ in range(2):
+        once.follow(CONFIG, loaded, 100.0)
+    assert np.abs(once.model.load.wrench).max() > 0.4
+    assert control.model.load.wrench == pytest.approx(once.model.load.wrench, rel=1e-3)
+
+
+def begun(first, noise):
+    """Return a control to which the object was turned at first, and by noise then [rad]."""
+    control, rng = at_rest(pose_gain=2.0), np.random.default_rng(0)
+    control.reset()
+    for k in range(60):
+        turned = first if k == 0 else noise * rng.normal()
+        grip = AT_REST.moved_to(Pose(*np.add(MODEL.pose, (0.0, 0.0, turned))))
+        control.follow(CONFIG, grip, 0.01)
+    assert control.fault is None
+    return control
+
+
+def unloaded_angle(control):
+    """Return the angle of the model against the true one [rad]."""
+    grasp = control.grasp
+    loaded = grasp.response.pose @ control.model.load.wrench
+    return grasp.pose.angle - loaded[2] - MODEL.pose.angle
+
+
+def test_the_model_begins_anew_at_the_mean_of_noisy_poses():
+    assert abs(unloaded_angle(begun(0.02, 0.01))) < 0.004
+
+
+def test_without_noise_a_load_at_the_start_is_no_error_of_the_first_pose():
+    assert unloaded_angle(begun(0.004, 1e-5)) == pytest.approx(0.004, abs=4e-4)
+
+
+def test_a_load_at_the_start_that_the_grip_does_not_bear_is_no_slip():
+    assert begun(0.02, 1e-5).model.slip_margin > 0.0
+
+
+def test_a_load_is_not_trusted_to_hold_the_object():
+    control = at_rest()
+    alone = MODEL.slip_margin(FRICTION)
+    for wrench in ([0.0, 1.0, 0.0], [0.0, -1.0, 0.0]):
+        loaded = replace(AT_REST, body=roll_grip(MODEL, CONFIG, np.array(wrench)).body)
+        for _ in range(40):
+            control.follow(CONFIG, loaded, 0.02)
+        model = control.model
+        assert model.sure_margin == pytest.approx(min(model.slip_margin, alone), rel=0.02)
 
 
 def test_a_load_is_not_expected_to_go_on_growing():
@@ -124,7 +167,7 @@ def test_a_load_is_not_expected_to_go_on_growing():
     control.follow(CONFIG, loaded, 0.02)
     grown = abs(control.grasp.squeeze - before) / 0.02
     assert grown > 1.0
-    assert abs(control._drift[3]) < 0.3 * grown
+    assert abs(control.model.drift[3]) < 0.3 * grown
 
 
 def cycles(control, twist, count, period=0.02):
