@@ -129,8 +129,8 @@ REFUSED = {
     'many vertices': (box(vertices=points([(0, 0)] * 1001)), 'at most 1000'),
     'concave': (
         box(vertices=points(DENTED)),
-        r'vertex 3 \(0, 0\) m?: the polygon is concave there, or its sides cross each other; must be '
-        r'convex',
+        r'vertex 3 \(0, 0\) m?: the polygon is concave there, or its sides cross each other; must '
+        r'be convex',
     ),
     'not a number': (
         box(vertices=points([*CORNERS[:3], (math.nan, 0)])),

@@ -38,7 +38,8 @@ class Cycle:
     :ivar is_steady: whether the cycles follow each other by the steady clock.
     :ivar duration: computing time of the last cycle [s].
     :param node: has the clock that times are read from, simulated or not, and, in `values`, the
-        parameters `rate` [Hz] and `command_timeout`: a clock without a change for so long has stopped [s].
+        parameters `rate` [Hz] and `command_timeout`: a clock without a change for so long has
+        stopped [s].
     :param step: called in every cycle with the time [s].
     :param jumped_back: called before the step when the clock reads less than in the step before.
     :param stopped: called repeatedly instead of steps while simulated time does not advance.
