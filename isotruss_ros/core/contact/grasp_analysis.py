@@ -7,7 +7,6 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-
 """What an analysis of a grasp finds: the result of `analyze_grasp`."""
 
 from __future__ import annotations

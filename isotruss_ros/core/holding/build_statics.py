@@ -7,7 +7,6 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-
 """The equations of a held object from what touches it, and where to begin their solution."""
 
 from __future__ import annotations

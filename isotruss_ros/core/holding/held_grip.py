@@ -7,7 +7,6 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-
 """A convex object held by members of the robot: its equilibrium in one configuration."""
 
 from __future__ import annotations

@@ -7,7 +7,6 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-
 """Where a convex object presses into tubes: with one corner, or with both ends of a face."""
 
 from __future__ import annotations

@@ -7,7 +7,6 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-
 """
 The rows of a grip on the roller speeds: J_h(q) qdot = G^T nu, solved for the twist nu.
 

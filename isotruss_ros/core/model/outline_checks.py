@@ -7,7 +7,6 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-
 """What makes vertices and radii the outline of a convex polygon."""
 
 from __future__ import annotations

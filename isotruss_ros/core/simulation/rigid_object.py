@@ -7,7 +7,6 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-
 """A simulated rigid object that lies or rolls in a grip, in the model without deformation."""
 
 from __future__ import annotations

@@ -7,7 +7,6 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-
 """What contacts with a free object tell: a planned grasp closes on it, and zeros are off."""
 
 from dataclasses import replace

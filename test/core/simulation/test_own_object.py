@@ -7,7 +7,6 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-
 """A simulated object of one's own: glued to the middle of a member."""
 
 from isotruss_ros.core import load_robot, RollerFaults, SimulatedRobot

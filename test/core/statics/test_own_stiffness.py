@@ -7,7 +7,6 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-
 """A stiffness model of one's own: a tube that is softer in bending the longer it is."""
 
 from dataclasses import dataclass, replace
