@@ -229,6 +229,8 @@ class HeldModel:
         attached, self.grasp = grasp is not self.grasp, grasp
         self._take(grasp, self.load.begin(mean, grasp.response.pose, grasp.arm, self._bears))
         if attached:
+            # What travel does to the tubes is not what the new equilibrium has more.
+            self.usage = UsageLimits(grasp)
             self._begun[1] = self._even * self.load.bias
 
 
