@@ -332,14 +332,7 @@ class TwistServo:
             )
         velocities = {self._joint: twist[:2]}
         found = solve_joint_velocity(config, velocities, failed, limits, handling)
-        return RollerCommand(
-            found.roller_velocities,
-            np.append(found.achieved_velocities[self._joint], 0.0),
-            found.scale,
-            found.status,
-            found.limiting,
-            found.reachable_dof,
-        )
+        return replace(found, achieved_twist=np.append(found.achieved_twist, 0.0))
 
     def _regulate(
         self,
