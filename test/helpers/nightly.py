@@ -19,5 +19,5 @@ def some_now(cases, now=1):
     :param now: how many of them, the first ones, run with all tests; the others run nightly.
     """
     rows = [case if isinstance(case, tuple) else (case,) for case in cases]
-    marks = [[]] * now + [pytest.mark.nightly] * (len(rows) - now)
+    marks = [[]] * min(now, len(rows)) + [pytest.mark.nightly] * (len(rows) - now)
     return [pytest.param(*row, marks=mark) for row, mark in zip(rows, marks, strict=True)]
