@@ -24,6 +24,7 @@ from __future__ import annotations
 from isotruss_ros.core.errors import ConfigurationError, SolverError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.rigidity import Modes, rigidity_index
+from isotruss_ros.core.manipulation.grip_rows import member_rows
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
 from isotruss_ros.core.planning.closing import BOUND_SHARE, Closing, evaluate_state, SearchState
@@ -131,7 +132,9 @@ def solve_step(state: SearchState, closing: Closing, targets: Array, share: floa
     if closing.facing is not None:
         turned = np.angle(closing.facing * closing.normals(config).conj())
         turned = np.clip(turned, -MAX_TURN_STEP, MAX_TURN_STEP)
-        matrix = np.concatenate([matrix, TURNING_ARM * _turning_rows(config, members)])
+        names = tuple(config.robot.member_names[member] for member in members)
+        turning = member_rows(config, names)[2::3]
+        matrix = np.concatenate([matrix, TURNING_ARM * turning])
         aim = np.append(aim, TURNING_ARM * turned)
     longest = np.full(len(config.roller_positions), MAX_STEP * size)
     nominal = np.zeros(len(longest))
@@ -154,16 +157,6 @@ def solve_step(state: SearchState, closing: Closing, targets: Array, share: floa
             'the configuration is probably close to a singular one'
         )
     return found
-
-
-def _turning_rows(config: Configuration, members: list[int]) -> Array:
-    """Return how fast members (s,) turn for 1 m/s at each roller, (s, r) [rad/m]."""
-    topology, points, own = config.robot.topology, config.points, np.arange(len(members))
-    starts, ends = topology.b[members], topology.c[topology.following[members]]
-    turning = 1j / (points[ends] - points[starts]).conj()
-    rows = np.zeros((len(members), len(points)), dtype=np.complex128)
-    rows[own, ends], rows[own, starts] = turning, -turning
-    return config.roller_rows(rows.view(np.float64))
 
 
 def _bound_rows(state: SearchState, closing: Closing, targets: Array) -> tuple[Array, Array]:

@@ -98,10 +98,8 @@ def plan_grasps(
         search.tally.record('free', gap, 0.0, 2000.0)
         return search.plan()
     for number in range(max_rounds):
-        seeds: list[Closing] = []
         with search.tally.recording():
-            seeds = find_seeds(config, body, needs, int(seed), number)
-        search.judge(seeds, thorough)
+            search.judge(find_seeds(config, body, needs, int(seed), number), thorough)
         if search.stopped or len(search.best()) >= needs.count:
             break
     return search.plan()

@@ -85,18 +85,13 @@ def find_seeds(
             turns = float(np.abs(np.angle(facing / normals)).sum())
             found.append((float(gaps[list(group)].sum()) + 0.5 * length * turns, closing))
     if not found:
-        raise RequirementError(*_explain_none(around, wanted), 1000.0)
+        seen = len(wanted.intersection(around))
+        short = 'members' if seen < len(wanted) else 'opposed'
+        why = (short, seen, len(wanted)) if around else ('enclosed', 0.0, 1.0)
+        raise RequirementError(*why, 1000.0)
     # A tube that keeps its length seldom brings three members to an object at once.
     found.sort(key=lambda item: (len(item[1].members), item[0]))
     return [closing for _, closing in found[:MAX_SEEDS]]
-
-
-def _explain_none(around: tuple[int, ...], wanted: frozenset[int]) -> tuple[str, float, float]:
-    """Return what is violated where not even a seed is, with value and bound."""
-    if not around:
-        return 'enclosed', 0.0, 1.0
-    seen = len(wanted.intersection(around))
-    return 'members' if seen < len(wanted) else 'opposed', seen, len(wanted)
 
 
 def required_members(robot: Robot, needs: GraspRequirements) -> frozenset[int]:
