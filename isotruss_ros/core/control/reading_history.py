@@ -11,7 +11,9 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections import deque
+from operator import itemgetter
 
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
@@ -51,12 +53,14 @@ class ReadingHistory:
         :param time: [s].
         :return: None where that is too long ago, or in the future.
         """
-        if not self._kept:
+        kept = self._kept
+        if not kept or not kept[0][0] <= time <= kept[-1][0] + AHEAD:
             return None
-        times, readings = zip(*self._kept, strict=True)
-        if not times[0] <= time <= times[-1] + AHEAD:
-            return None
-        return np.array([np.interp(time, times, each) for each in np.transpose(readings)])
+        after = bisect_right(kept, time, key=itemgetter(0))
+        if after == len(kept):
+            return kept[-1][1]
+        (start, first), (end, second) = kept[after - 1], kept[after]
+        return first + (time - start) / (end - start) * (second - first)
 
     @property
     def spread(self) -> Array:
