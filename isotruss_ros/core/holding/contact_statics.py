@@ -112,12 +112,23 @@ class ContactStatics:
 
         :param unknowns: see `ContactForces`.
         """
+        begin = self.places.normal.start
+        return self.loads_of(unknowns, unknowns[begin:, None])[..., 0]
+
+    def loads_of(self, unknowns: Array, forces: Array) -> Array:
+        """
+        Return the same of c cases of other forces, where and along which those act, (k, 3, c).
+
+        :param unknowns: see `ContactForces`.
+        :param forces: (2k, c) normal, then friction [N].
+        """
         places = self.places
-        normal, friction = unknowns[places.normal], unknowns[places.friction]
+        normal, friction = np.split(forces, 2)
         local = 1j * self.sides * np.exp(1j * unknowns[places.inclinations])
-        force = (normal + 1j * friction) * local
-        skin = self.tube_radius - self.indentation(normal)[0]
-        return np.column_stack([force.real, force.imag, -skin * friction])
+        force = (normal + 1j * friction) * local[:, None]
+        # Friction acts at the skin of a tube, so that it turns the tube as well.
+        skin = self.tube_radius - self.indentation(unknowns[places.normal])[0]
+        return np.stack([force.real, force.imag, -skin[:, None] * friction], axis=1)
 
     def equations(
         self, unknowns: Array, wrench: Array, closure: Closure

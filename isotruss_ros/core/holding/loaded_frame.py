@@ -130,13 +130,8 @@ def natural_modes(grip: HeldGrip) -> NaturalModes | None:
 def _inertia_of_robot(grip: HeldGrip) -> Array:
     """Return what the masses of modules and tubes are under each pair of unit wrenches (3, 3)."""
     description, topology = grip.config.robot.description, grip.config.robot.topology
-    response = grip.response
-    local = (grip.statics.compliance.axis.conj() * grip.state.normals)[:, None]
-    forces = (response.normal + 1j * response.friction) * local
-    # Friction acts at the skin of a tube, so that it turns the tube as well.
-    skin = grip.statics.tube_radius - grip.statics.indentation(grip.state.normal_forces)[0]
-    couples = -skin[:, None] * response.friction
-    moved = displace_nodes(grip, np.stack([forces.real, forces.imag, couples], axis=1))
+    loads = grip.statics.loads_of(grip.state.unknowns, grip.response.forces)
+    moved = displace_nodes(grip, loads)
     nodes, first = moved[:, 0] + 1j * moved[:, 1], frame_layout(grip.config.robot).b
     b, c = nodes[first], nodes[first + 1]
     middle = 0.5 * (b + c)
