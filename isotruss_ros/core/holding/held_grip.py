@@ -180,10 +180,18 @@ class HeldGrip:
         :param friction: coefficient between tube and object.
         :return: besides, the slopes (c, 3) and their sizes (c,).
         """
-        rows = slip_conditions(self.response.owners, friction)
-        slope = rows @ self.response.forces
-        # Of any friction, squares may overflow.
-        return rows @ self.state.forces, slope, np.hypot.reduce(slope, axis=1)
+        if friction not in self._reserves:
+            rows = slip_conditions(self.response.owners, friction)
+            slope = rows @ self.response.forces
+            # Of any friction, squares may overflow.
+            size = np.hypot.reduce(slope, axis=1)
+            self._reserves[friction] = rows @ self.state.forces, slope, size
+        return self._reserves[friction]
+
+    @functools.cached_property
+    def _reserves(self) -> dict[float, tuple[Array, Array, Array]]:
+        """Return what `slip_reserves` has found, by friction: a loop asks it several times."""
+        return {}
 
     @functools.cached_property
     def members(self) -> Indices:

@@ -28,7 +28,7 @@ def grip_of(normal, friction, response):
     """Return what the slip margin of a grip is of."""
     unknowns = np.concatenate([np.zeros(3 + 2 * len(normal)), normal, friction])
     state = ContactForces(unknowns, np.zeros(len(normal), dtype=complex), None)
-    grip = SimpleNamespace(state=state, response=response)
+    grip = SimpleNamespace(state=state, response=response, _reserves={})
     grip.slip_reserves = partial(HeldGrip.slip_reserves, grip)
     return grip
 
