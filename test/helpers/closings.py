@@ -117,13 +117,6 @@ def _joints(config):
     return np.array([place[name.split('/')[1]] for name in config.robot.module_names])
 
 
-def tube_lengths(config):
-    """Return the length of tube between pinch points, by tube [m]."""
-    begin, end, _ = parts(config)
-    count = [len(tube.joints) for tube in config.robot.description.tubes]
-    return np.add.reduceat(np.abs(end - begin), np.cumsum([0, *count[:-1]]))
-
-
 def drive(robot, path, parts=30):
     """Let a simulated robot follow a path."""
     for begin, end in itertools.pairwise(path):
