@@ -52,7 +52,7 @@ ONLY_FROM_PYPI = {
     'viser',
     'mcap',
 }
-ONLY_FROM_PYPI |= {'playwright', 'rosbags'}
+ONLY_FROM_PYPI |= {'playwright', 'rosbags', 'vermin'}
 # Distribution name to import name, where they differ.
 IMPORT_NAMES = {'pillow': 'PIL', 'pyyaml': 'yaml', 'ruamel.yaml': 'ruamel'}
 
@@ -181,6 +181,13 @@ def test_requirements_cover_setup(pins, setup_arguments):
     for extra in setup_arguments['extras_require'].values():
         wanted += extra
     assert {re.split('[<>=]', name)[0].lower() for name in wanted} <= pinned
+
+
+def test_sources_need_no_newer_python_than_setup_says(setup_arguments):
+    vermin = pytest.importorskip('vermin', reason='make test brings it')
+    oldest = tuple(map(int, setup_arguments['python_requires'].removeprefix('>=').split('.')))
+    for path in (ROOT / 'isotruss_ros').rglob('*.py'):
+        assert vermin.visit(path.read_text()).minimum_versions()[1] <= oldest, path
 
 
 def test_robot_files_are_installed_where_ros_and_plain_python_look(setup_arguments):

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.model.description import RobotDescription
@@ -132,7 +132,7 @@ class PowerLaw:
         return rates[:, 0], rates[:, 1]
 
     @classmethod
-    def of_block(cls, block: Mapping[str, Any], description: RobotDescription) -> Self:
+    def of_block(cls, block: Mapping[str, Any], description: RobotDescription) -> PowerLaw:
         """Return the laws of a robot file; see `TubeStiffness.of_block`."""
         return cls(**read_laws(block), guide_ring_distance=description.module.guide_ring_distance)
 

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple, Protocol, Self
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.model.description import RobotDescription
@@ -79,7 +79,7 @@ class TubeStiffness(Protocol):
         """
 
     @classmethod
-    def of_block(cls, block: Mapping[str, Any], description: RobotDescription) -> Self:
+    def of_block(cls, block: Mapping[str, Any], description: RobotDescription) -> TubeStiffness:
         """
         Return the model that a robot file describes.
 
@@ -138,7 +138,7 @@ class Section:
         return np.array([none, none, none]), np.array([none, bending, -area / shear**2])
 
     @classmethod
-    def of_block(cls, block: Mapping[str, Any], description: RobotDescription) -> Self:
+    def of_block(cls, block: Mapping[str, Any], description: RobotDescription) -> Section:
         """
         Return the three numbers of a robot file; see `TubeStiffness.of_block`.
 
@@ -205,7 +205,7 @@ class InflatableBeam:
         return np.array([ends / length, none, none]), by_pressure
 
     @classmethod
-    def of_block(cls, block: Mapping[str, Any], description: RobotDescription) -> Self:
+    def of_block(cls, block: Mapping[str, Any], description: RobotDescription) -> InflatableBeam:
         """Return the beam of a robot file, or as assumed above; see `TubeStiffness.of_block`."""
         return cls(0.5 * description.tube_diameter, **_as_floats(block))
 
