@@ -22,7 +22,7 @@ from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_gradient import held_gradient
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
 from isotruss_ros.core.holding.loaded_frame import held_joints
-from isotruss_ros.core.holding.member_bow import member_bow
+from isotruss_ros.core.holding.member_bow import bend_members
 from isotruss_ros.core.holding.roll_grip import roll_contacts, roll_grip
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import find_members, Grip
@@ -90,7 +90,9 @@ class EstimatedRobot:
             self.readings, self.state = readings, state
             return
         # Members are as bent as they were last.
-        config = held.config.moved_to(travel).shorten(member_bow(held))
+        bent = bend_members(held)
+        config = held.config.moved_to(travel).shorten(bent.shorter)
+        held = replace(held, statics=replace(held.statics, given=bent.given))
         anchors, wrench = state[self.anchors], state[self.wrench]
         if follow:
             wrench = wrench * (1.0, 1.0, held.arm)
