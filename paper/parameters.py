@@ -104,4 +104,5 @@ def _assumed(robot: Robot) -> Table:
         'Not stated, assumed here',
         ('parameter', 'value', 'unit', 'from'),
         rows,
+        shown=False,
     )
