@@ -30,6 +30,7 @@ PRINTED = {
     'learning_loop': 'towards the goal: 0.',
     'limits': 'slowed roller speed',
     'optimise_grasp': 'utilisation 0.60, held: True',
+    'own_optimiser': 'slip margin 2.6 N, then 7.0 N',
     'own_robot': 'module.rod_length: -0.15: must be',
     'pick_box': 'turned     ',
     'plan_grasp': 'margin',
