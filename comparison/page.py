@@ -23,16 +23,14 @@ INTRODUCTION = """\
 <!-- Written by `make plant`; change comparison/ instead. -->
 # Our model and MuJoCo's, number by number
 
-`make plant` computes this page in about a quarter of an hour. [MuJoCo](mujoco.md) finds motion,
-contact, friction, rolling and slip in its own way. Nothing here is a measurement of a robot.
+`make plant` computes this page in about a quarter of an hour. Nothing here is a measurement of a
+robot. An error in what both models [share](mujoco.md#the-model) is in both, and this page cannot
+find it.
 
-**Both share** the robot file, bisection (3), and the section stiffness EA, EI, GA of the tubes. An
-error in these is in both, and this page cannot find it.
-
-**They differ** in the rest. MuJoCo's tubes are chains that bend by large angles; ours are linear
-beams. MuJoCo integrates invented masses, drag and losses; ours is in equilibrium. MuJoCo's tubes
-stay round: so ours here have `local_stiffness: 1e4`, and hardly flatten. Lengths of contact, and
-what masses decide, are not compared.
+MuJoCo's tubes are chains that bend by large angles; ours are linear beams. MuJoCo integrates
+invented masses, drag and losses; ours is in equilibrium. MuJoCo's tubes stay round: so ours here
+have `local_stiffness: 1e4`, and hardly flatten. Lengths of contact, and what masses decide, are
+not compared.
 """
 
 

@@ -111,10 +111,8 @@ def compare(wanted: Sequence[Wanted] = WANTED) -> Section:
         'with a given squeeze, and the rollers of MuJoCo’s robot follow its path open loop, in '
         'twice the time of the planner: sooner, a member that lags would hit the object before '
         'the other one is there. Our model leaves the object where it lay. In MuJoCo it moves '
-        'with the square of the squeeze, so what our linear structure leaves out is of second '
-        'order in the deflection of the tubes. Like `pick_object`, the path follower then brings '
-        'it back with '
-        f'{1e3 * RETURN_SPEED:g} mm/s. The first grasp is carried along Fig. 9: '
+        'with the square of the squeeze. Like `pick_object`, the path follower then brings it '
+        f'back with {1e3 * RETURN_SPEED:g} mm/s. The first grasp is carried along Fig. 9: '
         f'{"lost" if arc.lost else "held"} to the end of the arc, at most '
         f'{number(1e3 * arc.position_error, 2)} mm from it, the squeeze between '
         f'{number(float(arc.squeezes.min()))} and {number(float(arc.squeezes.max()))} N.',

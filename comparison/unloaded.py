@@ -61,6 +61,7 @@ def compare(shapes: int = 3) -> Section:
                 'Largest difference of a coordinate of any node',
                 ('robot', 'shapes', 'farthest from home [m]', 'difference [µm]'),
                 rows,
+                shown=False,
             ),
         ),
     )

@@ -95,4 +95,5 @@ def _limits(shapes: Mapping[str, Shape]) -> Table:
         'force at wrinkling [N]',
         'force at folding [N]',
     )
-    return Table('figure_5_limits', 'Where a tube gives way, by the same theory', headings, rows)
+    caption = 'Where a tube gives way, by the same theory'
+    return Table('figure_5_limits', caption, headings, rows, shown=False)

@@ -50,6 +50,6 @@ def section(item: Item, report: Report) -> str:
         f'**Assumption:** {report.assumption}',
     ]
     for table in report.tables:
-        parts.append(f'{table.caption} ([CSV]({FOLDER}/{table.name}.csv)):')
-        parts.append(markdown(table))
+        caption = f'{table.caption} ([CSV]({FOLDER}/{table.name}.csv))'
+        parts += [f'{caption}:', markdown(table)] if table.shown else [f'{caption}.']
     return '\n\n'.join(parts) + '\n'

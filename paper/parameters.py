@@ -83,6 +83,7 @@ def _stated() -> Table:
         'Stated by the paper',
         ('parameter', 'value', 'unit', 'stated in'),
         rows,
+        shown=False,
     )
 
 
@@ -103,4 +104,5 @@ def _assumed(robot: Robot) -> Table:
         'Not stated, assumed here',
         ('parameter', 'value', 'unit', 'from'),
         rows,
+        shown=False,
     )

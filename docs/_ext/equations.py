@@ -30,9 +30,8 @@ HEAD = """\
 <!-- Written by `make docs` from docs/_ext/paper_equations.yaml and the tags in the sources. -->
 # Equations and functions
 
-The equations of the paper, and the functions that compute each. Tags in the sources mark them:
-`grep -rn "(16)" isotruss_ros/core` finds the same lines. Some are solved in another form than they
-are printed; which, and why: [derivation](derivation.md)."""
+The equations of the paper, and the functions that compute each, by tags in the sources. Some are
+solved in another form than they are printed: [derivation](derivation.md)."""
 #: Not what follows a name or a bracket: that is a call.
 TAG = re.compile(r'(?<![\w\])}])\((\d{1,2})\)')
 
