@@ -193,5 +193,4 @@ def _fits(result: TubeFit) -> Table:
         'What made the synthetic points, and what `fit_tube_stiffness` found',
         ('constant', 'made with', 'fitted', '95 % interval', 'inside'),
         rows,
-        shown=False,
     )

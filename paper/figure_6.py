@@ -194,4 +194,4 @@ def _positions(result: Interference) -> Table:
         *(f"paper's model, {number(100 * cylinder)} cm [N/m]" for cylinder in (small, large)),
     )
     caption = f'With flattening, {1e3 * DEPTH:g} mm deep; the other half is its mirror image'
-    return Table('figure_6_positions', caption, headings, rows, shown=False)
+    return Table('figure_6_positions', caption, headings, rows)

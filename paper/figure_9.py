@@ -214,4 +214,4 @@ def _errors(result: Moved) -> Table:
         'orientation off the normal [deg]',
         'position error, commands for the beginning [mm]',
     )
-    return Table('figure_9', 'Errors along the path', headings, rows, shown=False)
+    return Table('figure_9', 'Errors along the path', headings, rows)

@@ -83,7 +83,6 @@ def _stated() -> Table:
         'Stated by the paper',
         ('parameter', 'value', 'unit', 'stated in'),
         rows,
-        shown=False,
     )
 
 
@@ -104,5 +103,4 @@ def _assumed(robot: Robot) -> Table:
         'Not stated, assumed here',
         ('parameter', 'value', 'unit', 'from'),
         rows,
-        shown=False,
     )
