@@ -18,12 +18,11 @@ from __future__ import annotations
 
 import math
 
-from isotruss_ros.core.contact.analyze_grasp import FRICTION
 from isotruss_ros.core.errors import ConfigurationError, GraspError
-from isotruss_ros.core.holding.grasp_gradient import grasp_gradient
+from isotruss_ros.core.holding.held_gradient import held_gradient
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.roll_grip import roll_grip
-from isotruss_ros.core.holding.settle_grasp import assess_equilibrium, MAX_DISPLACEMENT
+from isotruss_ros.core.holding.settle_grasp import MAX_DISPLACEMENT
 from isotruss_ros.core.manipulation.limits import stack_rows
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import pose_difference
@@ -76,7 +75,8 @@ def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGri
         before, size = size, np.abs(missing).max()
         try:
             if rates is None or size > RENEWED * before:
-                pose, forces = rolling_rates(grasp)
+                held, rollers = held_gradient(grasp), len(grasp.config.roller_positions)
+                pose, forces = held.pose[:, :rollers], held.normal_forces[:, :rollers]
                 rates = np.vstack([forces.mean(axis=0), pose, forces])[: len(scale)]
                 rates = rates / scale[:, None]
         except GraspError:
@@ -111,29 +111,6 @@ def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGri
             raise RequirementError('held', 0.0, 1.0, 10.0)
         grasp = moved
     raise RequirementError('squeeze', grasp.squeeze, force, 5.0)
-
-
-def rolling_rates(grasp: HeldGrip) -> tuple[Array, Array]:
-    """
-    Return the rates of pose (3, r) and normal forces (m, r) of a grip as its contacts roll.
-
-    :param grasp: how the object is held, from `roll_grip`.
-    :raises GraspError: the equilibrium is indifferent.
-    """
-    gradient = grasp_gradient(assess_equilibrium(grasp.body.pose, grasp, FRICTION))
-    state, topology = grasp.state, grasp.config.robot.topology
-    rollers = gradient.parameters.rollers
-    # The tube's material goes along with the rollers, and contacts that roll with it: (17).
-    drive = np.zeros((topology.n_modules, rollers.stop))
-    drive[topology.driven] = np.eye(rollers.stop)
-    left = np.zeros((state.places.size, rollers.stop))
-    left[state.places.closure] = grasp.statics.sides[:, None] * drive[grasp.contacts.members]
-    change = -np.linalg.solve(state.jacobian, left)
-    members = np.eye(len(grasp.members))[grasp.contacts.owners].T
-    return (
-        gradient.pose[:, rollers] + change[:3],
-        gradient.normal_forces[:, rollers] + members @ change[state.places.normal],
-    )
 
 
 def _missing(grasp: HeldGrip, force: float, body: ConvexObject) -> Array:
