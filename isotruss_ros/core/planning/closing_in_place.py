@@ -140,11 +140,8 @@ def _find_margin(
         # Friction deflects a soft structure by so much that without it one member lets go.
         raise RequirementError('grip', len(analysis.contact_forces), len(closing.members), 15.0)
     slip = loaded.slip_margin(needs.friction)
-    for name, value in (('min_slip_margin', slip), ('min_margin', analysis.closure_margin)):
-        least = getattr(needs, name)
-        if least is not None and value < least:
-            short = 1.0 - max(0.0, value) / least if least else 1.0
-            raise RequirementError(name, value, least, short)
+    needs.check_bound('min_slip_margin', slip)
+    needs.check_bound('min_margin', analysis.closure_margin)
     return slip
 
 

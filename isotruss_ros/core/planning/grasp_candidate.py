@@ -11,7 +11,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 import math
 
@@ -36,10 +35,7 @@ import numpy as np
 
 
 def judge_candidate(
-    config: Configuration,
-    closing: Closing,
-    needs: GraspRequirements,
-    should_stop: Callable[[], bool] | None = None,
+    config: Configuration, closing: Closing, needs: GraspRequirements
 ) -> tuple[PlannedGrasp | None, SearchTally]:
     """
     Bring the members of a seed to the object and close them there, in any process.
@@ -47,15 +43,12 @@ def judge_candidate(
     :param config: configuration of the robot.
     :param closing: the seed.
     :param needs: what the grasp must fulfil.
-    :param should_stop: called before every step toward the open grip.
     :return: the grasp, None if there is none; and what was looked at, with the violation.
     """
     grasp, tally = None, closing.tally
     try:
         with tally.recording():
-            opened, unmet = approach(config, closing, should_stop)
-            if unmet is not None:
-                raise RequirementError(*unmet, 100.0)
+            opened = list(approach(config, closing))
             closed = close_grip(opened[-1], closing, needs)
             if closed is not None and needs.carry:
                 tally.closest = None

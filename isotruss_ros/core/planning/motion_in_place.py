@@ -130,9 +130,7 @@ def _check_place(grasp: HeldGrip, closing: Closing) -> None:
     state = evaluate_state(grasp.config, grasp.body)
     least = np.zeros(len(state.gaps))
     least[list(closing.members)] = -np.inf
-    broken = state.broken_bound(closing.min_rigidity, 0.0, least)
-    if broken is not None:
-        raise RequirementError(*broken, 50.0)
+    state.check_bounds(closing.min_rigidity, 0.0, least)
     # A robot of few rollers cannot close and keep the object in place: it goes along a little.
     bound = MAX_DISPLACEMENT * grasp.config.robot.description.tube_diameter
     distance = math.hypot(*pose_difference(grasp.pose, closing.body.pose)[:2])

@@ -74,9 +74,8 @@ def plan_grasps(
     :param executor: where candidates are computed: a process pool, or that of a Dask client; in
         this process if None.
     :param on_progress: called when the seeds of a round are known, and after every candidate.
-    :param should_stop: called after every candidate, before every step toward an open grip and,
-        with an executor, every `POLL_INTERVAL` instead; a plan that was stopped has the grasps so
-        far.
+    :param should_stop: called before every candidate, with an executor every `POLL_INTERVAL`; a
+        plan that was stopped has the grasps so far.
     :param thorough: whether all candidates of a round are computed before the best are chosen,
         or only until there are enough grasps.
     :param max_rounds: of candidates, until there are enough grasps; all but the first are random.
@@ -172,7 +171,7 @@ class _Search:
             for closing in closings:
                 if self._check_stop():
                     return
-                yield judge_candidate(self._config, closing, self._needs, self._check_stop)
+                yield judge_candidate(self._config, closing, self._needs)
             return
         futures = [
             self._executor.submit(judge_candidate, self._config, closing, self._needs)

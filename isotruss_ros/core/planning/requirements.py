@@ -120,10 +120,24 @@ class GraspRequirements:
             'max_utilisation': max([*analysis.utilisation.values(), *utilisation]),
         }
         for name, value in loads.items():
-            bound = getattr(self, name)
+            self.check_bound(name, value)
+        return {name: float(value) for name, value in loads.items()}
+
+    def check_bound(self, name: str, value: float) -> None:
+        """
+        Check a value against its bound.
+
+        :param name: of the requirement, which begins with `min_` or `max_`.
+        :param value: of the grasp.
+        :raises RequirementError: it is beyond the bound.
+        """
+        bound = getattr(self, name)
+        if name.startswith('max_'):
             if value > bound:
                 raise RequirementError(name, value, bound, 1.0 - bound / value)
-        return {name: float(value) for name, value in loads.items()}
+        elif bound is not None and value < bound:
+            short = 1.0 - max(0.0, value) / bound if bound else 1.0
+            raise RequirementError(name, value, bound, short)
 
     def rate_grip(self, grip: ClosedGrip, shortness: float) -> float:
         """
