@@ -38,8 +38,6 @@ MAX_CORRECTIONS = 12
 SQUEEZE_TOLERANCE, PLACE_TOLERANCE, TURN_TOLERANCE = 1e-3, 2e-5, 1e-4
 #: ... and each of three members presses as hard as balances without friction, to this share.
 EVEN_TOLERANCE = 0.02
-#: Derivatives are computed anew where a step leaves more than this share of the errors [-].
-RENEWED = 0.1
 #: What counts most where the rollers cannot do all: x, y, angle, and evenness, in tolerances ...
 WEIGHTS = np.array([1.0, 1.0, 0.05, 10.0, 10.0, 10.0])
 #: ... against the rollers' motion [1/m^2].
@@ -67,20 +65,16 @@ def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGri
     limits = stack_rows(grasp.config, closing.limits)
     rows = np.concatenate([limits.matrix, -limits.matrix])
     room = np.concatenate([limits.upper, -limits.lower])  # until where the motion ends
-    rates: Array | None = None
-    size = 0.0
+    rollers = len(grasp.config.roller_positions)
     for _ in range(MAX_CORRECTIONS):
         # Errors count in tolerances: of squeeze, pose and, of three members, evenness.
         missing = _missing(grasp, force, closing.body) / scale
-        before, size = size, np.abs(missing).max()
         try:
-            if rates is None or size > RENEWED * before:
-                held, rollers = held_gradient(grasp), len(grasp.config.roller_positions)
-                pose, forces = held.pose[:, :rollers], held.normal_forces[:, :rollers]
-                rates = np.vstack([forces.mean(axis=0), pose, forces])[: len(scale)]
-                rates = rates / scale[:, None]
+            held = held_gradient(grasp)
         except GraspError:
             break
+        pose, forces = held.pose[:, :rollers], held.normal_forces[:, :rollers]
+        rates = np.vstack([forces.mean(axis=0), pose, forces])[: len(scale)] / scale[:, None]
         others = weights[:, None] * rates[1:]
         # The motion brings the squeeze, and of the rest what it can.
         travel = solve_qp(
