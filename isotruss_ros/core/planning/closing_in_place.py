@@ -38,8 +38,6 @@ import numpy as np
 
 #: An object that is nearer than this to where it lay has stayed there, turns at its arm [m].
 SAME_PLACE = 1e-4
-#: So often the depths of three members are corrected until the object stays there.
-MAX_BALANCE_STEPS = 4
 #: Indentation with which an object is held first, in diameters of the tube; the larger one where a
 #: face is to lie on a member: it is touched at both ends.
 FIRST_CONTACT, FACE_CONTACT = 1e-3, 1e-2
@@ -83,21 +81,15 @@ def close_in_place(
 
 
 def _hold(touch: Configuration, closing: Closing) -> HeldGrip:
-    """Return how the object is held first; three members press as deep as keeps it there."""
+    """Return how the object is held first."""
     body, members = closing.body, np.array(closing.members)
     one, other = contact_ends(body, closing.normals(touch))
     depth = FIRST_CONTACT if (one == other).all() else FACE_CONTACT
     depths = np.full(len(members), depth * touch.robot.description.tube_diameter)
-    config = touch
-    for _ in range(MAX_BALANCE_STEPS):
-        config = press(config, closing, depths)
-        found = attach_grip(config, body, members)
-        if isinstance(found, HoldStatus):
-            raise RequirementError('held', 0.0, 1.0, 30.0)
-        away = found.body.center - body.center
-        if len(members) == 2 or abs(away) < SAME_PLACE:
-            break
-        depths = np.maximum(depths + (away * closing.normals(config).conj()).real, 0.0)
+    config = press(touch, closing, depths)
+    found = attach_grip(config, body, members)
+    if isinstance(found, HoldStatus):
+        raise RequirementError('held', 0.0, 1.0, 30.0)
     return roll_grip(found, config)  # from here on contacts roll
 
 
