@@ -24,7 +24,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.planning.closing import Closing, evaluate_state
 from isotruss_ros.core.planning.closing_step import take_closing_step
 from isotruss_ros.core.planning.facing import balances, CONE_SHARE, find_facing, USED_SHARE
-from isotruss_ros.core.planning.grasp_plan import RequirementError
+from isotruss_ros.core.planning.violations import RequirementError
 import numpy as np
 
 #: Gap of the grasping members at the end, and by how much more it may be, in tube diameters.
@@ -62,7 +62,7 @@ def approach(config: Configuration, closing: Closing) -> Iterator[Configuration]
         best = min(best, left)
         if idle > MAX_IDLE_STEPS or number == MAX_STEPS:
             name, value = ('reach', gap) if far else ('facing', missing)
-            raise RequirementError(name, value, 0.0, 100.0)
+            raise RequirementError(name, value, 0.0)
         state, share = take_closing_step(state, turned, targets, share)
 
 

@@ -19,7 +19,7 @@ from isotruss_ros.core.kinematics.rigidity import Modes, rigidity_index
 from isotruss_ros.core.manipulation.limits import Limit
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, Points
-from isotruss_ros.core.planning.grasp_plan import RequirementError, SearchTally
+from isotruss_ros.core.planning.violations import RequirementError, SearchTally
 from isotruss_ros.core.safety.distances import collision_model
 import numpy as np
 
@@ -89,7 +89,7 @@ class SearchState:
             ('object_clearance', float(self.gaps[low]), float(gaps[low])),
         ):
             if value < bound:
-                raise RequirementError(name, value, bound, 50.0)
+                raise RequirementError(name, value, bound)
 
 
 def evaluate_state(config: Configuration, body: ConvexObject) -> SearchState:

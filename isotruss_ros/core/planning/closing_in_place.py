@@ -31,9 +31,10 @@ from isotruss_ros.core.model.pose import pose_difference
 from isotruss_ros.core.planning.closing import Closing, CLOSING_STEP, LEAST_SHARE, REFINEMENT
 from isotruss_ros.core.planning.closing_step import press
 from isotruss_ros.core.planning.facing import contact_ends
-from isotruss_ros.core.planning.grasp_plan import ClosedGrip, RequirementError
+from isotruss_ros.core.planning.grasp_plan import ClosedGrip
 from isotruss_ros.core.planning.motion_in_place import squeeze_in_place, SQUEEZE_TOLERANCE
 from isotruss_ros.core.planning.requirements import GraspRequirements
+from isotruss_ros.core.planning.violations import RequirementError
 import numpy as np
 
 #: An object that is nearer than this to where it lay has stayed there, turns at its arm [m].
@@ -89,7 +90,7 @@ def _hold(touch: Configuration, closing: Closing) -> HeldGrip:
     config = press(touch, closing, depths)
     found = attach_grip(config, body, members)
     if isinstance(found, HoldStatus):
-        raise RequirementError('held', 0.0, 1.0, 30.0)
+        raise RequirementError('held', 0.0, 1.0)
     return roll_grip(found, config)  # from here on contacts roll
 
 
@@ -112,10 +113,9 @@ def _check_hold(grasp: HeldGrip, friction: float) -> None:
     """Raise unless the contacts stick."""
     hold = grasp.hold(friction)
     if hold is HoldStatus.SLIPS:
-        needed = grasp.required_friction
-        raise RequirementError('force_closure', needed, friction, 1.0 - friction / needed)
+        raise RequirementError('force_closure', grasp.required_friction, friction)
     if hold is not HoldStatus.HELD:
-        raise RequirementError('held', 0.0, 1.0, 10.0)
+        raise RequirementError('held', 0.0, 1.0)
 
 
 def _find_margin(
@@ -126,11 +126,11 @@ def _find_margin(
     if any(needs.external_wrench):
         loaded = roll_grip(grasp, grasp.config, np.array(needs.external_wrench))
     if loaded is None:
-        raise RequirementError('held', 0.0, 1.0, 2.0)
+        raise RequirementError('held', 0.0, 1.0)
     _check_hold(loaded, needs.friction)
     if set(analysis.contact_forces) != set(grasp.member_names):
         # Friction deflects a soft structure by so much that without it one member lets go.
-        raise RequirementError('grip', len(analysis.contact_forces), len(closing.members), 15.0)
+        raise RequirementError('grip', len(analysis.contact_forces), len(closing.members))
     slip = loaded.slip_margin(needs.friction)
     needs.check_bound('min_slip_margin', slip)
     needs.check_bound('min_margin', analysis.closure_margin)

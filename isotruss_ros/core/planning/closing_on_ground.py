@@ -26,8 +26,9 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.arrays import Array, as_xy
 from isotruss_ros.core.planning.closing import Closing, CLOSING_STEP, LEAST_SHARE, REFINEMENT
 from isotruss_ros.core.planning.closing_step import press
-from isotruss_ros.core.planning.grasp_plan import ClosedGrip, RequirementError
+from isotruss_ros.core.planning.grasp_plan import ClosedGrip
 from isotruss_ros.core.planning.requirements import GraspRequirements
+from isotruss_ros.core.planning.violations import RequirementError
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -81,13 +82,11 @@ def _judge(
 
 def _check_closure(analysis: GraspAnalysis, needs: GraspRequirements) -> None:
     """Raise unless friction holds the object fast, with the margin that is required."""
-    total, margin = float(analysis.normal_forces.sum()), analysis.closure_margin
-    if total == 0.0:
-        raise RequirementError('force_closure', 0.0, 1.0, 30.0)
-    if not analysis.force_closure or margin < 0.0:
-        needed = analysis.required_friction
-        raise RequirementError('force_closure', needed, needs.friction, 1.0 - margin / total)
-    needs.check_bound('min_margin', margin)
+    if not analysis.normal_forces.any():
+        raise RequirementError('grip', 0.0, 2.0)
+    if not analysis.force_closure or analysis.closure_margin < 0.0:
+        raise RequirementError('force_closure', analysis.required_friction, needs.friction)
+    needs.check_bound('min_margin', analysis.closure_margin)
 
 
 def _balance(

@@ -28,7 +28,7 @@ from isotruss_ros.core.manipulation.grip_rows import member_rows
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
 from isotruss_ros.core.planning.closing import BOUND_SHARE, Closing, evaluate_state, SearchState
-from isotruss_ros.core.planning.grasp_plan import RequirementError
+from isotruss_ros.core.planning.violations import RequirementError
 from isotruss_ros.core.safety.distances import collision_model
 import numpy as np
 
@@ -73,7 +73,7 @@ def press(config: Configuration, closing: Closing, depths: Array) -> Configurati
         if left <= GAP_TOLERANCE:
             return state.config
         state, share = take_closing_step(state, closing, -depths, share)
-    raise RequirementError('reach', left, 0.0, 40.0 + left)
+    raise RequirementError('reach', left, 0.0)
 
 
 def take_closing_step(
@@ -104,7 +104,7 @@ def take_closing_step(
             there = evaluate_state(moved, closing.body)
             there.check_bounds(rigidity, room, bounds)
         except ConfigurationError:
-            blocked = RequirementError('rigidity', 0.0, rigidity, 50.0)
+            blocked = RequirementError('rigidity', 0.0, rigidity)
         except RequirementError as error:
             blocked = error
         else:

@@ -23,13 +23,9 @@ from isotruss_ros.core.planning.closing_in_place import close_in_place
 from isotruss_ros.core.planning.closing_on_ground import close_on_ground
 from isotruss_ros.core.planning.closing_step import press
 from isotruss_ros.core.planning.foresee_path import foresee_grip
-from isotruss_ros.core.planning.grasp_plan import (
-    ClosedGrip,
-    PlannedGrasp,
-    RequirementError,
-    SearchTally,
-)
+from isotruss_ros.core.planning.grasp_plan import ClosedGrip, PlannedGrasp
 from isotruss_ros.core.planning.requirements import GraspRequirements
+from isotruss_ros.core.planning.violations import RequirementError, SearchTally, Violation
 from isotruss_ros.core.safety.margins import shape_margins
 import numpy as np
 
@@ -56,7 +52,7 @@ def judge_candidate(
             grasp = None if closed is None else _planned(closing, needs, opened, *closed)
     except IsotrussError as error:
         # A candidate that cannot be computed is none; what was found out before still counts.
-        tally.record(str(error), 0.0, 0.0, 100.0)
+        tally.record(Violation(str(error), 0.0, 0.0))
     return grasp, tally
 
 
@@ -98,7 +94,7 @@ def _check_carry(grip: ClosedGrip, needs: GraspRequirements) -> None:
     found = foresee_grip(grip.config, grip.body, needs.friction, np.array(needs.carry))
     share = 0.0 if found is None else found.share
     if found is None or found.why:
-        raise RequirementError('carry', share, 1.0, 1.0 - share)
+        raise RequirementError('carry', share, 1.0)
 
 
 def _planned(

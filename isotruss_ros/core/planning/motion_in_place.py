@@ -29,7 +29,7 @@ from isotruss_ros.core.model.pose import pose_difference
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
 from isotruss_ros.core.planning.closing import Closing, evaluate_state
-from isotruss_ros.core.planning.grasp_plan import RequirementError
+from isotruss_ros.core.planning.violations import RequirementError
 import numpy as np
 
 #: Newton steps with which a waypoint is brought to its squeeze and place ...
@@ -99,12 +99,12 @@ def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGri
         try:
             config = grasp.config.moved_to(grasp.config.roller_positions + travel)
         except ConfigurationError:
-            raise RequirementError('rigidity', 0.0, closing.min_rigidity, 50.0) from None
+            raise RequirementError('rigidity', 0.0, closing.min_rigidity) from None
         moved = roll_grip(grasp, config)
         if moved is None or len(moved.members) != len(grasp.members):
-            raise RequirementError('held', 0.0, 1.0, 10.0)
+            raise RequirementError('held', 0.0, 1.0)
         grasp = moved
-    raise RequirementError('squeeze', grasp.squeeze, force, 5.0)
+    raise RequirementError('squeeze', grasp.squeeze, force)
 
 
 def _missing(grasp: HeldGrip, force: float, body: ConvexObject) -> Array:
@@ -129,4 +129,4 @@ def _check_place(grasp: HeldGrip, closing: Closing) -> None:
     bound = MAX_DISPLACEMENT * grasp.config.robot.description.tube_diameter
     distance = math.hypot(*pose_difference(grasp.pose, closing.body.pose)[:2])
     if distance > bound:
-        raise RequirementError('in_place', distance, bound, 20.0)
+        raise RequirementError('in_place', distance, bound)

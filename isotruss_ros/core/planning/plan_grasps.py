@@ -29,9 +29,10 @@ from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.planning.closing import Closing
 from isotruss_ros.core.planning.grasp_candidate import judge_candidate
-from isotruss_ros.core.planning.grasp_plan import GraspPlan, PlannedGrasp, Progress, SearchTally
+from isotruss_ros.core.planning.grasp_plan import GraspPlan, PlannedGrasp, Progress
 from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.planning.seeds import find_seeds, required_members
+from isotruss_ros.core.planning.violations import SearchTally, Violation
 from isotruss_ros.core.safety.margins import object_distances
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
@@ -94,7 +95,7 @@ def plan_grasps(
     search = _Search(config, needs, executor, on_progress, should_stop)
     gap = float(object_distances(config, body).min())
     if gap < -OVERLAP:  # there is no path to a grasp
-        search.tally.record('free', gap, 0.0, 2000.0)
+        search.tally.record(Violation('free', gap, 0.0))
         return search.plan()
     for number in range(max_rounds):
         with search.tally.recording():

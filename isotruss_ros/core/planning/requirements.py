@@ -20,7 +20,8 @@ from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.errors import GraspError, quote
 from isotruss_ros.core.manipulation.grip import FEWEST, MOST
 from isotruss_ros.core.numerics.arrays import finite_array
-from isotruss_ros.core.planning.grasp_plan import ClosedGrip, RequirementError
+from isotruss_ros.core.planning.grasp_plan import ClosedGrip
+from isotruss_ros.core.planning.violations import RequirementError
 from isotruss_ros.core.statics.wrinkling import MAX_UTILISATION
 import numpy as np
 
@@ -132,12 +133,8 @@ class GraspRequirements:
         :raises RequirementError: it is beyond the bound.
         """
         bound = getattr(self, name)
-        if name.startswith('max_'):
-            if value > bound:
-                raise RequirementError(name, value, bound, 1.0 - bound / value)
-        elif bound is not None and value < bound:
-            short = 1.0 - max(0.0, value) / bound if bound else 1.0
-            raise RequirementError(name, value, bound, short)
+        if bound is not None and (value > bound if name.startswith('max_') else value < bound):
+            raise RequirementError(name, value, bound)
 
     def rate_grip(self, grip: ClosedGrip, shortness: float) -> float:
         """
