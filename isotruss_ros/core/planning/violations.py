@@ -33,8 +33,8 @@ SENTENCES = {
     'object_clearance': 'a part that must not touch comes within {value:.4g} m of the object',
     'in_place': 'the rollers cannot close and leave the object in place: it moves {value:.4g} m',
     'grip': '{value:.0f} members press on an object held fast there; must be those of the grip',
-    'held': 'no pose near the object balances the forces of the members',
     'squeeze': 'limits end the closing at {value:.4g} N of each member; must be {bound:.4g} N',
+    'held': 'no pose near the object balances the forces of the members',
 }
 #: The same, but what counts is by which share a candidate misses one of them.
 BOUNDS = {
