@@ -63,9 +63,9 @@ class Violation:
             low, high = sorted((max(self.value, 0.0), self.bound))
             return 1.0 - low / high if high > 0.0 else 1.0
         names = list(SENTENCES)
-        return (
-            len(names) - names.index(self.requirement) if self.requirement in names else math.inf
-        )
+        if self.requirement not in names:
+            return math.inf
+        return 1.0 + len(names) - names.index(self.requirement)
 
 
 class RequirementError(IsotrussError):
