@@ -44,6 +44,17 @@ OBJECTS = {
     'east': ConvexObject.disc((1.4, -0.85), 0.35),
     'south': ConvexObject.disc((0.05, -0.8), 0.3),
 }
+#: Centre and diameter of discs of benchmarks/grasp_planner.py.
+SMALL = [
+    (1.565, -0.668, 0.168),
+    (1.415, -0.742, 0.180),
+    (0.584, 0.330, 0.152),
+    (-0.230, -0.844, 0.150),
+    (1.503, -0.752, 0.253),
+    (0.604, 0.357, 0.383),
+    (0.185, -0.852, 0.285),
+    (1.322, -0.803, 0.254),
+]
 BRICK = ConvexObject(
     Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)], corner_radius=0.02),
     Pose(0.716, 0.43, 0.2),
@@ -129,6 +140,16 @@ def test_the_way_stays_within_all_bounds(plans):
         assert grasp.rigidity == pytest.approx(least, abs=0.02)
         ways = np.abs(np.diff(grasp.path, axis=0)).sum(axis=0)
         assert grasp.travel == pytest.approx(ways.max())
+
+
+def test_every_small_disc_is_found_with_few_evaluations():
+    evaluations = []
+    for x, y, diameter in SMALL:
+        body = ConvexObject.disc((x, y), diameter)
+        plan = plan_grasps(ROBOT.home, body, replace(NEEDS, count=1), thorough=False)
+        assert plan.grasps
+        evaluations.append(plan.evaluations)
+    assert np.mean(evaluations) <= 80
 
 
 @pytest.mark.parametrize('measure', Measure)
