@@ -31,7 +31,6 @@ from isotruss_ros.core.control.inputs import RollerState, StampedInput
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
 from isotruss_ros.core.control.state_estimate import EstimatedTravel, EstimatorSettings
 from isotruss_ros.core.control.state_estimator import StateEstimator
-from isotruss_ros.core.holding.held_grip import LEFT_MARGIN
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.planning.foresee_path import foresee_path
 from isotruss_ros.core.statics.section import tube_pressures
@@ -148,7 +147,7 @@ def _draw_task(robot: Robot, kind: str, rng: np.random.Generator) -> tuple[Grip,
         legs = rng.uniform(-1.0, 1.0, (LEGS, 3)) * REACH
         poses = np.array(held.pose) + np.vstack([np.zeros(3), np.cumsum(legs, axis=0)])
         squeeze = held.squeeze
-        if not foresee_path(held, FRICTION, squeeze, poses, LEFT_MARGIN * squeeze).why:
+        if not foresee_path(held, FRICTION, poses).why:
             return grip, min(squeeze, MOST), legs
 
 

@@ -32,7 +32,7 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.held_grip import HeldGrip, LEFT_MARGIN
+from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.planning.foresee_path import foresee_path
@@ -163,7 +163,7 @@ def run(robot: Robot, kind: str, seed: int, name: str) -> Outcome:
     steps = rng.uniform(-1.0, 1.0, (LEGS, 3)) * REACH
     poses = np.vstack([start, start + np.cumsum(steps, axis=0)])
     direction = rng.uniform(0.0, 2.0 * np.pi)
-    ahead = foresee_path(held, FRICTION, held.squeeze, poses, LEFT_MARGIN * held.squeeze)
+    ahead = foresee_path(held, FRICTION, poses)
     if ahead.why:
         return Outcome('refused', np.nan, np.nan)
     plant = PLANTS[name](robot, grip.body)

@@ -28,7 +28,6 @@ from paper.page import FOLDER, page
 from paper.parameters import (
     CYLINDERS,
     DEPTH,
-    DISCS,
     EDGES,
     LENGTHS,
     PRESSURE,
@@ -109,11 +108,6 @@ def test_tables_are_markdown_and_numbers_have_no_exponent():
         '| y | -0.0000464 |',
     ]
     assert number(0.0) == '0'
-
-
-def test_discs_are_cylinder_and_tube():
-    # Of the paper, which rounds both to three digits.
-    assert np.array(DISCS) == pytest.approx(np.array(CYLINDERS) + TUBE_DIAMETER, abs=1.5e-3)
 
 
 # -- Table I and Fig. 4 --

@@ -16,8 +16,9 @@ from dataclasses import dataclass, replace
 from isotruss_ros.core import ConvexObject, GraspRequirements, IsotrussError, plan_grasps
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.description import RobotDescription
-from isotruss_ros.core.planning.describe_plan import export_figures, export_violation
+from isotruss_ros.core.planning.describe_plan import export_figures
 from isotruss_ros.core.planning.grasp_plan import GraspPlan
+from isotruss_ros.core.planning.violations import export_violation
 
 
 @dataclass(frozen=True)

@@ -156,7 +156,7 @@ class EstimatedRobot:
         else:
             found, self._differentiated = held_gradient(held), held
             places, rates = found.places, np.vstack([found.joints, found.pose])
-            self.squeeze_rates = found.squeeze
+            self.squeeze_rates = found.normal_forces.mean(axis=0)
         self.held = held
         self.expected = Expectation(np.concatenate([places, pose]), rates)
         self.readings, self.state = readings, state

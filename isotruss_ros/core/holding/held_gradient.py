@@ -32,13 +32,13 @@ class HeldGradient:
     contacts [m]: p = r + 4 + k.
 
     :ivar pose: (3, p) of (x, y, angle).
-    :ivar squeeze: (p,) of the mean normal force of the members.
+    :ivar normal_forces: (m, p) by grasping member; the squeeze is their mean.
     :ivar joints: (2j, p) of (x0, y0, x1, y1, ...), in the order of `Topology.joint_names`.
     :ivar places: (2j,) where the joints are [m], see `held_joints`.
     """
 
     pose: Array
-    squeeze: Array
+    normal_forces: Array
     joints: Array
     places: Array
 
@@ -81,9 +81,10 @@ def held_gradient(grip: HeldGrip) -> HeldGradient:
     moved = tubes.moved[:joints]
     by_state = np.stack([moved.real, moved.imag], axis=1).reshape(2 * joints, -1) + given / scale
     by_state -= np.outer(displaced, chosen[parameters.stiffness]) / scale
+    members = np.eye(len(grip.members))[grip.contacts.owners].T
     return HeldGradient(
         change[:3],
-        change[places.normal].sum(axis=0) / len(grip.members),
+        members @ change[places.normal],
         by_state,
         config.nodes[:joints].ravel() + displaced,
     )

@@ -19,7 +19,7 @@ from isotruss_ros.core.kinematics.rigidity import Modes, rigidity_index
 from isotruss_ros.core.manipulation.limits import Limit
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, Points
-from isotruss_ros.core.planning.grasp_plan import SearchTally
+from isotruss_ros.core.planning.violations import RequirementError, SearchTally
 from isotruss_ros.core.safety.distances import collision_model
 import numpy as np
 
@@ -73,15 +73,14 @@ class SearchState:
         """Return the smallest of the distances [m]."""
         return float(self.distances.min(initial=np.inf))
 
-    def broken_bound(
-        self, rigidity: float, clearance: float, gaps: Array
-    ) -> tuple[str, float, float] | None:
+    def check_bounds(self, rigidity: float, clearance: float, gaps: Array) -> None:
         """
-        Return name, value and bound of a requirement that the configuration violates, if any.
+        Check that the configuration keeps its bounds.
 
         :param rigidity: smallest rigidity index.
         :param clearance: smallest distance of parts that must not meet [m].
         :param gaps: (3m,) smallest ones [m].
+        :raises RequirementError: it does not.
         """
         low = int((self.gaps - gaps).argmin())
         for name, value, bound in (
@@ -90,8 +89,7 @@ class SearchState:
             ('object_clearance', float(self.gaps[low]), float(gaps[low])),
         ):
             if value < bound:
-                return name, value, bound
-        return None
+                raise RequirementError(name, value, bound)
 
 
 def evaluate_state(config: Configuration, body: ConvexObject) -> SearchState:

@@ -31,15 +31,14 @@ from isotruss_ros.core.model.pose import pose_difference
 from isotruss_ros.core.planning.closing import Closing, CLOSING_STEP, LEAST_SHARE, REFINEMENT
 from isotruss_ros.core.planning.closing_step import press
 from isotruss_ros.core.planning.facing import contact_ends
-from isotruss_ros.core.planning.grasp_plan import ClosedGrip, RequirementError
+from isotruss_ros.core.planning.grasp_plan import ClosedGrip
 from isotruss_ros.core.planning.motion_in_place import squeeze_in_place, SQUEEZE_TOLERANCE
 from isotruss_ros.core.planning.requirements import GraspRequirements
+from isotruss_ros.core.planning.violations import RequirementError
 import numpy as np
 
 #: An object that is nearer than this to where it lay has stayed there, turns at its arm [m].
 SAME_PLACE = 1e-4
-#: So often the depths of three members are corrected until the object stays there.
-MAX_BALANCE_STEPS = 4
 #: Indentation with which an object is held first, in diameters of the tube; the larger one where a
 #: face is to lie on a member: it is touched at both ends.
 FIRST_CONTACT, FACE_CONTACT = 1e-3, 1e-2
@@ -83,21 +82,15 @@ def close_in_place(
 
 
 def _hold(touch: Configuration, closing: Closing) -> HeldGrip:
-    """Return how the object is held first; three members press as deep as keeps it there."""
+    """Return how the object is held first."""
     body, members = closing.body, np.array(closing.members)
     one, other = contact_ends(body, closing.normals(touch))
     depth = FIRST_CONTACT if (one == other).all() else FACE_CONTACT
     depths = np.full(len(members), depth * touch.robot.description.tube_diameter)
-    config = touch
-    for _ in range(MAX_BALANCE_STEPS):
-        config = press(config, closing, depths)
-        found = attach_grip(config, body, members)
-        if isinstance(found, HoldStatus):
-            raise RequirementError('held', 0.0, 1.0, 30.0)
-        away = found.body.center - body.center
-        if len(members) == 2 or abs(away) < SAME_PLACE:
-            break
-        depths = np.maximum(depths + (away * closing.normals(config).conj()).real, 0.0)
+    config = press(touch, closing, depths)
+    found = attach_grip(config, body, members)
+    if isinstance(found, HoldStatus):
+        raise RequirementError('held', 0.0, 1.0)
     return roll_grip(found, config)  # from here on contacts roll
 
 
@@ -120,10 +113,9 @@ def _check_hold(grasp: HeldGrip, friction: float) -> None:
     """Raise unless the contacts stick."""
     hold = grasp.hold(friction)
     if hold is HoldStatus.SLIPS:
-        needed = grasp.required_friction
-        raise RequirementError('force_closure', needed, friction, 1.0 - friction / needed)
+        raise RequirementError('force_closure', grasp.required_friction, friction)
     if hold is not HoldStatus.HELD:
-        raise RequirementError('held', 0.0, 1.0, 10.0)
+        raise RequirementError('held', 0.0, 1.0)
 
 
 def _find_margin(
@@ -134,17 +126,14 @@ def _find_margin(
     if any(needs.external_wrench):
         loaded = roll_grip(grasp, grasp.config, np.array(needs.external_wrench))
     if loaded is None:
-        raise RequirementError('held', 0.0, 1.0, 2.0)
+        raise RequirementError('held', 0.0, 1.0)
     _check_hold(loaded, needs.friction)
     if set(analysis.contact_forces) != set(grasp.member_names):
         # Friction deflects a soft structure by so much that without it one member lets go.
-        raise RequirementError('grip', len(analysis.contact_forces), len(closing.members), 15.0)
+        raise RequirementError('grip', len(analysis.contact_forces), len(closing.members))
     slip = loaded.slip_margin(needs.friction)
-    for name, value in (('min_slip_margin', slip), ('min_margin', analysis.closure_margin)):
-        least = getattr(needs, name)
-        if least is not None and value < least:
-            short = 1.0 - max(0.0, value) / least if least else 1.0
-            raise RequirementError(name, value, least, short)
+    needs.check_bound('min_slip_margin', slip)
+    needs.check_bound('min_margin', analysis.closure_margin)
     return slip
 
 

@@ -28,6 +28,7 @@ from isotruss_ros.core.planning.closing import Closing, CLOSING_STEP, LEAST_SHAR
 from isotruss_ros.core.planning.closing_step import press
 from isotruss_ros.core.planning.grasp_plan import ClosedGrip
 from isotruss_ros.core.planning.requirements import GraspRequirements
+from isotruss_ros.core.planning.violations import RequirementError
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -71,19 +72,21 @@ def _judge(
     settled = settle_grasp(config, closing.body, needs.friction, needs.external_wrench)
     bears = [*settled.utilisation.values()] if settled.hold.at_rest else []
     loads = needs.find_loads(analysis, [], bears)
-    total, friction = float(analysis.normal_forces.sum()), analysis.required_friction
-    margin, slip = analysis.closure_margin, None
-    if total == 0.0:
-        closing.tally.record('force_closure', 0.0, 1.0, 30.0)
-    elif not analysis.force_closure or margin < 0.0:
-        closing.tally.record('force_closure', friction, needs.friction, 1.0 - margin / total)
-    elif margin < needs.min_margin:
-        least = needs.min_margin
-        closing.tally.record('min_margin', margin, least, 1.0 - margin / least)
-    else:
+    slip = None
+    with closing.tally.recording():
+        _check_closure(analysis, needs)
         slip = settled.slip_margin if settled.held else 0.0
-    mean = total / len(closing.members)
+    mean = float(analysis.normal_forces.sum()) / len(closing.members)
     return ClosedGrip(config, closing.body, analysis, loads, mean, slip)
+
+
+def _check_closure(analysis: GraspAnalysis, needs: GraspRequirements) -> None:
+    """Raise unless friction holds the object fast, with the margin that is required."""
+    if not analysis.normal_forces.any():
+        raise RequirementError('grip', 0.0, 2.0)
+    if not analysis.force_closure or analysis.closure_margin < 0.0:
+        raise RequirementError('force_closure', analysis.required_friction, needs.friction)
+    needs.check_bound('min_margin', analysis.closure_margin)
 
 
 def _balance(

@@ -28,7 +28,7 @@ from isotruss_ros.core.manipulation.grip_rows import member_rows
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
 from isotruss_ros.core.planning.closing import BOUND_SHARE, Closing, evaluate_state, SearchState
-from isotruss_ros.core.planning.grasp_plan import RequirementError
+from isotruss_ros.core.planning.violations import RequirementError
 from isotruss_ros.core.safety.distances import collision_model
 import numpy as np
 
@@ -72,15 +72,13 @@ def press(config: Configuration, closing: Closing, depths: Array) -> Configurati
         left = float(np.abs(state.gaps[members] + depths).max())
         if left <= GAP_TOLERANCE:
             return state.config
-        state, share, blocked = take_closing_step(state, closing, -depths, share)
-        if blocked is not None:
-            raise RequirementError(*blocked, 50.0)
-    raise RequirementError('reach', left, 0.0, 40.0 + left)
+        state, share = take_closing_step(state, closing, -depths, share)
+    raise RequirementError('reach', left, 0.0)
 
 
 def take_closing_step(
     state: SearchState, closing: Closing, targets: Array, share: float
-) -> tuple[SearchState, float, tuple[str, float, float] | None]:
+) -> tuple[SearchState, float]:
     """
     Bring the gaps of the grasping members closer to their targets.
 
@@ -88,8 +86,8 @@ def take_closing_step(
     :param closing: what closes.
     :param targets: (s,) gaps of the grasping members [m].
     :param share: of the longest step, 1 at first; then that which the step before returned.
-    :return: the state at the end; the share for the next step; and name, value and bound of what
-        is violated where no step is admissible, None if one was made.
+    :return: the state at the end, and the share for the next step.
+    :raises RequirementError: no step is admissible.
     :raises SolverError: the quadratic program was not solved.
     """
     move = solve_step(state, closing, targets, share)
@@ -99,20 +97,20 @@ def take_closing_step(
     bounds = np.full(len(state.gaps), KEPT_CLEARANCE * CLEARANCE * diameter)
     bounds[list(closing.members)] = targets - OVERSHOOT * diameter
     bounds = np.minimum(bounds, state.gaps - GAP_ROUNDING)
-    blocked: tuple[str, float, float] | None = None
     for halving in range(MAX_HALVINGS):
         closing.tally.evaluations += 1
         try:
             moved = config.moved_to(config.roller_positions + 0.5**halving * move)
             there = evaluate_state(moved, closing.body)
+            there.check_bounds(rigidity, room, bounds)
         except ConfigurationError:
-            blocked = 'rigidity', 0.0, rigidity
-            continue
-        blocked = there.broken_bound(rigidity, room, bounds)
-        if blocked is None:
+            blocked = RequirementError('rigidity', 0.0, rigidity)
+        except RequirementError as error:
+            blocked = error
+        else:
             larger = 2.0 * share if halving == 0 else share * 0.5**halving
-            return there, min(1.0, larger), None
-    return state, share, blocked
+            return there, min(1.0, larger)
+    raise blocked
 
 
 def solve_step(state: SearchState, closing: Closing, targets: Array, share: float) -> Array:

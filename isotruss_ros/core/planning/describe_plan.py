@@ -15,7 +15,8 @@ from dataclasses import fields
 from typing import Any
 
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.planning.grasp_plan import GraspPlan, PlannedGrasp, Violation
+from isotruss_ros.core.planning.grasp_plan import GraspPlan, PlannedGrasp
+from isotruss_ros.core.planning.violations import violation_in_words
 import numpy as np
 
 #: Of the largest speed, near the object: a member that touches first, since its rollers lag less
@@ -23,29 +24,6 @@ import numpy as np
 NEAR_SHARE = 0.25
 #: Of each piece of a path, so that times increase [s].
 LEAST_DURATION = 0.01
-#: By the name of a requirement: value of the closest candidate, and bound.
-SENTENCES = {
-    'free': 'the robot touches the object already: the gap between them is {value:.4g} m',
-    'enclosed': 'no members go all around the object',
-    'members': '{value:.0f} of the {bound:.0f} members asked for are seen from within the object',
-    'opposed': 'forces of the members, within their friction cones, balance at no angle near',
-    'reach': 'a member stays {value:.4g} m short of the object',
-    'facing': 'members stay {value:.3g} rad from where friction holds the object between them',
-    'rigidity': 'along the path the rigidity index falls to {value:.3g}; must be {bound:.3g}',
-    'self_clearance': 'along the path the clearance of the robot from itself is {value:.4g} m',
-    'object_clearance': 'a part that must not touch comes within {value:.4g} m of the object',
-    'held': 'no pose near the object balances the forces of the members',
-    'squeeze': 'limits end the closing at {value:.4g} N of each member; must be {bound:.4g} N',
-    'in_place': 'the rollers cannot close and leave the object in place: it moves {value:.4g} m',
-    'grip': '{value:.0f} members press on an object held fast there; must be those of the grip',
-    'min_slip_margin': 'the slip margin is {value:.4g} N, and must be {bound:.4g} N',
-    'force_closure': 'it takes a friction coefficient of {value:.4g}, there is {bound:.4g}',
-    'min_margin': 'the closure margin is {value:.4g} N, and must be {bound:.4g} N',
-    'max_contact_force': 'one member presses with {value:.4g} N; must be at most {bound:.4g} N',
-    'max_total_force': 'all members press with {value:.4g} N; must be at most {bound:.4g} N',
-    'max_utilisation': 'a tube bears {value:.3g} of its wrinkling moment; at most {bound:.3g}',
-    'carry': 'the object can be carried {value:.0%} of its path without slipping',
-}
 
 
 def export_figures(grasp: PlannedGrasp) -> dict[str, Any]:
@@ -76,21 +54,6 @@ def export_path(grasp: PlannedGrasp) -> dict[str, Any]:
     return {'path': grasp.path.tolist(), 'times': times.tolist(), 'touch': grasp.touch}
 
 
-def export_violation(violation: Violation | None) -> dict[str, Any]:
-    """
-    Return which requirement is violated, with value and bound; nothing where none is.
-
-    :param violation: the closest one of a search.
-    """
-    if violation is None:
-        return {}
-    return {
-        'violated_requirement': violation.requirement,
-        'violation_value': float(violation.value),
-        'violation_bound': float(violation.bound),
-    }
-
-
 def path_times(path: Array, max_speed: float, near: Array) -> Array:
     """
     Return when each waypoint is reached, straight between them.
@@ -103,38 +66,6 @@ def path_times(path: Array, max_speed: float, near: Array) -> Array:
     speeds = np.where(near, NEAR_SHARE * max_speed, max_speed)
     longest = np.abs(np.diff(path, axis=0)).max(axis=1, initial=0.0)
     return np.append(0.0, np.cumsum(np.maximum(longest / speeds, LEAST_DURATION)))
-
-
-def violation_in_words(violation: Violation | None) -> str:
-    """
-    Return a violation in words.
-
-    :param violation: that of the closest candidate; None if there was none.
-    """
-    if violation is None:
-        return 'there was no grasp candidate'
-    if violation.requirement not in SENTENCES:
-        return f'the closest grasp candidate cannot be computed: {violation.requirement}'
-    if violation.requirement == 'force_closure' and violation.value == 0.0:
-        return 'force_closure: the members do not press on the object'
-    sentence = SENTENCES[violation.requirement].format(**vars(violation))
-    return f'{violation.requirement}: {sentence}'
-
-
-def grasp_in_words(grasp: PlannedGrasp) -> str:
-    """
-    Return members and forces of a grasp in words, and whether they are outside of the model.
-
-    :param grasp: the grasp.
-    """
-    outside = '; a tube wrinkles, these numbers are outside of the model'
-    where = '' if grasp.module is None else f'at {grasp.module} '
-    return (
-        f'{where}between {", ".join(grasp.members)}: presses with '
-        f'{grasp.squeeze:.3g} N each, slips at {grasp.slip_margin:.3g} N, closure margin held '
-        f'fast {1e3 * grasp.closure_margin:.3g} mN, tubes bear {grasp.utilisation:.2g} of their '
-        f'wrinkling moment{outside if grasp.outside_model else ""}'
-    )
 
 
 def plan_in_words(plan: GraspPlan) -> str:
@@ -153,4 +84,16 @@ def plan_in_words(plan: GraspPlan) -> str:
     others = f'; so it is in {wrinkled} of the others'
     if not plan[0].outside_model:
         others = f'; in {wrinkled} of the others a tube wrinkles: outside of the model'
-    return f'{found} {grasp_in_words(plan[0])}{others if wrinkled else ""}'
+    return f'{found} {_grasp_in_words(plan[0])}{others if wrinkled else ""}'
+
+
+def _grasp_in_words(grasp: PlannedGrasp) -> str:
+    """Return members and forces of a grasp in words, and whether they are outside of the model."""
+    outside = '; a tube wrinkles, these numbers are outside of the model'
+    where = '' if grasp.module is None else f'at {grasp.module} '
+    return (
+        f'{where}between {", ".join(grasp.members)}: presses with '
+        f'{grasp.squeeze:.3g} N each, slips at {grasp.slip_margin:.3g} N, closure margin held '
+        f'fast {1e3 * grasp.closure_margin:.3g} mN, tubes bear {grasp.utilisation:.2g} of their '
+        f'wrinkling moment{outside if grasp.outside_model else ""}'
+    )

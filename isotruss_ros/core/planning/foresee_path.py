@@ -49,7 +49,7 @@ def foresee_grip(
     config: Configuration, body: ConvexObject, friction: float, poses: Array
 ) -> Foresight | None:
     """
-    Carry an object along a path in the model with the squeeze that it has there.
+    Carry an object along a path in the model, see `foresee_path`.
 
     :param config: of the robot, which holds the object.
     :param body: the object, where it is held.
@@ -61,23 +61,20 @@ def foresee_grip(
     held = attach_grip(config, body)
     if isinstance(held, HoldStatus) or held.hold(friction) is not HoldStatus.HELD:
         return None
-    return foresee_path(held, friction, held.squeeze, poses, LEFT_MARGIN * held.squeeze)
+    return foresee_path(held, friction, poses)
 
 
 @single_threaded
-def foresee_path(
-    held: HeldGrip, friction: float, force: float, poses: Array, least_margin: float = 0.0
-) -> Foresight:
+def foresee_path(held: HeldGrip, friction: float, poses: Array) -> Foresight:
     """
     Carry an object along a path in the model, from rest to rest, with the squeeze regulated.
 
-    Contacts stick and roll. Nothing pulls at the object, and barriers do not count.
+    Contacts stick and roll. Nothing pulls at the object, and barriers do not count. The squeeze is
+    kept; where the slip margin is less than `LEFT_MARGIN` of it, the object stands.
 
     :param held: how the object is held at the first pose.
     :param friction: coefficient between tubes and object.
-    :param force: mean normal force of the members that is regulated [N].
     :param poses: (n, 3) x, y [m] and angle [rad] of the object, without jumps by full turns.
-    :param least_margin: where the slip margin is less the object stands [N].
     :raises GraspError: the members do not touch the object at the first pose, see `solve_twist`.
     :raises ConfigurationError: the configuration is singular.
     :raises SolverError: a quadratic program was not solved.
@@ -86,7 +83,7 @@ def foresee_path(
     goals = _divide(poses, held.arm)
     # The equilibrium need not be quite where the path begins.
     goals = goals - goals[0] + np.array(held.pose)
-    least = held.slip_margin(friction)
+    least, force = held.slip_margin(friction), held.squeeze
     for number, goal in enumerate(goals[1:], 1):
         try:
             found, why = _take_step(held, friction, force, pose_difference(goal, held.pose))
@@ -96,8 +93,9 @@ def foresee_path(
             found, why = None, str(error)
         if found is not None:
             margin = found.slip_margin(friction)
-            if margin < least_margin:
-                why = f'the slip margin is {margin:.3g} N, and must be {least_margin:.3g} N'
+            if margin < LEFT_MARGIN * force:
+                bound = LEFT_MARGIN * force
+                why = f'the slip margin is {margin:.3g} N, and must be {bound:.3g} N'
             off = math.hypot(goal[0] - found.pose.x, goal[1] - found.pose.y)
             if off > OFF_PATH:
                 why = f'the robot cannot move the object along the path, {1e3 * off:.0f} mm off it'

@@ -11,7 +11,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 import math
 
@@ -24,22 +23,15 @@ from isotruss_ros.core.planning.closing_in_place import close_in_place
 from isotruss_ros.core.planning.closing_on_ground import close_on_ground
 from isotruss_ros.core.planning.closing_step import press
 from isotruss_ros.core.planning.foresee_path import foresee_grip
-from isotruss_ros.core.planning.grasp_plan import (
-    ClosedGrip,
-    PlannedGrasp,
-    RequirementError,
-    SearchTally,
-)
+from isotruss_ros.core.planning.grasp_plan import ClosedGrip, PlannedGrasp
 from isotruss_ros.core.planning.requirements import GraspRequirements
+from isotruss_ros.core.planning.violations import RequirementError, SearchTally, Violation
 from isotruss_ros.core.safety.margins import shape_margins
 import numpy as np
 
 
 def judge_candidate(
-    config: Configuration,
-    closing: Closing,
-    needs: GraspRequirements,
-    should_stop: Callable[[], bool] | None = None,
+    config: Configuration, closing: Closing, needs: GraspRequirements
 ) -> tuple[PlannedGrasp | None, SearchTally]:
     """
     Bring the members of a seed to the object and close them there, in any process.
@@ -47,15 +39,12 @@ def judge_candidate(
     :param config: configuration of the robot.
     :param closing: the seed.
     :param needs: what the grasp must fulfil.
-    :param should_stop: called before every step toward the open grip.
     :return: the grasp, None if there is none; and what was looked at, with the violation.
     """
     grasp, tally = None, closing.tally
     try:
         with tally.recording():
-            opened, unmet = approach(config, closing, should_stop)
-            if unmet is not None:
-                raise RequirementError(*unmet, 100.0)
+            opened = list(approach(config, closing))
             closed = close_grip(opened[-1], closing, needs)
             if closed is not None and needs.carry:
                 tally.closest = None
@@ -63,7 +52,7 @@ def judge_candidate(
             grasp = None if closed is None else _planned(closing, needs, opened, *closed)
     except IsotrussError as error:
         # A candidate that cannot be computed is none; what was found out before still counts.
-        tally.record(str(error), 0.0, 0.0, 100.0)
+        tally.record(Violation(str(error), 0.0, 0.0))
     return grasp, tally
 
 
@@ -105,7 +94,7 @@ def _check_carry(grip: ClosedGrip, needs: GraspRequirements) -> None:
     found = foresee_grip(grip.config, grip.body, needs.friction, np.array(needs.carry))
     share = 0.0 if found is None else found.share
     if found is None or found.why:
-        raise RequirementError('carry', share, 1.0, 1.0 - share)
+        raise RequirementError('carry', share, 1.0)
 
 
 def _planned(

@@ -11,71 +11,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-import contextlib
-from dataclasses import astuple, dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
-from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip, members_at
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array
-
-
-@dataclass(frozen=True, eq=False)
-class Violation:
-    """The requirement that a grasp candidate violates."""
-
-    requirement: str  #: its name
-    value: float  #: that of the candidate
-    bound: float  #: that of the requirement
-    distance: float  #: of the value from the bound, without unit, to compare candidates by
-
-
-class RequirementError(IsotrussError):
-    """What ends a motion or a candidate: the arguments are the fields of a `Violation`."""
-
-
-@dataclass
-class SearchTally:
-    """What a search has looked at so far."""
-
-    evaluations: int = 0  #: configurations that were computed, by kinematics or statics
-    analyses: int = 0  #: of them, how many by `analyze_grasp`
-    closest: Violation | None = None  #: whose value is closest to its bound, the first of such
-
-    def record(self, requirement: str, value: float, bound: float, distance: float) -> None:
-        """
-        Keep a violation if it is the closest one.
-
-        :param requirement: see `Violation`, as for the others.
-        :param value: of the candidate.
-        :param bound: of the requirement.
-        :param distance: of the value from the bound [-].
-        """
-        if self.closest is None or distance < self.closest.distance:
-            self.closest = Violation(requirement, float(value), float(bound), float(distance))
-
-    @contextlib.contextmanager
-    def recording(self) -> Iterator[None]:
-        """Record the requirement that ends what is done inside."""
-        try:
-            yield
-        except RequirementError as error:
-            self.record(*error.args)
-
-    def add(self, other: SearchTally) -> None:
-        """
-        Count what another search has looked at, too.
-
-        :param other: its tally.
-        """
-        self.evaluations += other.evaluations
-        self.analyses += other.analyses
-        if other.closest is not None:
-            self.record(*astuple(other.closest))
+from isotruss_ros.core.planning.violations import Violation
 
 
 class ClosedGrip(NamedTuple):

@@ -18,19 +18,18 @@ from __future__ import annotations
 
 import math
 
-from isotruss_ros.core.contact.analyze_grasp import FRICTION
 from isotruss_ros.core.errors import ConfigurationError, GraspError
-from isotruss_ros.core.holding.grasp_gradient import grasp_gradient
+from isotruss_ros.core.holding.held_gradient import held_gradient
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.roll_grip import roll_grip
-from isotruss_ros.core.holding.settle_grasp import assess_equilibrium, MAX_DISPLACEMENT
+from isotruss_ros.core.holding.settle_grasp import MAX_DISPLACEMENT
 from isotruss_ros.core.manipulation.limits import stack_rows
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import pose_difference
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
 from isotruss_ros.core.planning.closing import Closing, evaluate_state
-from isotruss_ros.core.planning.grasp_plan import RequirementError
+from isotruss_ros.core.planning.violations import RequirementError
 import numpy as np
 
 #: Newton steps with which a waypoint is brought to its squeeze and place ...
@@ -39,8 +38,6 @@ MAX_CORRECTIONS = 12
 SQUEEZE_TOLERANCE, PLACE_TOLERANCE, TURN_TOLERANCE = 1e-3, 2e-5, 1e-4
 #: ... and each of three members presses as hard as balances without friction, to this share.
 EVEN_TOLERANCE = 0.02
-#: Derivatives are computed anew where a step leaves more than this share of the errors [-].
-RENEWED = 0.1
 #: What counts most where the rollers cannot do all: x, y, angle, and evenness, in tolerances ...
 WEIGHTS = np.array([1.0, 1.0, 0.05, 10.0, 10.0, 10.0])
 #: ... against the rollers' motion [1/m^2].
@@ -68,19 +65,16 @@ def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGri
     limits = stack_rows(grasp.config, closing.limits)
     rows = np.concatenate([limits.matrix, -limits.matrix])
     room = np.concatenate([limits.upper, -limits.lower])  # until where the motion ends
-    rates: Array | None = None
-    size = 0.0
+    rollers = len(grasp.config.roller_positions)
     for _ in range(MAX_CORRECTIONS):
         # Errors count in tolerances: of squeeze, pose and, of three members, evenness.
         missing = _missing(grasp, force, closing.body) / scale
-        before, size = size, np.abs(missing).max()
         try:
-            if rates is None or size > RENEWED * before:
-                pose, forces = rolling_rates(grasp)
-                rates = np.vstack([forces.mean(axis=0), pose, forces])[: len(scale)]
-                rates = rates / scale[:, None]
+            held = held_gradient(grasp)
         except GraspError:
             break
+        pose, forces = held.pose[:, :rollers], held.normal_forces[:, :rollers]
+        rates = np.vstack([forces.mean(axis=0), pose, forces])[: len(scale)] / scale[:, None]
         others = weights[:, None] * rates[1:]
         # The motion brings the squeeze, and of the rest what it can.
         travel = solve_qp(
@@ -105,35 +99,12 @@ def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGri
         try:
             config = grasp.config.moved_to(grasp.config.roller_positions + travel)
         except ConfigurationError:
-            raise RequirementError('rigidity', 0.0, closing.min_rigidity, 50.0) from None
+            raise RequirementError('rigidity', 0.0, closing.min_rigidity) from None
         moved = roll_grip(grasp, config)
         if moved is None or len(moved.members) != len(grasp.members):
-            raise RequirementError('held', 0.0, 1.0, 10.0)
+            raise RequirementError('held', 0.0, 1.0)
         grasp = moved
-    raise RequirementError('squeeze', grasp.squeeze, force, 5.0)
-
-
-def rolling_rates(grasp: HeldGrip) -> tuple[Array, Array]:
-    """
-    Return the rates of pose (3, r) and normal forces (m, r) of a grip as its contacts roll.
-
-    :param grasp: how the object is held, from `roll_grip`.
-    :raises GraspError: the equilibrium is indifferent.
-    """
-    gradient = grasp_gradient(assess_equilibrium(grasp.body.pose, grasp, FRICTION))
-    state, topology = grasp.state, grasp.config.robot.topology
-    rollers = gradient.parameters.rollers
-    # The tube's material goes along with the rollers, and contacts that roll with it: (17).
-    drive = np.zeros((topology.n_modules, rollers.stop))
-    drive[topology.driven] = np.eye(rollers.stop)
-    left = np.zeros((state.places.size, rollers.stop))
-    left[state.places.closure] = grasp.statics.sides[:, None] * drive[grasp.contacts.members]
-    change = -np.linalg.solve(state.jacobian, left)
-    members = np.eye(len(grasp.members))[grasp.contacts.owners].T
-    return (
-        gradient.pose[:, rollers] + change[:3],
-        gradient.normal_forces[:, rollers] + members @ change[state.places.normal],
-    )
+    raise RequirementError('squeeze', grasp.squeeze, force)
 
 
 def _missing(grasp: HeldGrip, force: float, body: ConvexObject) -> Array:
@@ -153,11 +124,9 @@ def _check_place(grasp: HeldGrip, closing: Closing) -> None:
     state = evaluate_state(grasp.config, grasp.body)
     least = np.zeros(len(state.gaps))
     least[list(closing.members)] = -np.inf
-    broken = state.broken_bound(closing.min_rigidity, 0.0, least)
-    if broken is not None:
-        raise RequirementError(*broken, 50.0)
+    state.check_bounds(closing.min_rigidity, 0.0, least)
     # A robot of few rollers cannot close and keep the object in place: it goes along a little.
     bound = MAX_DISPLACEMENT * grasp.config.robot.description.tube_diameter
     distance = math.hypot(*pose_difference(grasp.pose, closing.body.pose)[:2])
     if distance > bound:
-        raise RequirementError('in_place', distance, bound, 20.0)
+        raise RequirementError('in_place', distance, bound)

@@ -29,9 +29,10 @@ from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.planning.closing import Closing
 from isotruss_ros.core.planning.grasp_candidate import judge_candidate
-from isotruss_ros.core.planning.grasp_plan import GraspPlan, PlannedGrasp, Progress, SearchTally
+from isotruss_ros.core.planning.grasp_plan import GraspPlan, PlannedGrasp, Progress
 from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.planning.seeds import find_seeds, required_members
+from isotruss_ros.core.planning.violations import SearchTally, Violation
 from isotruss_ros.core.safety.margins import object_distances
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
@@ -74,9 +75,8 @@ def plan_grasps(
     :param executor: where candidates are computed: a process pool, or that of a Dask client; in
         this process if None.
     :param on_progress: called when the seeds of a round are known, and after every candidate.
-    :param should_stop: called after every candidate, before every step toward an open grip and,
-        with an executor, every `POLL_INTERVAL` instead; a plan that was stopped has the grasps so
-        far.
+    :param should_stop: called before every candidate, with an executor every `POLL_INTERVAL`; a
+        plan that was stopped has the grasps so far.
     :param thorough: whether all candidates of a round are computed before the best are chosen,
         or only until there are enough grasps.
     :param max_rounds: of candidates, until there are enough grasps; all but the first are random.
@@ -95,7 +95,7 @@ def plan_grasps(
     search = _Search(config, needs, executor, on_progress, should_stop)
     gap = float(object_distances(config, body).min())
     if gap < -OVERLAP:  # there is no path to a grasp
-        search.tally.record('free', gap, 0.0, 2000.0)
+        search.tally.record(Violation('free', gap, 0.0))
         return search.plan()
     for number in range(max_rounds):
         with search.tally.recording():
@@ -172,7 +172,7 @@ class _Search:
             for closing in closings:
                 if self._check_stop():
                     return
-                yield judge_candidate(self._config, closing, self._needs, self._check_stop)
+                yield judge_candidate(self._config, closing, self._needs)
             return
         futures = [
             self._executor.submit(judge_candidate, self._config, closing, self._needs)

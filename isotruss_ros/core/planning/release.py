@@ -33,9 +33,9 @@ from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.planning.closing import BOUND_SHARE, Closing
 from isotruss_ros.core.planning.closing_step import press
-from isotruss_ros.core.planning.grasp_plan import RequirementError, Violation
 from isotruss_ros.core.planning.motion_in_place import squeeze_in_place
 from isotruss_ros.core.planning.requirements import MIN_RIGIDITY
+from isotruss_ros.core.planning.violations import RequirementError, Violation
 import numpy as np
 
 #: Shares of the squeeze at the waypoints of the unloading; at the last the members let go. What
@@ -110,7 +110,7 @@ def _unload(config: Configuration, closing: Closing) -> tuple[list[Configuration
     found = attach_grip(config, closing.body, np.array(closing.members))
     grasp = None if isinstance(found, HoldStatus) else roll_grip(found, config)
     if grasp is None:
-        raise RequirementError('held', 0.0, 1.0, 10.0)
+        raise RequirementError('held', 0.0, 1.0)
     if grasp.normal_forces.min() <= LEAST_FORCE:
         return path, closing
     for force in grasp.squeeze * np.array(UNLOADING):
@@ -121,6 +121,6 @@ def _unload(config: Configuration, closing: Closing) -> tuple[list[Configuration
     opening = FIRST_OPENING * diameter
     command = solve_twist(config, grip, np.zeros(3), limits=closing.limits, opening_rate=opening)
     if command.scale < MIN_SCALE:
-        raise RequirementError('squeeze', grasp.squeeze, 0.0, 5.0)
+        raise RequirementError('squeeze', grasp.squeeze, 0.0)
     path.append(config.moved_to(config.roller_positions + command.roller_velocities))
     return path, replace(closing, body=grasp.body)

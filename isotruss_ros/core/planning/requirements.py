@@ -20,7 +20,8 @@ from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.errors import GraspError, quote
 from isotruss_ros.core.manipulation.grip import FEWEST, MOST
 from isotruss_ros.core.numerics.arrays import finite_array
-from isotruss_ros.core.planning.grasp_plan import ClosedGrip, RequirementError
+from isotruss_ros.core.planning.grasp_plan import ClosedGrip
+from isotruss_ros.core.planning.violations import RequirementError
 from isotruss_ros.core.statics.wrinkling import MAX_UTILISATION
 import numpy as np
 
@@ -120,10 +121,20 @@ class GraspRequirements:
             'max_utilisation': max([*analysis.utilisation.values(), *utilisation]),
         }
         for name, value in loads.items():
-            bound = getattr(self, name)
-            if value > bound:
-                raise RequirementError(name, value, bound, 1.0 - bound / value)
+            self.check_bound(name, value)
         return {name: float(value) for name, value in loads.items()}
+
+    def check_bound(self, name: str, value: float) -> None:
+        """
+        Check a value against its bound.
+
+        :param name: of the requirement, which begins with `min_` or `max_`.
+        :param value: of the grasp.
+        :raises RequirementError: it is beyond the bound.
+        """
+        bound = getattr(self, name)
+        if bound is not None and (value > bound if name.startswith('max_') else value < bound):
+            raise RequirementError(name, value, bound)
 
     def rate_grip(self, grip: ClosedGrip, shortness: float) -> float:
         """

@@ -103,19 +103,13 @@ class Searcher:
         :param time_limit: of the search [s]; none if 0.
         """
         self._search, self._stop = Future(), Stop(time_limit)
-        self._progress = Progress(0, 0, None, 0.0, None), 0.0
+        self._progress = Progress(0, 0, None, 0.0, None)
         arguments = (config, body, requirements, seed, self._pool.executor)
         threading.Thread(target=self._run, args=(self._search, arguments), daemon=True).start()
 
     def progress(self) -> Progress | None:
         """Return how far the search is, and how long it may still take; None without one."""
-        if self._search is None:
-            return None
-        progress, when = self._progress
-        if progress.time_left is None:
-            return progress
-        left = max(0.0, progress.time_left - (time.monotonic() - when))
-        return replace(progress, time_left=min(left, self._stop.time_left))
+        return None if self._search is None else self._progress
 
     def cancel(self) -> None:
         """Let the search end soon, with what it has found."""
@@ -164,4 +158,7 @@ class Searcher:
             search.set_exception(error)
 
     def _take(self, progress: Progress) -> None:
-        self._progress = progress, time.monotonic()
+        if progress.time_left is not None:
+            left = min(progress.time_left, self._stop.time_left)
+            progress = replace(progress, time_left=left)
+        self._progress = progress

@@ -22,8 +22,8 @@ from isotruss_ros.core.manipulation.limits import MemberLengthLimit
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.planning.closing import BOUND_SHARE, Closing
 from isotruss_ros.core.planning.facing import balances, CONE_SHARE, find_facing, TURNING_PRICE
-from isotruss_ros.core.planning.grasp_plan import RequirementError
 from isotruss_ros.core.planning.requirements import GraspRequirements
+from isotruss_ros.core.planning.violations import RequirementError
 from isotruss_ros.core.safety.margins import object_distances
 import numpy as np
 
@@ -88,7 +88,7 @@ def find_seeds(
         seen = len(wanted.intersection(around))
         short = 'members' if seen < len(wanted) else 'opposed'
         why = (short, seen, len(wanted)) if around else ('enclosed', 0.0, 1.0)
-        raise RequirementError(*why, 1000.0)
+        raise RequirementError(*why)
     # A tube that keeps its length seldom brings three members to an object at once.
     found.sort(key=lambda item: (len(item[1].members), item[0]))
     return [closing for _, closing in found[:MAX_SEEDS]]

@@ -37,12 +37,9 @@ from isotruss_ros.core.control.path_tracking import (
 )
 from isotruss_ros.core.manipulation.grip import FEWEST, MOST
 from isotruss_ros.core.model.pose import pose_difference
-from isotruss_ros.core.planning.describe_plan import (
-    export_violation,
-    path_times,
-    violation_in_words,
-)
+from isotruss_ros.core.planning.describe_plan import path_times
 from isotruss_ros.core.planning.release import plan_release, Release
+from isotruss_ros.core.planning.violations import export_violation, violation_in_words
 from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.action_steps import (
     ActionStep,

@@ -19,9 +19,10 @@ from isotruss_msgs.msg import PlannedGrasp as PlannedGraspMessage
 from isotruss_ros.core import ConvexObject, GraspRequirements, Robot
 from isotruss_ros.core.control.object_path import MAX_POSES
 from isotruss_ros.core.manipulation.grip import find_members, members_at
-from isotruss_ros.core.planning.describe_plan import export_figures, export_path, export_violation
+from isotruss_ros.core.planning.describe_plan import export_figures, export_path
 from isotruss_ros.core.planning.grasp_plan import PlannedGrasp, Progress
 from isotruss_ros.core.planning.searcher import Answer
+from isotruss_ros.core.planning.violations import export_violation
 from isotruss_ros.nodes.conversions.grasp_messages import read_external_wrench
 from isotruss_ros.nodes.conversions.messages import check_frame, MessageError, read_pose
 from isotruss_ros.nodes.conversions.object_messages import describes_object, read_object_message

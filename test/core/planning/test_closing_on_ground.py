@@ -26,37 +26,37 @@ from isotruss_ros.core.planning import closing_on_ground
 from isotruss_ros.core.planning.approach import approach
 from isotruss_ros.core.planning.closing_step import press
 from isotruss_ros.core.planning.grasp_candidate import close_grip
-from isotruss_ros.core.planning.grasp_plan import RequirementError, SearchTally
 from isotruss_ros.core.planning.seeds import find_seeds
+from isotruss_ros.core.planning.violations import RequirementError, SearchTally
 import numpy as np
 import pytest
 from scipy.optimize import linprog
 
+THREE = ('south/P-Q', 'east/Q-R', 'north/R-P')
 SPACINGS = (0.00125, 0.0025, 0.005)
 #: What the numbers change by with the spacing, against the sum of the forces.
 SLACK = {0.00125: 0.005, 0.0025: 0.005, 0.005: 1e-6}
 NEEDS = GraspRequirements(min_margin=0.0)
 #: Without a bound on the bending moments.
 UNBOUNDED = GraspRequirements(min_margin=0.0, max_utilisation=np.inf)
-#: Grips that are found: preset, module, centre and diameter of the object, number of the seed.
+#: Grips that are found: preset, module or members, centre and diameter of the object.
 GRIPS = {
-    'top': ('triangle', 'main/T', (0.716, 0.5), 0.4, 0),
-    'tight': ('triangle', 'main/T', (0.716, 0.48), 0.44, 0),
-    'north': ('nine_member', 'north/P', (0.5, 0.4), 0.3, 0),
-    'narrow': ('nine_member', 'north/P', (0.716, 0.43), 0.3, 0),
+    'top': ('triangle', {'module': 'main/T'}, (0.716, 0.5), 0.4),
+    'tight': ('triangle', {'module': 'main/T'}, (0.716, 0.48), 0.44),
+    'north': ('nine_member', {'module': 'north/P'}, (0.5, 0.4), 0.3),
+    'narrow': ('nine_member', {'module': 'north/P'}, (0.716, 0.43), 0.3),
+    'three': ('nine_member', {'members': THREE}, (0.716, -0.42), 0.6),
 }
 
 
 @functools.lru_cache(maxsize=16)
 def opened(name):
     """Return an open grip, and what closes."""
-    preset, module, center, diameter, number = GRIPS[name]
-    config = load_robot(preset).home
-    body, wanted = ConvexObject.disc(center, diameter), GraspRequirements(module=module)
-    seed = find_seeds(config, body, wanted, 0, 0)[number]
-    path, unmet = approach(config, seed)
-    assert unmet is None
-    return path[-1], dataclasses.replace(seed, facing=None)
+    preset, who, center, diameter = GRIPS[name]
+    config, body = load_robot(preset).home, ConvexObject.disc(center, diameter)
+    seed = find_seeds(config, body, GraspRequirements(**who), 0, 0)[0]
+    *_, there = approach(config, seed)
+    return there, dataclasses.replace(seed, facing=None)
 
 
 @functools.lru_cache(maxsize=32)
@@ -93,37 +93,21 @@ def unbalanced(analysis, body, needs):
     return linprog(cost, rows, np.append(-load, load), bounds=[*bounds, (0.0, None)]).fun
 
 
-@pytest.mark.parametrize('name', GRIPS)
-def test_sides_press_with_the_same_force_along_the_line_between_them(name):
-    # Two sides hold an object only where what they press differs by less than friction takes.
-    _, closing = opened(name)
-    _, pressed = squeezed(name)
-    one, other = pressed.analysis.contact_forces.values()
-    assert abs(one - other) < 0.2 * NEEDS.friction * (one + other)
-    assert set(pressed.analysis.contact_forces) == {
-        pressed.config.robot.member_names[i] for i in closing.members
-    }
-
-
 @pytest.mark.parametrize('seed', range(12))
 def test_sides_are_pressed_as_deep_as_is_said(seed):
     config, body, _ = closings.scene(seed)
     rng = np.random.default_rng(seed)
     for closing in find_seeds(config, body, NEEDS, 0, 0)[:6]:
-        path, unmet = approach(config, closing)
-        if unmet is not None:
-            continue
-        start = path[-1]
-        closing = dataclasses.replace(closing, facing=None, tally=SearchTally())
         depths = rng.uniform(0.0, 0.03, len(closing.members))
         with contextlib.suppress(RequirementError):
+            *_, start = approach(config, closing)
+            closing = dataclasses.replace(closing, facing=None)
             there = press(start, closing, depths)
             reached = closings.gaps(there, body)[0][list(closing.members)]
             assert reached == pytest.approx(-depths, abs=1e-4)
             # Nothing else comes near that was not.
             least = np.minimum(0.005, others(start, closing))
             assert (others(there, closing) >= least - 2e-5).all()
-        assert closing.tally.evaluations > 0
 
 
 @pytest.mark.parametrize(
@@ -144,6 +128,8 @@ def test_sides_are_pressed_as_deep_as_is_said(seed):
 def test_requirements_are_fulfilled_whatever_the_spacing(name, needs):
     _, closing = opened(name)
     _, pressed = squeezed(name, needs)
+    names = pressed.config.robot.member_names
+    assert set(pressed.analysis.contact_forces) == {names[i] for i in closing.members}
     assert others(pressed.config, closing).min() > 0.0
     config = pressed.config.robot.configuration(pressed.config.roller_positions)
     for spacing in SPACINGS:
@@ -170,68 +156,26 @@ def test_tubes_bear_a_free_object_within_the_bound_too(name):
     assert most_used(settle_grasp(eased.config, eased.body, NEEDS.friction)) <= bound
 
 
-@pytest.fixture
-def recorded(monkeypatch):
-    """Return a list that all analyses of a squeeze are written to."""
-    made = []
-
-    def record(config, body, friction, wrench):
-        made.append((config, analyze_grasp(config, body, friction, wrench)))
-        return made[-1][1]
-
-    monkeypatch.setattr(closing_on_ground, 'analyze_grasp', record)
-    return made
-
-
-def largest(analysis):
-    """Return what the member that presses most presses with [N]."""
-    return max(analysis.contact_forces.values())
-
-
 def most_used(analysis):
     """Return the largest share of the wrinkling moment that a tube bears."""
     return max(analysis.utilisation.values())
 
 
-def total(analysis):
-    """Return the sum of all normal forces [N]."""
-    return analysis.normal_forces.sum()
-
-
 @pytest.mark.parametrize(
-    ('name', 'values', 'missed', 'measured', 'badness'),
+    ('name', 'missed', 'bound'),
     [
-        ('top', {'max_contact_force': 1e-3}, 'max_contact_force', largest, largest),
-        ('top', {'max_total_force': 1e-3}, 'max_total_force', total, total),
-        ('top', {'max_utilisation': 1e-4}, 'max_utilisation', most_used, most_used),
-        (
-            'narrow',
-            {'min_margin': 1e3},
-            'min_margin',
-            lambda a: a.closure_margin,
-            lambda a: -a.closure_margin if a.force_closure else np.inf,
-        ),
-        (
-            'narrow',
-            {'friction': 0.1},
-            'force_closure',
-            lambda a: a.required_friction,
-            lambda a: -a.closure_margin / total(a),
-        ),
+        ('top', 'max_contact_force', 1e-3),
+        ('top', 'max_total_force', 1e-3),
+        ('top', 'max_utilisation', 1e-4),
+        ('narrow', 'min_margin', 1e3),
+        ('narrow', 'friction', 0.1),
     ],
 )
-def test_what_is_missed_is_that_of_the_nearest_grip(
-    name, values, missed, measured, badness, recorded
-):
-    # Without a bound on the bending moments, unless it is what is asked for.
-    needs = GraspRequirements(**{'max_utilisation': np.inf, 'min_margin': 0.0} | values)
-    miss = missed_by(name, needs)
-    assert (miss.requirement, miss.bound) == (missed, *values.values())
-    if missed.startswith('max_'):
-        recorded = recorded[-1:]
-    nearest = measured(min((analysis for _, analysis in recorded), key=badness))
-    # Tubes bear more where the object is free.
-    assert miss.value == nearest or (missed == 'max_utilisation' and miss.value > nearest)
+def test_what_is_missed_is_told(name, missed, bound):
+    miss = missed_by(name, dataclasses.replace(UNBOUNDED, **{missed: bound}))
+    assert miss.requirement == missed.replace('friction', 'force_closure')
+    assert miss.bound == bound
+    assert (miss.value < bound) == missed.startswith('min_')
 
 
 def test_what_the_ground_alone_holds_has_no_slip_margin(monkeypatch):

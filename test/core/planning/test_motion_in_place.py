@@ -29,8 +29,8 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.limits import RollerSpeedLimit
 from isotruss_ros.core.planning import motion_in_place
 from isotruss_ros.core.planning.closing import Closing
-from isotruss_ros.core.planning.grasp_plan import RequirementError
-from isotruss_ros.core.planning.motion_in_place import rolling_rates, squeeze_in_place
+from isotruss_ros.core.planning.motion_in_place import squeeze_in_place
+from isotruss_ros.core.planning.violations import RequirementError
 import numpy as np
 import pytest
 
@@ -76,7 +76,7 @@ def ended(grasp, force, closing):
     """Return requirement, value and bound of what ends a motion, and what it took."""
     with pytest.raises(RequirementError) as end:
         squeeze_in_place(grasp, force, closing)
-    return end.value.args[:3], closing.tally.evaluations
+    return end.value.args, closing.tally.evaluations
 
 
 BOTH = pytest.mark.parametrize('held', [pair, three])
@@ -96,19 +96,6 @@ def box():
     """Return how two members hold a box, a face of which lies on one of them."""
     pose = (0.6, 0.3, 0.3)
     return held_by(planned(Polygon(BOX, 0.02), pose, module=MODULE, squeeze=10.0))
-
-
-@pytest.mark.parametrize('held', [pair, three, box])
-def test_rates_are_those_of_rolling_contacts(held):
-    _, grasp = held()
-    pose, forces = rolling_rates(grasp)
-    here, step = grasp.config.roller_positions, 1e-6
-    for roller, way in enumerate(step * np.eye(len(here))):
-        one, other = (roll_grip(grasp, grasp.config.moved_to(here + s * way)) for s in (-1, 1))
-        moved = np.subtract(other.pose, one.pose) / (2.0 * step)
-        assert pose[:, roller] == pytest.approx(moved, rel=1e-4, abs=1e-3)
-        pressed = (other.normal_forces - one.normal_forces) / (2.0 * step)
-        assert forces[:, roller] == pytest.approx(pressed, rel=1e-4, abs=0.1)
 
 
 @BOTH

@@ -30,10 +30,10 @@ from isotruss_ros.core import (
 from isotruss_ros.core.errors import GraspError, SolverError
 from isotruss_ros.core.planning import grasp_candidate
 from isotruss_ros.core.planning import plan_grasps as search
-from isotruss_ros.core.planning.describe_plan import violation_in_words
 from isotruss_ros.core.planning.foresee_path import foresee_grip
 from isotruss_ros.core.planning.requirements import Measure
 from isotruss_ros.core.planning.seeds import find_seeds
+from isotruss_ros.core.planning.violations import violation_in_words
 from isotruss_ros.core.safety.margins import shape_margins
 import numpy as np
 import pytest
@@ -44,6 +44,17 @@ OBJECTS = {
     'east': ConvexObject.disc((1.4, -0.85), 0.35),
     'south': ConvexObject.disc((0.05, -0.8), 0.3),
 }
+#: Centre and diameter of discs of benchmarks/grasp_planner.py.
+SMALL = [
+    (1.565, -0.668, 0.168),
+    (1.415, -0.742, 0.180),
+    (0.584, 0.330, 0.152),
+    (-0.230, -0.844, 0.150),
+    (1.503, -0.752, 0.253),
+    (0.604, 0.357, 0.383),
+    (0.185, -0.852, 0.285),
+    (1.322, -0.803, 0.254),
+]
 BRICK = ConvexObject(
     Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)], corner_radius=0.02),
     Pose(0.716, 0.43, 0.2),
@@ -80,53 +91,42 @@ def test_grasps_are_found_in_every_loop(plans):
         assert 0 < plan.analyses < plan.evaluations
 
 
-def test_grasps_hold_whatever_the_spacing(plans):
+def test_grasps_hold_by_their_roller_positions_alone(plans):
     for body, grasp in each(plans):
-        # From the roller positions alone, in a robot that was loaded anew.
         config = load_robot('nine_member').configuration(grasp.path[-1])
-        for spacing in (0.005, 0.0025, 0.00125):
-            analysis = analyze_grasp(config, body, NEEDS.friction, spacing=spacing)
-            assert analysis.force_closure
-            slack = 1e-6 if spacing == 0.005 else 0.005
-            total = analysis.normal_forces.sum()
-            assert analysis.closure_margin >= NEEDS.min_margin - slack * total
-            assert grasp.closure_margin == pytest.approx(
-                analysis.closure_margin, abs=slack * total
-            )
-            assert grasp.total_force == pytest.approx(total, rel=slack)
-            most = max(analysis.contact_forces.values())
-            assert grasp.max_contact_force == pytest.approx(most, rel=slack)
-            assert max(analysis.utilisation.values()) <= NEEDS.max_utilisation + 4.0 * slack
+        analysis = analyze_grasp(config, body, NEEDS.friction)
+        assert analysis.force_closure
+        total = analysis.normal_forces.sum()
+        assert analysis.closure_margin >= NEEDS.min_margin - 1e-6 * total
+        assert grasp.closure_margin == pytest.approx(analysis.closure_margin, abs=1e-6 * total)
+        assert grasp.total_force == pytest.approx(total, rel=1e-6)
+        most = max(analysis.contact_forces.values())
+        assert grasp.max_contact_force == pytest.approx(most, rel=1e-6)
+        assert max(analysis.utilisation.values()) <= grasp.utilisation + 1e-6
         assert grasp.utilisation <= NEEDS.max_utilisation
         assert set(grasp.members) <= set(ROBOT.member_names)
         assert grasp.grip.body == body
 
 
-def test_path_begins_here_and_touches_nothing_before_it_says_so(plans):
+def test_the_way_touches_nothing_before_it_says_so_and_then_the_grip_alone_presses(plans):
     for body, grasp in each(plans):
         assert grasp.path[0] == pytest.approx(ROBOT.home.roller_positions)
         assert np.abs(grasp.path[-1] - grasp.config.roller_positions).max() == 0.0
         sides = [ROBOT.member_names.index(name) for name in grasp.members]
-        until = grasp.touch + 1
-        for row, config in along(grasp.path[:until]):
-            assert closings.gaps(config, body)[0].min() > -1e-6, row
-        touching = closings.gaps(config, body)[0][sides]
-        assert np.abs(touching).max() < 1e-6
-
-
-def test_only_the_grip_presses_after_the_touch_and_all_of_it_together(plans):
-    for body, grasp in each(plans):
-        sides = [ROBOT.member_names.index(name) for name in grasp.members]
         before = np.zeros(len(sides))
-        touch = grasp.touch
-        for _, config in along(grasp.path[touch:]):
+        for row, config in along(grasp.path):
             gaps = closings.gaps(config, body)[0]
             assert np.delete(gaps, sides).min() > 0.0
-            assert (gaps[sides] <= before + 1e-4).all()
-            before = gaps[sides]
+            if row < grasp.touch:
+                assert gaps.min() > -1e-6, row
+            else:
+                assert (gaps[sides] <= before + 1e-4).all()
+                before = gaps[sides]
+        at_touch = closings.gaps(ROBOT.home.moved_to(grasp.path[grasp.touch]), body)[0][sides]
+        assert np.abs(at_touch).max() < 1e-6
 
 
-def test_way_stays_within_all_bounds(plans):
+def test_the_way_stays_within_all_bounds(plans):
     file = ROBOT.description
     for _, grasp in each(plans):
         least = np.inf
@@ -140,6 +140,16 @@ def test_way_stays_within_all_bounds(plans):
         assert grasp.rigidity == pytest.approx(least, abs=0.02)
         ways = np.abs(np.diff(grasp.path, axis=0)).sum(axis=0)
         assert grasp.travel == pytest.approx(ways.max())
+
+
+def test_every_small_disc_is_found_with_few_evaluations():
+    evaluations = []
+    for x, y, diameter in SMALL:
+        body = ConvexObject.disc((x, y), diameter)
+        plan = plan_grasps(ROBOT.home, body, replace(NEEDS, count=1), thorough=False)
+        assert plan.grasps
+        evaluations.append(plan.evaluations)
+    assert np.mean(evaluations) <= 80
 
 
 @pytest.mark.parametrize('measure', Measure)
@@ -205,7 +215,6 @@ def test_none_found_comes_with_what_is_missed(body, needs, missed):
     miss = plan.closest_violation
     if missed != 'force_closure':
         assert miss.requirement == missed
-    assert miss.distance > 0.0
     if missed in ('max_total_force', 'min_margin', 'max_utilisation'):
         assert miss.bound == getattr(needs, missed)
     if missed == 'enclosed':

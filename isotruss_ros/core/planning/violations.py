@@ -1,0 +1,138 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""What candidates for a grasp miss, in numbers and in words, and which of them is the closest."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+import contextlib
+from dataclasses import dataclass
+import math
+from typing import Any
+
+from isotruss_ros.core.errors import IsotrussError
+
+#: By the name of a requirement: value of the candidate that ends there, and bound. In the order in
+#: which candidates come to them: the later, the closer they are to a grasp.
+SENTENCES = {
+    'free': 'the robot touches the object already: the gap between them is {value:.4g} m',
+    'enclosed': 'no members go all around the object',
+    'members': '{value:.0f} of the {bound:.0f} members asked for are seen from within the object',
+    'opposed': 'forces of the members, within their friction cones, balance at no angle near',
+    'facing': 'members stay {value:.3g} rad from where friction holds the object between them',
+    'reach': 'a member stays {value:.4g} m short of the object',
+    'rigidity': 'along the path the rigidity index falls to {value:.3g}; must be {bound:.3g}',
+    'self_clearance': 'along the path the clearance of the robot from itself is {value:.4g} m',
+    'object_clearance': 'a part that must not touch comes within {value:.4g} m of the object',
+    'in_place': 'the rollers cannot close and leave the object in place: it moves {value:.4g} m',
+    'grip': '{value:.0f} members press on an object held fast there; must be those of the grip',
+    'squeeze': 'limits end the closing at {value:.4g} N of each member; must be {bound:.4g} N',
+    'held': 'no pose near the object balances the forces of the members',
+}
+#: The same, but what counts is by which share a candidate misses one of them.
+BOUNDS = {
+    'min_slip_margin': 'the slip margin is {value:.4g} N, and must be {bound:.4g} N',
+    'force_closure': 'it takes a friction coefficient of {value:.4g}, there is {bound:.4g}',
+    'min_margin': 'the closure margin is {value:.4g} N, and must be {bound:.4g} N',
+    'max_contact_force': 'one member presses with {value:.4g} N; must be at most {bound:.4g} N',
+    'max_total_force': 'all members press with {value:.4g} N; must be at most {bound:.4g} N',
+    'max_utilisation': 'a tube bears {value:.3g} of its wrinkling moment; at most {bound:.3g}',
+    'carry': 'the object can be carried {value:.0%} of its path without slipping',
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Violation:
+    """The requirement that a grasp candidate violates."""
+
+    requirement: str  #: its name
+    value: float  #: that of the candidate
+    bound: float  #: that of the requirement
+
+    @property
+    def distance(self) -> float:
+        """Return how far the candidate is from a grasp, to compare candidates by [-]."""
+        if self.requirement in BOUNDS:
+            low, high = sorted((max(self.value, 0.0), self.bound))
+            return 1.0 - low / high if high > 0.0 else 1.0
+        names = list(SENTENCES)
+        if self.requirement not in names:
+            return math.inf
+        return 1.0 + len(names) - names.index(self.requirement)
+
+
+class RequirementError(IsotrussError):
+    """What ends a motion or a candidate: the arguments are the fields of a `Violation`."""
+
+
+@dataclass
+class SearchTally:
+    """What a search has looked at so far."""
+
+    evaluations: int = 0  #: configurations that were computed, by kinematics or statics
+    analyses: int = 0  #: of them, how many by `analyze_grasp`
+    closest: Violation | None = None  #: whose value is closest to its bound, the first of such
+
+    def record(self, violation: Violation) -> None:
+        """
+        Keep a violation if it is the closest one.
+
+        :param violation: of a candidate.
+        """
+        if self.closest is None or violation.distance < self.closest.distance:
+            self.closest = violation
+
+    @contextlib.contextmanager
+    def recording(self) -> Iterator[None]:
+        """Record the requirement that ends what is done inside."""
+        try:
+            yield
+        except RequirementError as error:
+            self.record(Violation(*error.args))
+
+    def add(self, other: SearchTally) -> None:
+        """
+        Count what another search has looked at, too.
+
+        :param other: its tally.
+        """
+        self.evaluations += other.evaluations
+        self.analyses += other.analyses
+        if other.closest is not None:
+            self.record(other.closest)
+
+
+def export_violation(violation: Violation | None) -> dict[str, Any]:
+    """
+    Return which requirement is violated, with value and bound; nothing where none is.
+
+    :param violation: the closest one of a search.
+    """
+    if violation is None:
+        return {}
+    return {
+        'violated_requirement': violation.requirement,
+        'violation_value': float(violation.value),
+        'violation_bound': float(violation.bound),
+    }
+
+
+def violation_in_words(violation: Violation | None) -> str:
+    """
+    Return a violation in words.
+
+    :param violation: that of the closest candidate; None if there was none.
+    """
+    if violation is None:
+        return 'there was no grasp candidate'
+    sentence = (SENTENCES | BOUNDS).get(violation.requirement)
+    if sentence is None:
+        return f'the closest grasp candidate cannot be computed: {violation.requirement}'
+    return f'{violation.requirement}: {sentence.format(**vars(violation))}'
