@@ -18,7 +18,6 @@ from typing import NamedTuple
 from isotruss_ros.core.contact.flattening import Flattening
 from isotruss_ros.core.contact.surfaces import Surface
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
-from isotruss_ros.core.statics.interior import interior_points
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 
@@ -176,7 +175,7 @@ def find_contact_points(
     tubes = tubes.take(near)
     piece, place = _place_points(tubes, low[near], high[near], spacing)
     at = tubes.take(piece)
-    shapes, inside = interior_points(frame, tubes.number, piece, place)
+    shapes, inside = frame.beams(tubes.number).points(piece, place)
     spread = np.zeros((2, len(place), len(near), 6))
     spread[:, np.arange(len(place)), piece] = shapes.swapaxes(0, 1)
     points = at.start + place * at.axis

@@ -15,8 +15,6 @@ from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Points
-from isotruss_ros.core.statics.interior import interior_points
-from isotruss_ros.core.statics.member_compliance import locate_places
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 
@@ -37,7 +35,7 @@ def deformed_lines(config: Configuration, analysis: GraspAnalysis) -> Points:
     touching = analysis.normal_forces > 0.0
     forces = analysis.normals[touching] @ np.array([1.0, 1.0j]) * analysis.normal_forces[touching]
     pressed = analysis.members[touching], analysis.places[touching]
-    loaded, at_loads = locate_places(structure, *pressed)
+    loaded, at_loads, _ = structure.locate(*pressed)
     # Points of the lines, then of the forces. C' is where the last piece starts, E' where it ends;
     # where a piece ends the next begins.
     parts = [(first, np.linspace(0.0, 1.0, SAMPLES[0]))]
@@ -49,7 +47,7 @@ def deformed_lines(config: Configuration, analysis: GraspAnalysis) -> Points:
     piece = np.append(lines.ravel(), loaded)
     place = np.append(np.concatenate(along, axis=1).ravel(), at_loads)
     drawn = lines.size
-    shapes, _ = interior_points(frame, piece, np.arange(len(piece)), place)
+    shapes, _ = frame.beams(piece).points(np.arange(len(piece)), place)
     local = forces * frame.axis[loaded].conj()
     # What moves the ends of the pieces as the forces do.
     bearing, which = np.unique(loaded, return_inverse=True)
@@ -64,7 +62,7 @@ def deformed_lines(config: Configuration, analysis: GraspAnalysis) -> Points:
     bent = np.einsum('cie,ce->ci', shapes[:drawn], ends) @ np.array([1.0, 1.0j])
     # What the pieces that carry forces give besides.
     here = np.flatnonzero(np.isin(piece, bearing))
-    _, inside = interior_points(frame, bearing, np.searchsorted(bearing, piece[here]), place[here])
+    _, inside = frame.beams(bearing).points(np.searchsorted(bearing, piece[here]), place[here])
     pulled, pressed = inside[:, :, here >= drawn]
     bent[here[here < drawn]] += (pulled @ local.real + 1j * (pressed @ local.imag))[here < drawn]
     start, axis = frame.points[own.start[drawn_on]], frame.axis[drawn_on]

@@ -11,14 +11,16 @@
 Two-node beams of the plane: the force-displacement relation (2) of a straight member.
 
 Ends move by (ux, uy, theta). EA, EI and GA are the section stiffness (Timoshenko; an infinite GA
-is an Euler-Bernoulli beam). All functions take arrays over members.
+is an Euler-Bernoulli beam). All functions take arrays over members. What is inside of a beam is
+exact, so that a frame with loaded points anywhere needs no finer mesh.
 """
 
 from __future__ import annotations
 
-from isotruss_ros.core.numerics.arrays import Array, Flags, Points
+from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
 import numpy as np
 
+IDENTITY = np.eye(6)
 #: Which of 0, EA/L, -EA/L, the forces and moments across, with both signs, and the moments of a
 #: turned end, near and far, are the entries of (2).
 STIFFNESS = np.array(
@@ -111,3 +113,73 @@ def directions(direction: Points) -> Array:
     values[:, 1], values[:, 2], values[:, 3] = 1.0, direction.real, direction.imag
     values[:, 4] = -direction.imag
     return values.take(TURN, axis=1)
+
+
+class Beams:
+    """
+    Beams between their ends, by transfer matrices: how sections inside them move.
+
+    The displacements along and across, the rotation, axial force, shear force and bending moment
+    z = (u, w, theta, N, V, M) of a section follow from those at the start, z(x) = exp(A x) z(0);
+    loads are jumps of N, V and M (Pestel and Leckie, Matrix Methods in Elastomechanics, 1963).
+
+    :ivar length: (k,) [m].
+    :ivar system: (k, 6, 6) A, derivatives of z along the beam.
+    :ivar by_ends: (k, 6, 6) z at the start by (ux, uy, theta) of start and end.
+    :param length: (k,) [m].
+    :param axial: (k,) EA [N].
+    :param flexural: (k,) EI [N m^2].
+    :param shear: (k,) GA [N], infinite for no shear deformation.
+    :param pinned: (k,) whether the start transmits no moment.
+    """
+
+    def __init__(
+        self, length: Array, axial: Array, flexural: Array, shear: Array, pinned: Flags
+    ) -> None:
+        self.length = length
+        self.system = system = np.zeros((len(length), 6, 6))
+        # u' = N / EA, w' = theta + V / GA, theta' = M / EI, M' = -V
+        system[:, 0, 3], system[:, 1, 4], system[:, 2, 5] = (
+            1.0 / axial,
+            1.0 / shear,
+            1.0 / flexural,
+        )
+        system[:, 1, 2], system[:, 5, 4] = 1.0, -1.0
+        ends = np.zeros_like(system)
+        ends[:, 0, 0] = ends[:, 1, 1] = 1.0
+        ends[:, 2, 2], ends[:, 2, 5] = ~pinned, pinned
+        ends[:, 3:] = transfer_matrices(system, length)[:, :3]
+        self.by_ends = np.linalg.inv(ends)
+        self.by_ends[pinned, :, 2] = 0.0
+
+    def points(self, beam: Indices, place: Array) -> tuple[Array, Array]:
+        """
+        Return how points on the beams move.
+
+        :param beam: (c,) which of the beams each point is on.
+        :param place: (c,) distance from its start [m].
+        :return: the shape functions (c, 2, 6): along and across the beam, by (ux, uy, theta) at
+            start and end; and the compliance (2, c, c) along the beams, and across them, under
+            unit forces at points while the ends are held [m/N], zero between beams.
+        """
+        system = self.system[beam]
+        shapes = transfer_matrices(system, place)[:, :2] @ self.by_ends[beam]
+        behind = transfer_matrices(system, self.length[beam] - place)[:, :3]
+        # Without the jump a load moves the end, which is moved back; z jumps where it acts.
+        apart = np.maximum(place[:, None] - place, 0.0)
+        along = shapes[:, 0, 3:] @ behind[:, :, 3].T - apart * system[:, 0, 3]
+        across = shapes[:, 1, 3:] @ behind[:, :, 4].T
+        across -= apart * (system[:, 1, 4] - apart**2 / 6.0 * system[:, 2, 5])
+        return shapes, np.stack([along, across]) * (beam[:, None] == beam)
+
+
+def transfer_matrices(system: Array, distance: Array) -> Array:
+    """
+    Return exp(A x), the series of which ends: A^4 = 0.
+
+    :param system: (..., 6, 6) A of beams, see `Beams`.
+    :param distance: (...,) x [m].
+    :return: (..., 6, 6).
+    """
+    first = system * distance[..., None, None]
+    return IDENTITY + first + first @ first @ (0.5 * IDENTITY + first / 6.0)

@@ -83,6 +83,26 @@ class Structure:
             )
         return self._layout.places[name]
 
+    def locate(self, members: Indices, places: Array) -> tuple[Indices, Array, Array]:
+        """
+        Return the pieces of tube that places are on, and where on these.
+
+        :param members: (c,) numbers of the members.
+        :param places: (c,) distances from the members' starts [m].
+        :return: (c,) numbers of the pieces in the frame; (c,) distances from their starts [m]; and
+            (c,) 1 where they run along their member, -1 where backward.
+        """
+        first, last, middle = self.pieces
+        robot, length = self.config.robot, self.config.member_lengths
+        ring, behind = robot.description.module.guide_ring_distance, robot.topology.following
+        begins, left = places < ring, length[members] - places
+        ends = left <= ring
+        pieces = np.where(
+            begins, first[members], np.where(ends, last[behind[members]], middle[members])
+        )
+        within = np.where(begins, places, np.where(ends, left, places - ring))
+        return pieces, within, np.where(ends, -1.0, 1.0)
+
 
 def _frame_points(robot: Mechanism, nodes: Points) -> Points:
     """Return the nodes (n,) of a robot's frame [m], from those of its configuration (N,)."""

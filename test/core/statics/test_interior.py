@@ -10,7 +10,7 @@
 """Points inside members: against members that are cut there, and against what is known."""
 
 from hypothesis import given, strategies
-from isotruss_ros.core.statics.interior import points_on_beams
+from isotruss_ros.core.statics.beam import Beams
 import numpy as np
 import pytest
 import robots
@@ -24,7 +24,7 @@ def random_points(rng, members, points, pinned=None):
     """
     Return points on members of any rigidities, one of three without shear deformation.
 
-    As `points_on_beams` takes them: members and places, then lengths, rigidities and pins.
+    Members and places; then lengths, rigidities and pins, as `Beams` takes them.
     """
     length = rng.uniform(0.1, 3.0, members)
     member = rng.integers(members, size=points)
@@ -62,7 +62,7 @@ def parts(matrix):
 @given(generators, pins)
 def test_shapes_are_those_of_a_member_cut_at_the_points(rng, pinned):
     drawn = random_points(rng, 3, 12, pinned)
-    shapes = points_on_beams(*drawn)[0]
+    shapes, _ = Beams(*drawn[2:]).points(*drawn[:2])
     assert shapes.shape == (12, 2, 6)
     for member in range(3):
         here, matrix = cut(drawn, member)
@@ -77,7 +77,7 @@ def test_shapes_are_those_of_a_member_cut_at_the_points(rng, pinned):
 @given(generators, pins)
 def test_compliance_is_that_of_a_member_cut_at_the_points(rng, pinned):
     drawn = random_points(rng, 3, 12, pinned)
-    compliance = points_on_beams(*drawn)[1]
+    _, compliance = Beams(*drawn[2:]).points(*drawn[:2])
     assert compliance.shape == (2, 12, 12)
     assert (compliance[:, drawn[0][:, None] != drawn[0]] == 0.0).all()
     for member in range(3):
