@@ -198,11 +198,11 @@ def _pressed(
     contact: ContactState,
     margin: float,
     round_: bool,
-) -> tuple[Array, Array | None]:
-    """Return the wrench (3,) on the object, and the levers of friction; None for a disc."""
+) -> tuple[Array, Array]:
+    """Return the wrench (3,) on the object, and the levers (c,) of friction."""
     if round_:
         force = contact.forces @ contact.normals
-        return np.array([-force.real, -force.imag, 0.0]), None
+        return np.array([-force.real, -force.imag, 0.0]), np.ones(len(contact.forces))
     # Where the forces act on the object's own surface, from the origin of its frame.
     arms = contact_points.skin + contact.displacements - body.center
     arms = arms - (contact.gaps + margin) * contact.normals

@@ -58,13 +58,12 @@ def measure_contact(
     :param count: of members.
     """
     spacing = contact_points.spacing
-    order = np.lexsort((contact_points.place, contact_points.member))
-    member, place = contact_points.member[order], contact_points.place[order]
+    member, place = contact_points.member, contact_points.place
     # The depth to which each point is pressed by its own load, or its gap: this runs through zero
     # where contact ends, straight enough to be interpolated between the points. In the paper's
     # model a point has no depth of its own, and stands for half a spacing to both sides.
-    depth = (contact_points.dents.diagonal() * contact.forces - contact.gaps)[order]
-    touching = contact.forces[order] > 0.0
+    depth = contact_points.dents.diagonal() * contact.forces - contact.gaps
+    touching = contact.forces > 0.0
     joined = member[1:] == member[:-1]
     share = np.full(len(joined), 0.5)
     if contact_points.dents.any():
@@ -77,7 +76,7 @@ def measure_contact(
     spans = np.tile([np.inf, -np.inf], (count, 1))
     np.minimum.at(spans[:, 0], member[touching], (place - spacing * before)[touching])
     np.maximum.at(spans[:, 1], member[touching], (place + spacing * after)[touching])
-    return SolvedContact(contact_points, contact, length, spans, np.arange(len(order)))
+    return SolvedContact(contact_points, contact, length, spans, np.arange(len(place)))
 
 
 def find_wrinkling(
@@ -103,7 +102,7 @@ def find_wrinkling(
 
     piece = pieces[contact_points.piece[touching]]
     within = np.abs(contact_points.points[touching] - frame.points[frame.members.start[piece]])
-    member, local = contact_points.member[touching], local[touching]
+    member, local = contact_points.member[touching], contact.push[touching] / frame.axis[piece]
     points = SectionPoints(piece, within, member, contact_points.place[touching])
     couples = np.zeros(len(local))
     sections = load_sections(structure, end_forces, points, local, couples)

@@ -98,7 +98,6 @@ def region_lines(
     regions = []
     for name, (start, end) in analysis.contact_spans.items():
         here = np.flatnonzero(analysis.members == config.robot.member_names.index(name))
-        here = here[np.argsort(analysis.places[here])]
         places, points = analysis.places[here], analysis.points[here]
         inside = places[(places > start) & (places < end)]
         along = np.concatenate([[start], inside, [end]])

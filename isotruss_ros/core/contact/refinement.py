@@ -156,8 +156,7 @@ def _carry_over(before: SolvedContact, points: ContactPoints) -> Points:
     member, place = before.points.member[before.kept], before.points.place[before.kept]
     apart = 1.0 + max(place.max(initial=0.0), points.place.max(initial=0.0))
     known, wanted = place + apart * member, points.place + apart * points.member
-    order = np.argsort(known)
-    known, normals = known[order], before.contact.normals[before.kept][order]
+    normals = before.contact.normals[before.kept]
     found = np.interp(wanted, known, normals.real) + 1j * np.interp(wanted, known, normals.imag)
     return np.exp(1j * np.angle(found))
 

@@ -104,10 +104,10 @@ def test_a_matrix_that_is_not_positive_definite_is_refused():
 # ContactPoints
 
 
-def straight(start=0j, end=LENGTH + 0j, **other):
+def straight(**other):
     """Return one clamped tube."""
     rigidities = {'axial': AXIAL, 'flexural': FLEXURAL, 'shear': SHEAR, **other}
-    return tubes.bare(np.array([start]), np.array([end]), **rigidities)
+    return tubes.bare(LENGTH, **rigidities)
 
 
 @pytest.mark.parametrize('kind', [Disc, Ellipse, Polygon])
@@ -211,8 +211,8 @@ def test_compliance_is_that_of_a_robot_in_which_candidates_are_nodes(robot, rng)
     center = config.points[rng.integers(len(config.points))] + 0.1 * complex(*rng.normal(size=2))
     found = find_contact_points(structure_of(config), circle(center, 0.4), 0.02)
     some = np.sort(rng.permutation(len(found.points))[:8])
-    frame, nodes = tubes.robot_with_nodes(structure_of(config), found.points[some])
-    expected = tubes.node_compliance(frame, nodes)
+    frame = tubes.robot_with_nodes(structure_of(config), found.member[some], found.place[some])
+    expected = tubes.node_compliance(frame, frame.nodes)
     compliance = tubes.plane_compliance(found)[some][:, :, some]
     assert compliance == pytest.approx(expected, rel=1e-6, abs=1e-8 * np.abs(expected).max())
     # What the parts give, the whole gives: along normals, and for forces.
@@ -246,9 +246,6 @@ def clamped_stiffness(place, length, flexural, shear):
     return 1.0 / (hinged - tilt @ np.linalg.solve(matrix, tilt))
 
 
-HINGED = np.array([[[True, True, False], [True, True, False]]])
-
-
 @pytest.mark.parametrize('share', [0.5, 0.4, 0.3, 0.2])
 @pytest.mark.parametrize('hinged', [False, True])
 @pytest.mark.parametrize('shear', [SHEAR, np.inf])
@@ -256,14 +253,7 @@ HINGED = np.array([[[True, True, False], [True, True, False]]])
 def test_a_disc_pressed_into_a_tube_meets_the_stiffness_of_a_beam(share, hinged, shear, angle):
     # So little that the tube does not leave the disc's top: the force is k delta.
     delta, turn = 1e-5, np.exp(1j * angle)
-    structure = tubes.bare(
-        np.zeros(1, dtype=complex),
-        np.array([LENGTH * turn]),
-        AXIAL,
-        FLEXURAL,
-        shear,
-        HINGED if hinged else None,
-    )
+    structure = tubes.bare(LENGTH * turn, AXIAL, FLEXURAL, shear, hinged)
     center = (share * LENGTH - 1j * (RADIUS - delta)) * turn
     found = find_contact_points(structure, circle(center, RADIUS), 0.005)
     form = hinged_stiffness if hinged else clamped_stiffness

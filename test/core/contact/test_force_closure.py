@@ -12,7 +12,7 @@
 import itertools
 
 from hypothesis import given, strategies
-from isotruss_ros.core.contact.force_closure import check_force_closure
+from isotruss_ros.core.contact import force_closure
 import numpy as np
 import pytest
 import robots
@@ -21,6 +21,12 @@ from scipy.optimize import linprog, lsq_linear
 counts = strategies.integers(1, 25)
 coefficients = strategies.floats(0.0, 1.5)
 generators = robots.generators()
+
+
+def check_force_closure(tangents, forces, load, friction, levers=None):
+    """Return the closure of contacts, of a cylinder without levers."""
+    levers = np.ones(len(forces)) if levers is None else levers
+    return force_closure.check_force_closure(tangents, forces, load, friction, levers)
 
 
 def tangents_at(angles):

@@ -36,10 +36,9 @@ def pressed(found, forces, normals):
 
 def clamped(shear):
     """Return one clamped tube with all that is asked of a robot."""
-    structure = tubes.bare(np.array([0j]), np.array([LENGTH + 0j]), 1.9e4, 25.0, shear)
+    structure = tubes.bare(LENGTH, 1.9e4, 25.0, shear)
     module = SimpleNamespace(guide_ring_distance=0.0)
     structure.config.robot.description = SimpleNamespace(tube_diameter=2 * RADIUS, module=module)
-    structure.config.member_lengths = np.array([LENGTH])
     structure.pressures = (PRESSURE,)
     return structure
 
@@ -107,7 +106,7 @@ def test_more_compression_than_pull_is_beyond_all_bounds():
 def test_moments_are_those_of_a_robot_in_which_loads_are_on_nodes(robot, rng, diameter):
     config = robots.random_state(robot, rng)
     gauge = rng.uniform(2e4, 6e4, len(robot.description.pressures))
-    structure, pressure = structure_of(config, gauge), gauge[robot.topology.tube]
+    structure = structure_of(config, gauge)
     center = config.points[rng.integers(len(config.points))] + 0.1 * complex(*rng.normal(size=2))
     found = find_contact_points(structure, circle(center, diameter), 0.02)
     some = np.sort(rng.permutation(len(found.points))[:8])
@@ -115,13 +114,12 @@ def test_moments_are_those_of_a_robot_in_which_loads_are_on_nodes(robot, rng, di
     forces[some] = rng.uniform(0.0, 20.0, len(some))
     result, tension = find_wrinkling(structure, found, pressed(found, forces, normals))
 
-    frame, nodes = tubes.robot_with_nodes(structure, found.points[some])
+    frame = tubes.robot_with_nodes(structure, found.member[some], found.place[some])
     loads = np.zeros((len(frame.points), 3))
     push = forces[some] * normals[some]
-    np.add.at(loads, nodes, np.column_stack([push.real, push.imag, 0.0 * push.real]))
+    np.add.at(loads, frame.nodes, np.column_stack([push.real, push.imag, 0.0 * push.real]))
     ends = frame.solve(loads).end_forces
-    inside = found.pieces[found.piece][some]
-    expected = tubes.largest_utilisation(structure, pressure, ends, inside)
+    expected = tubes.largest_utilisation(structure, frame, ends)
     assert result.utilisation == pytest.approx(expected, rel=1e-5, abs=1e-9)
     assert (result.place >= -1e-9).all()
     assert (result.place <= config.member_lengths + 1e-9).all()
