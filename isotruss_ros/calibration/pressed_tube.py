@@ -21,7 +21,7 @@ from isotruss_ros.core.contact.surfaces import surface_of
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.statics.beam import Beams, local_stiffness
-from isotruss_ros.core.statics.tube_stiffness import TubeStiffness
+from isotruss_ros.core.statics.section import TubeStiffness
 import numpy as np
 
 #: Of the points that the cylinder could touch [m].

@@ -31,8 +31,8 @@ from isotruss_ros.core.numerics.arrays import Array, finite_array, Flags, Indice
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.statics.frame import Frame, FrameState
 from isotruss_ros.core.statics.frame_pattern import FramePattern, LinearRows, Members
-from isotruss_ros.core.statics.section import Pressure, tube_pressures
-from isotruss_ros.core.statics.tube_stiffness import tube_stiffness, TubeStiffness
+from isotruss_ros.core.statics.section import Pressure, tube_pressures, TubeStiffness
+from isotruss_ros.core.statics.tube_stiffness import tube_stiffness
 import numpy as np
 from numpy.typing import ArrayLike
 

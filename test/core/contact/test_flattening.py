@@ -19,8 +19,8 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.contact.contact_points import find_contact_points
 from isotruss_ros.core.contact.flattening import flattening, flattening_of
+from isotruss_ros.core.statics.section import Fabric
 from isotruss_ros.core.statics.structure import structure_of
-from isotruss_ros.core.statics.tube_stiffness import Fabric
 import numpy as np
 import pytest
 import robots
