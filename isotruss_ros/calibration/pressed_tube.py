@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 from isotruss_ros.core.contact.contact import solve_contact
 from isotruss_ros.core.contact.contact_points import ContactPoints
-from isotruss_ros.core.contact.contact_regions import measure_contact
 from isotruss_ros.core.contact.flattening import flattening
+from isotruss_ros.core.contact.refinement import measure_contact
 from isotruss_ros.core.contact.surfaces import surface_of
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array

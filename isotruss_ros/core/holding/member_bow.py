@@ -38,9 +38,9 @@ def member_bow(grip: HeldGrip) -> Array:
     state, compliance = grip.state, grip.statics.compliance
     robot, feet = grip.config.robot, state.feet
     loads, b = grip.statics.loads(state.unknowns), frame_layout(robot).b
-    bent, shear = compliance.at(feet).respond(loads), compliance.structure.frame.members.shear
+    at_feet, shear = compliance.at(feet), compliance.structure.frame.members.shear
     # A force across puts a kink into the line; the slope is the mean of both sides.
-    kinks = -loads[:, 1] / shear[compliance.locate(feet)[0]]
+    bent, kinks = at_feet.respond(loads), -loads[:, 1] / shear[at_feet.pieces]
     moved = displace_nodes(grip, loads[..., None])
     nodes = moved[:, 0, 0] + 1j * moved[:, 1, 0]
     shorter = np.zeros(robot.topology.n_modules)

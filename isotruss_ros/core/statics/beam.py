@@ -46,7 +46,13 @@ TURN = np.array(
 )
 
 
-def local_stiffness(length: Array, axial: Array, flexural: Array, shear: Array) -> Array:
+def local_stiffness(
+    length: Array,
+    axial: Array,
+    flexural: Array,
+    shear: Array,
+    pins: tuple[Flags, Flags] | None = None,
+) -> Array:
     """
     Return (2): stiffness matrices in the members' own frames (x from start to end).
 
@@ -56,7 +62,9 @@ def local_stiffness(length: Array, axial: Array, flexural: Array, shear: Array) 
     :param axial: (k,) EA [N].
     :param flexural: (k,) EI [N m^2].
     :param shear: (k,) GA [N], infinite for no shear deformation.
-    :return: (k, 6, 6), rows and columns (ux, uy, theta) at start and end.
+    :param pins: (k,) whether the start, and the end, transmits no moment; None for fixed ends.
+    :return: (k, 6, 6), rows and columns (ux, uy, theta) at start and end; those of free rotations
+        are zero.
     """
     flexibility = 12.0 * flexural / (shear * length**2)
     bend = flexural / ((1.0 + flexibility) * length)
@@ -67,19 +75,12 @@ def local_stiffness(length: Array, axial: Array, flexural: Array, shear: Array) 
     parts = (0.0, pull, -pull, force, -force, moment, -moment, near, far)
     for place, part in enumerate(parts):
         values[..., place] = part
-    return values.take(STIFFNESS, axis=-1)
+    stiffness = values.take(STIFFNESS, axis=-1)
+    return stiffness if pins is None else _with_pins(stiffness, *pins)
 
 
-def with_pins(stiffness: Array, pinned_start: Flags, pinned_end: Flags) -> Array:
-    """
-    Return stiffness matrices of members whose ends turn freely where they are pinned.
-
-    :param stiffness: (k, 6, 6) of members fixed at both ends.
-    :param pinned_start: (k,) whether no moment is transmitted at the start.
-    :param pinned_end: (k,) the same at the end.
-    :return: (k, 6, 6), rows and columns of free rotations zero.
-    """
-    matrix = stiffness.copy()
+def _with_pins(matrix: Array, pinned_start: Flags, pinned_end: Flags) -> Array:
+    """Return stiffness matrices (k, 6, 6), overwritten, whose ends turn freely where pinned."""
     for rotation, pinned in ((2, pinned_start), (5, pinned_end)):
         if not pinned.any():
             continue

@@ -19,7 +19,7 @@ from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.kinematics.constraints import DENSE_UP_TO
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
 from isotruss_ros.core.numerics.factorization import Factor, factorize_with_condition
-from isotruss_ros.core.statics.beam import Beams, directions, local_stiffness, with_pins
+from isotruss_ros.core.statics.beam import Beams, directions, local_stiffness
 from isotruss_ros.core.statics.frame_pattern import FramePattern, LinearRows, Members, NO_ROWS
 import numpy as np
 from scipy.sparse import coo_matrix, csc_matrix
@@ -81,11 +81,7 @@ class Frame:
         self.length = length = np.abs(span)
         self.axis = span / length
         self.turn = directions(self.axis)
-        self._local = with_pins(
-            local_stiffness(length, members.axial, members.flexural, members.shear),
-            members.pinned_start,
-            members.pinned_end,
-        )
+        self._local = local_stiffness(length, *members[2:5], pins=members[5:])
         self._loaded: dict[bytes, tuple[Array, Array]] = {}
         self._pattern = pattern or FramePattern(members, held, rows)
 

@@ -35,9 +35,11 @@ class ContactCompliance:
     mean of both sides where a force puts a kink into it (u_along, u_across, w') [m, -].
 
     :ivar matrix: (k, 3, k, 3) responses for unit loads.
+    :ivar pieces: (k,) numbers of the pieces of the frame that the places are on.
     """
 
     matrix: Array
+    pieces: Indices
     _work: Array  # (k, 3, 6) what loads do at the ends of their pieces
     _by_load: Array  # (k, k, 3, 3) of response and load: derivatives by the place of the load
     _by_response: Array  # (k, k, 3, 3) the same by the place of the response
@@ -125,7 +127,7 @@ class _LoadedPieces:
     """Pieces of tube under k members with one load each; some may be there twice."""
 
     def __init__(self, structure: Structure, pieces: Indices, ahead: Array, scale: float) -> None:
-        frame, count = structure.frame, len(pieces)
+        frame, count, self._numbers = structure.frame, len(pieces), pieces
         self._beams = beams = frame.beams(pieces)
         self._scale, self._ahead = scale, ahead
         ends = frame.compliance(pieces) / scale
@@ -167,4 +169,4 @@ class _LoadedPieces:
         given = by_ends @ work.swapaxes(1, 2)
         given[i, j] += inside[:, :, :3]
         matrix = np.ascontiguousarray(given[:, :, :3].swapaxes(1, 2))
-        return ContactCompliance(matrix, work, by_load, given[:, :, 3:])
+        return ContactCompliance(matrix, self._numbers, work, by_load, given[:, :, 3:])

@@ -92,16 +92,13 @@ class Structure:
         :return: (c,) numbers of the pieces in the frame; (c,) distances from their starts [m]; and
             (c,) 1 where they run along their member, -1 where backward.
         """
-        first, last, middle = self.pieces
-        robot, length = self.config.robot, self.config.member_lengths
-        ring, behind = robot.description.module.guide_ring_distance, robot.topology.following
-        begins, left = places < ring, length[members] - places
-        ends = left <= ring
-        pieces = np.where(
-            begins, first[members], np.where(ends, last[behind[members]], middle[members])
-        )
-        within = np.where(begins, places, np.where(ends, left, places - ring))
-        return pieces, within, np.where(ends, -1.0, 1.0)
+        robot, left = self.config.robot, self.config.member_lengths[members] - places
+        ring = robot.description.module.guide_ring_distance
+        # On BD at the start, on CE at the end, or on the long piece between these.
+        kind = np.where(places < ring, 0, np.where(left <= ring, 1, 2))
+        owner = np.where(kind == 1, robot.topology.following[members], members)
+        within = np.choose(kind, [places, left, places - ring])
+        return self.pieces[kind, owner], within, np.where(kind == 1, -1.0, 1.0)
 
 
 def _frame_points(robot: Mechanism, nodes: Points) -> Points:

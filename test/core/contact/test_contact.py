@@ -19,8 +19,8 @@ from isotruss_ros.core.contact.contact import relax_contact, solve_contact
 from isotruss_ros.core.contact.contact_points import ContactPoints, find_contact_points
 from isotruss_ros.core.contact.surfaces import surface_of
 from isotruss_ros.core.errors import SolverError
-from isotruss_ros.core.numerics import lcp
-from isotruss_ros.core.numerics.lcp import solve_complementarity
+from isotruss_ros.core.numerics import qp
+from isotruss_ros.core.numerics.qp import solve_complementarity
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
@@ -76,7 +76,7 @@ def test_least_squares_find_what_exchanges_find(rng, count, size):
     compliance, gaps, guess = random_problem(rng, count)
     gaps *= size
     expected, _ = solve_complementarity(compliance, gaps, guess)
-    forces, active = lcp._by_least_squares(compliance, gaps)
+    forces, active = qp._by_least_squares(compliance, gaps)
     assert forces == pytest.approx(expected, rel=1e-9, abs=1e-9 * (size + expected.max()))
     check_complementarity(compliance, gaps, forces, active)
 

@@ -15,7 +15,7 @@ from hypothesis import given, strategies
 from isotruss_ros.core.contact.contact_points import ContactState, find_contact_points
 from isotruss_ros.core.contact.contact_regions import find_wrinkling
 from isotruss_ros.core.statics.structure import structure_of
-from isotruss_ros.core.statics.wrinkling import load_sections, SectionPoints
+from isotruss_ros.core.statics.wrinkling import load_sections
 import numpy as np
 import pytest
 import robots
@@ -83,8 +83,8 @@ def test_a_couple_changes_the_moment_behind_it():
     # In equilibrium: 0.3 N m at the start, two couples, and what is left at the end.
     ends = np.zeros((len(structure.frame.length), 6))
     ends[tube, [2, 5]] = 0.3, -1.4
-    points = SectionPoints(np.full(2, tube), within, np.zeros(2, dtype=int), within)
-    result = load_sections(structure, ends, points, np.zeros(2, dtype=complex), couples)
+    members, forces = np.zeros(2, dtype=int), np.zeros(2, dtype=complex)
+    result = load_sections(structure, ends, members, within, forces, couples)
     assert result.moment == pytest.approx([-0.3 - 0.4, -0.3])
     assert result.utilisation == pytest.approx([1.4 / (0.5 * RADIUS * PULL)])
 

@@ -37,7 +37,8 @@ def test_tubes_bear_what_a_frame_under_the_same_loads_does(grasp):
     rows, fixed = frames.dense(frame._rows, len(frame.points)), frame._held.reshape(-1, 3)
     *_, ends = frames.reference(frame.points, frame.members, fixed, loads, rows)
     before = [ends[frame.members.end == node, 5].item() for node in frame.nodes]
-    assert grasp.sections.moment == pytest.approx(before, rel=1e-6)
+    *_, ahead = structure.locate(grasp.contacts.members, state.feet)
+    assert grasp.sections.moment == pytest.approx(ahead * before, rel=1e-6)
     expected = tubes.largest_utilisation(structure, frame, ends)
     assert held_utilisation(grasp) == pytest.approx(expected, rel=1e-6, abs=1e-9)
     assert expected.max() > 0.1
