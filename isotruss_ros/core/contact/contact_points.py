@@ -17,6 +17,7 @@ from functools import cached_property
 from isotruss_ros.core.contact.flattening import Flattening
 from isotruss_ros.core.contact.surfaces import Surface
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+from isotruss_ros.core.statics.beam import Beams
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 
@@ -183,7 +184,8 @@ def find_contact_points(
     place = np.clip(foot[member] + spacing * number, 0.0, length[member])
     piece, within, ahead = structure.locate(member, place)
     pieces, which = np.unique(piece, return_inverse=True)
-    shapes, inside = frame.beams(pieces).points(which, within)
+    beams = Beams(*(each[pieces] for each in frame.beams))
+    shapes, inside = beams.points(which, within)
     spread = np.zeros((2, len(place), len(pieces), 6))
     spread[:, np.arange(len(place)), which] = ahead[:, None] * shapes.swapaxes(0, 1)
     skin = points = start[member] + place * axis[member]

@@ -15,6 +15,7 @@ from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Points
+from isotruss_ros.core.statics.beam import Beams
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 
@@ -47,7 +48,7 @@ def deformed_lines(config: Configuration, analysis: GraspAnalysis) -> Points:
     piece = np.append(lines.ravel(), loaded)
     place = np.append(np.concatenate(along, axis=1).ravel(), at_loads)
     drawn = lines.size
-    shapes, _ = frame.beams(piece).points(np.arange(len(piece)), place)
+    shapes, _ = Beams(*(each[piece] for each in frame.beams)).points(np.arange(len(piece)), place)
     local = forces * frame.axis[loaded].conj()
     # What moves the ends of the pieces as the forces do.
     bearing, which = np.unique(loaded, return_inverse=True)
@@ -62,7 +63,8 @@ def deformed_lines(config: Configuration, analysis: GraspAnalysis) -> Points:
     bent = np.einsum('cie,ce->ci', shapes[:drawn], ends) @ np.array([1.0, 1.0j])
     # What the pieces that carry forces give besides.
     here = np.flatnonzero(np.isin(piece, bearing))
-    _, inside = frame.beams(bearing).points(np.searchsorted(bearing, piece[here]), place[here])
+    beams = Beams(*(each[bearing] for each in frame.beams))
+    _, inside = beams.points(np.searchsorted(bearing, piece[here]), place[here])
     pulled, pressed = inside[:, :, here >= drawn]
     bent[here[here < drawn]] += (pulled @ local.real + 1j * (pressed @ local.imag))[here < drawn]
     start, axis = frame.points[own.start[drawn_on]], frame.axis[drawn_on]

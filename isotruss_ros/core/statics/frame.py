@@ -19,7 +19,7 @@ from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.kinematics.constraints import DENSE_UP_TO
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
 from isotruss_ros.core.numerics.factorization import Factor, factorize_with_condition
-from isotruss_ros.core.statics.beam import Beams, directions, local_stiffness
+from isotruss_ros.core.statics.beam import directions, local_stiffness
 from isotruss_ros.core.statics.frame_pattern import FramePattern, LinearRows, Members, NO_ROWS
 import numpy as np
 from scipy.sparse import coo_matrix, csc_matrix
@@ -54,6 +54,7 @@ class Frame:
     :ivar members: what connects them.
     :ivar length: (k,) of the members [m].
     :ivar axis: (k,) their directions from start to end, unit vectors x + iy.
+    :ivar beams: of the members between their ends, what `Beams` takes.
     :ivar turn: (k, 6, 6) turn displacements of the plane into those along them.
     :param points: (n,) nodes x + iy [m].
     :param members: what connects them.
@@ -82,6 +83,7 @@ class Frame:
         self.axis = span / length
         self.turn = directions(self.axis)
         self._local = local_stiffness(length, *members[2:5], pins=members[5:])
+        self.beams = length, *members[2:6]
         self._loaded: dict[bytes, tuple[Array, Array]] = {}
         self._pattern = pattern or FramePattern(members, held, rows)
 
@@ -140,16 +142,6 @@ class Frame:
         motion = np.abs(scale[:, None] * vectors[:, loose]).max(axis=1)
         by_node = np.where(unknown >= 0, motion[unknown], 0.0).reshape(-1, 3).max(axis=1)
         return [self._names[i] for i in np.flatnonzero(by_node > 1e-3 * by_node.max())]
-
-    def beams(self, members: Indices) -> Beams:
-        """
-        Return members between their ends, which is where their ends are held.
-
-        :param members: (k,) which of them.
-        """
-        own = self.members
-        values = self.length, own.axial, own.flexural, own.shear, own.pinned_start
-        return Beams(*(each[members] for each in values))
 
     def compliance(self, members: Indices) -> Array:
         """

@@ -20,7 +20,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from isotruss_ros.core.numerics.arrays import Array, Indices
-from isotruss_ros.core.statics.beam import IDENTITY, transfer_matrices
+from isotruss_ros.core.statics.beam import Beams, IDENTITY, transfer_matrices
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 
@@ -128,7 +128,7 @@ class _LoadedPieces:
 
     def __init__(self, structure: Structure, pieces: Indices, ahead: Array, scale: float) -> None:
         frame, count, self._numbers = structure.frame, len(pieces), pieces
-        self._beams = beams = frame.beams(pieces)
+        self._beams = beams = Beams(*(each[pieces] for each in frame.beams))
         self._scale, self._ahead = scale, ahead
         ends = frame.compliance(pieces) / scale
         self._ends = ends.reshape(count, 6, count, 6).swapaxes(1, 2)
