@@ -11,7 +11,6 @@
 
 from types import SimpleNamespace
 
-from isotruss_ros.core.statics.beam import local_stiffness
 from isotruss_ros.core.statics.cut_frame import CutFrame
 from isotruss_ros.core.statics.frame import Frame
 from isotruss_ros.core.statics.frame_pattern import Members
@@ -86,27 +85,6 @@ def node_compliance(frame, nodes):
             loads[node, axis] = 1.0
             answer[:, :, c, axis] = frame.solve(loads).displacements[nodes, :2]
     return answer
-
-
-def cut_member(length, axial, flexural, shear, pinned, places):
-    """
-    Return the stiffness of one member that has nodes at places, by its own element matrices.
-
-    :param pinned: whether start and end turn freely.
-    :return: (3 n, 3 n), nodes in order along the member, start and end included.
-    """
-    cuts = np.concatenate([[0.0], places, [length]])
-    matrix = np.zeros((3 * len(cuts), 3 * len(cuts)))
-    for i, piece in enumerate(np.diff(cuts)):
-        both = slice(3 * i, 3 * i + 6)
-        values = (np.full(1, value) for value in (piece, axial, flexural, shear))
-        matrix[both, both] += local_stiffness(*values)[0]
-    for rotation, free in ((2, pinned[0]), (len(matrix) - 1, pinned[1])):
-        if free:
-            column = matrix[:, rotation].copy()
-            matrix -= np.outer(column, column) / column[rotation]
-            matrix[rotation] = matrix[:, rotation] = 0.0
-    return matrix
 
 
 def plane_compliance(contact_points):

@@ -92,13 +92,6 @@ class Frame:
         """Return the stiffness matrices (k, 6, 6) of the members in the plane."""
         return self.turn.transpose(0, 2, 1) @ self._local @ self.turn
 
-    @property
-    def stiffness(self) -> csc_matrix:
-        """Return S of (1), (3 n, 3 n), supports and constraints aside."""
-        places, size = self._pattern.places, len(self._held)
-        rows, columns = np.repeat(places, 6, axis=1).ravel(), np.tile(places, 6).ravel()
-        return coo_matrix((self._matrices.ravel(), (rows, columns)), shape=(size, size)).tocsc()
-
     @cached_property
     def _system(self) -> tuple[Factor, Array]:
         """Return the factored matrix of (4), [[S, A^T], [A, 0]], and its scaling."""

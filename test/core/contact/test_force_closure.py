@@ -267,17 +267,6 @@ def test_hundreds_of_contacts_are_answered():
 
 
 @robots.examples(80)
-@given(generators, counts, coefficients)
-def test_levers_of_one_are_those_of_a_cylinder(rng, count, friction):
-    tangents, forces, load = random_contacts(rng, count)
-    one = check_force_closure(tangents, forces, load, friction)
-    other = check_force_closure(tangents, forces, load, friction, np.ones(count))
-    assert other.required_friction == pytest.approx(one.required_friction, rel=1e-9)
-    assert other.margin == pytest.approx(one.margin, rel=1e-9, abs=1e-9)
-    assert other.closed == one.closed
-
-
-@robots.examples(80)
 @given(
     generators,
     strategies.integers(1, 15),

@@ -124,17 +124,3 @@ def test_moments_are_those_of_a_robot_in_which_loads_are_on_nodes(robot, rng, di
     assert (result.place >= -1e-9).all()
     assert (result.place <= config.member_lengths + 1e-9).all()
     assert (tension >= 0.0).all()
-
-
-def test_where_hardly_a_pull_is_left_the_moment_still_has_a_bound():
-    structure = clamped(1.9e3)
-    found = find_contact_points(structure, circle(0.5 * LENGTH - 0.15j, 0.151), 0.005)
-    at = int(np.abs(found.points - 0.5 * LENGTH).argmin())
-    forces = np.where(np.arange(len(found.points)) == at, 2.0, 0.0)
-    state = pressed(found, forces, np.full(len(forces), np.exp(1j)))
-    # Half of what pushes along compresses the piece behind it; all moments are an eighth.
-    pull = np.cos(1.0) + 0.05
-    structure.pressures = (pull / (np.pi * RADIUS**2),)
-    result, _ = find_wrinkling(structure, found, state)
-    moment = 2.0 * np.sin(1.0) * LENGTH / 8.0
-    assert result.utilisation == pytest.approx([moment / (0.5 * RADIUS * 0.05)], rel=1e-6)

@@ -210,21 +210,6 @@ def test_structures_are_kept_by_configuration_and_pressure():
     assert structure_of(config, 2e4) is not structure_of(config)
 
 
-def test_pressures_of_a_file_may_differ_by_tube():
-    document = robots.preset_document('nine_member')
-    document['tube']['pressure'] = {'north': 20e3, 'south': 30e3, 'east': 40e3}
-    robot = robots.load(document)
-    # In the order of the tubes, whatever the order of the mapping.
-    assert list(robot.description.pressures.items()) == [
-        ('south', 30e3),
-        ('east', 40e3),
-        ('north', 20e3),
-    ]
-    expected = deform(load_robot('nine_member').home, {'Z': (0.0, -10.0)}, [30e3, 40e3, 20e3])
-    found = deform(robot.home, {'Z': (0.0, -10.0)})
-    np.testing.assert_array_equal(displacements(found), displacements(expected))
-
-
 @pytest.mark.parametrize(
     ('pressure', 'complaint'),
     [

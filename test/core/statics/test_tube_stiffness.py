@@ -124,11 +124,6 @@ def test_optional_key_that_is_not_positive_is_refused(key, value):
         model_of({'model': 'inflatable_beam', key: value})
 
 
-def test_misspelt_optional_key_is_refused_with_the_right_one():
-    with pytest.raises(RobotFileError, match='did you mean membrane_modulus'):
-        model_of({'model': 'inflatable_beam', 'membrane_moduls': 1.0})
-
-
 @robots.examples(200)
 @given(laws, laws, strategies.floats(1e-6, 1e3), lengths, pressures)
 def test_power_law_gives_the_beam_with_the_measured_stiffnesses(
