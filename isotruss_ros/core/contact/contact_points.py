@@ -11,7 +11,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from isotruss_ros.core.contact.flattening import Flattening
@@ -163,13 +163,11 @@ def find_contact_points(
     :param windows: (m, 2) between which points of each member, from its start, points are placed;
         everywhere if None [m].
     """
-    config, frame, width = structure.config, structure.frame, 0.0
+    config, width = structure.config, 0.0 if flattening is None else flattening.radius
     topology = config.robot.topology
     start, length = config.points[topology.b], config.member_lengths
     axis = (config.points[topology.c[topology.following]] - start) / length
     away = (surface.center - start) * axis.conj()
-    if flattening is not None:
-        width = flattening.radius
     low, high = _reach(surface, start, axis, width, spacing)
     low, high = np.maximum(low, 0.0), np.minimum(high, length)
     if windows is not None:
@@ -182,21 +180,41 @@ def find_contact_points(
     member = np.repeat(near, counts)
     number = np.arange(len(member)) - np.repeat(np.cumsum(counts) - counts - first, counts)
     place = np.clip(foot[member] + spacing * number, 0.0, length[member])
+    points = points_on_members(structure, member, place, spacing)
+    if flattening is None:
+        return points
+    toward = np.where(away.imag < 0.0, -1j, 1j) * axis
+    return replace(
+        points,
+        skin=points.points + flattening.radius * toward[member],
+        dents=flattening.compliance(place, member, topology.tube[member], spacing),
+    )
+
+
+def points_on_members(
+    structure: Structure, member: Indices, place: Array, spacing: float
+) -> ContactPoints:
+    """
+    Return points of the centre lines at given places.
+
+    :param structure: the frame of the robot.
+    :param member: (c,) the member that each is on.
+    :param place: (c,) distance of each from its member's start [m].
+    :param spacing: length of tube that each stands for [m].
+    """
+    config, frame, count = structure.config, structure.frame, len(place)
+    topology = config.robot.topology
+    start = config.points[topology.b]
+    axis = (config.points[topology.c[topology.following]] - start) / config.member_lengths
     piece, within, ahead = structure.locate(member, place)
     pieces, which = np.unique(piece, return_inverse=True)
-    beams = Beams(*(each[pieces] for each in frame.beams))
-    shapes, inside = beams.points(which, within)
-    spread = np.zeros((2, len(place), len(pieces), 6))
-    spread[:, np.arange(len(place)), which] = ahead[:, None] * shapes.swapaxes(0, 1)
-    skin = points = start[member] + place * axis[member]
-    dents = np.zeros((len(place), len(place)))
-    if flattening is not None:
-        toward = np.where(away.imag < 0.0, -1j, 1j) * axis
-        skin = points + flattening.radius * toward[member]
-        dents = flattening.compliance(place, member, topology.tube[member], spacing)
+    shapes, inside = Beams(*(each[pieces] for each in frame.beams)).points(which, within)
+    spread = np.zeros((2, count, len(pieces), 6))
+    spread[:, np.arange(count), which] = ahead[:, None] * shapes.swapaxes(0, 1)
+    points = start[member] + place * axis[member]
     return ContactPoints(
         points=points,
-        skin=skin,
+        skin=points,
         member=member,
         place=place,
         pieces=pieces,
@@ -204,9 +222,9 @@ def find_contact_points(
         spacing=spacing,
         axis=axis[member],
         inside=inside,
-        spread=spread.reshape(2, len(place), 6 * len(pieces)),
+        spread=spread.reshape(2, count, 6 * len(pieces)),
         ends=frame.compliance(pieces),
-        dents=dents,
+        dents=np.zeros((count, count)),
     )
 
 
