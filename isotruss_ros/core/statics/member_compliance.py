@@ -99,14 +99,6 @@ class MemberCompliance:
         self._pieces: dict[bytes, _LoadedPieces] = {}
         self._last: tuple[bytes, ContactCompliance] | None = None
 
-    def locate(self, places: Array) -> tuple[Indices, Array]:
-        """
-        Return the pieces (k,) of the frame that places are on, and where, from their starts [m].
-
-        :param places: (k,) distances from the members' starts [m].
-        """
-        return self.structure.locate(self._members, places)[:2]
-
     def at(self, places: Array) -> ContactCompliance:
         """
         Return the compliance at one place on each member; that of the last places is kept.

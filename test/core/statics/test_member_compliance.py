@@ -10,11 +10,11 @@
 """How members give at moving places, against frames that are cut there."""
 
 from grips import gripped
-from isotruss_ros.core.statics.cut_frame import CutFrame
 from isotruss_ros.core.statics.member_compliance import MemberCompliance
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
+from tubes import robot_with_nodes
 
 CONFIG, _ = gripped()
 STRUCTURE = structure_of(CONFIG)
@@ -41,9 +41,9 @@ def random_places(members, rng):
     )
 
 
-def cut_responses(members, at):
+def cut_responses(members, numbers, at):
     """Return (k, 3, k, 3) displacements along and across, and slopes, of nodes at the places."""
-    frame = CutFrame(STRUCTURE.frame, *members.locate(at))
+    frame = robot_with_nodes(STRUCTURE, np.array(numbers), at)
     count = len(at)
     responses = np.zeros((count, 3, count, 3))
     for i, axis in enumerate(members.axis):
@@ -65,7 +65,7 @@ def test_loads_do_what_they_do_at_the_nodes_of_a_cut_frame(numbers):
     members, rng = MemberCompliance(STRUCTURE, numbers), np.random.default_rng(0)
     for _ in range(10):
         at = random_places(members, rng)
-        expected = cut_responses(members, at)
+        expected = cut_responses(members, numbers, at)
         found = members.at(at)
         assert found.matrix == pytest.approx(expected, rel=1e-7, abs=1e-11)
         loads = rng.normal(size=(len(at), 3))
@@ -91,9 +91,10 @@ def test_places_are_on_pieces_of_their_members():
     frame = STRUCTURE.frame
     for _ in range(30):
         at = random_places(members, rng)
-        pieces, within = members.locate(at)
+        pieces, within, ahead = STRUCTURE.locate(np.array(MEMBERS), at)
         points = frame.points[frame.members.start[pieces]] + within * frame.axis[pieces]
         assert points == pytest.approx(members.start + at * members.axis)
+        assert frame.axis[pieces] == pytest.approx(ahead * members.axis)
         assert (within <= frame.length[pieces]).all()
 
 
