@@ -9,15 +9,12 @@
 
 """Contact with any convex object: against discs, distances, least squares, and itself."""
 
-from dataclasses import fields
-
 from comparison.wedge import pressed_into
 from grips import closed_to
 from hypothesis import given, strategies
 from isotruss_ros.core import (
     analyze_grasp,
     ConvexObject,
-    Disc,
     Ellipse,
     load_robot,
     Polygon,
@@ -52,22 +49,6 @@ def largest_difference(analysis, other):
     """Return by how much two wrenches of normal forces differ, against the force."""
     apart = (analysis.normal_wrench - other.normal_wrench) / [1.0, 1.0, 0.15]
     return np.abs(apart).max() / np.abs(other.normal_wrench).max()
-
-
-# Discs
-
-
-@pytest.mark.parametrize('flattening', [True, False])
-def test_a_disc_is_the_same_at_any_angle(flattening):
-    wrench = (0.3, 0.2, 0.05)
-    one = analyze_grasp(HOME, DISC, 0.5, wrench, flattening=flattening)
-    other = analyze_grasp(HOME, held_alike(Disc(0.3), 1.0), 0.5, wrench, flattening=flattening)
-    for name in (field.name for field in fields(one) if field.name != 'solution'):
-        value, again = getattr(one, name), getattr(other, name)
-        if isinstance(value, dict):
-            assert list(value) == list(again)
-            value, again = list(value.values()), list(again.values())
-        assert np.allclose(value, again, rtol=1e-9, atol=1e-9), name
 
 
 def test_polygons_of_many_sides_converge_to_the_disc():

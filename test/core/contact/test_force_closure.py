@@ -283,19 +283,3 @@ def test_required_friction_with_levers_is_that_of_a_linear_program(rng, count, f
     assert closure.required_friction == pytest.approx(expected, rel=1e-5, abs=1e-6)
     left = load + np.column_stack([tangents, levers]).T @ closure.friction_forces
     assert closure.residual == pytest.approx(np.linalg.norm(left), abs=1e-9 * forces.sum())
-
-
-@pytest.mark.parametrize('levers', [None, np.array([1.0, 0.7, 1.2])])
-@pytest.mark.parametrize('scale', [1e-6, 1e6])
-def test_scaling_changes_nothing_whether_all_is_in_a_plane_or_not(levers, scale):
-    forces, load = np.array([2.0, 3.0, 4.0]), np.array([0.2, -0.3, 0.5])
-    for angles in ([0.3, 2.0, 4.0], [0.3, 0.3, 2.0]):
-        tangents = tangents_at(np.array(angles))
-        own = None if levers is None else levers[[0, 0, 2]] if angles[1] == 0.3 else levers
-        one, other = (
-            check_force_closure(tangents, size * forces, size * load, 0.5, own)
-            for size in (1.0, scale)
-        )
-        assert np.isinf(one.required_friction) == (angles[1] == 0.3)
-        assert other.required_friction == pytest.approx(one.required_friction)
-        assert other.margin == pytest.approx(scale * one.margin)
