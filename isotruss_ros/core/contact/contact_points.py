@@ -73,15 +73,14 @@ class ContactPoints:
         Return W = N^T (S^-1 + C) N of (8): how the skin gives along normals.
 
         :param normals: (c,) unit vectors x + iy along which unit forces act.
-        :return: (c, c) symmetric [m/N].
+        :return: (c, c) symmetric but for rounding [m/N].
         """
         local = self.axis.conj() * normals
         along, across = local.real[:, None], local.imag[:, None]
         lever = along * self.spread[0] + across * self.spread[1]
         matrix = lever @ self.ends @ lever.T
         matrix += along * along.T * self.inside[0]
-        matrix += across * across.T * self.across
-        return 0.5 * (matrix + matrix.T)
+        return matrix + across * across.T * self.across
 
     def displacements(self, forces: Points) -> Points:
         """

@@ -38,9 +38,8 @@ def deformed_lines(analysis: GraspAnalysis) -> Points:
     member = np.append(drawn, analysis.members[touching])
     place = np.append(places, analysis.places[touching])
     points = points_on_members(structure, member, place, 0.0)
-    push = np.zeros(len(place), dtype=np.complex128)
-    push[places.size :] = analysis.normals[touching] @ (1.0, 1.0j)
-    push[places.size :] *= analysis.normal_forces[touching]
+    forces = analysis.normals[touching] @ (1.0, 1.0j) * analysis.normal_forces[touching]
+    push = np.append(np.zeros(places.size), forces)
     moved = points.points + points.displacements(push)
     return moved[: places.size].reshape(places.shape)
 

@@ -208,8 +208,7 @@ def _carry_over(before: SolvedContact, points: ContactPoints) -> Points:
     apart = 1.0 + max(place.max(initial=0.0), points.place.max(initial=0.0))
     known, wanted = place + apart * member, points.place + apart * points.member
     normals = before.contact.normals[before.kept]
-    found = np.interp(wanted, known, normals.real) + 1j * np.interp(wanted, known, normals.imag)
-    return np.exp(1j * np.angle(found))
+    return np.exp(1j * np.angle(np.interp(wanted, known, normals)))
 
 
 def _division(regions: Array, spacing: float, budget: int | None = None) -> int:

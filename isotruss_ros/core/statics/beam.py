@@ -125,7 +125,7 @@ class Beams:
     loads are jumps of N, V and M (Pestel and Leckie, Matrix Methods in Elastomechanics, 1963).
 
     :ivar length: (k,) [m].
-    :ivar system: (k, 6, 6) A, derivatives of z along the beam.
+    :ivar series: (k, 4, 6, 6) terms A^n / n! of exp(A x); those beyond are zero.
     :ivar by_ends: (k, 6, 6) z at the start by (ux, uy, theta) of start and end.
     :param length: (k,) [m].
     :param axial: (k,) EA [N].
@@ -138,18 +138,17 @@ class Beams:
         self, length: Array, axial: Array, flexural: Array, shear: Array, pinned: Flags
     ) -> None:
         self.length = length
-        self.system = system = np.zeros((len(length), 6, 6))
+        self.series = np.zeros((len(length), 4, 6, 6))
+        unity, first = self.series[:, 0], self.series[:, 1]
+        unity[:] = IDENTITY
         # u' = N / EA, w' = theta + V / GA, theta' = M / EI, M' = -V
-        system[:, 0, 3], system[:, 1, 4], system[:, 2, 5] = (
-            1.0 / axial,
-            1.0 / shear,
-            1.0 / flexural,
-        )
-        system[:, 1, 2], system[:, 5, 4] = 1.0, -1.0
-        ends = np.zeros_like(system)
-        ends[:, 0, 0] = ends[:, 1, 1] = 1.0
+        first[:, 0, 3], first[:, 1, 4], first[:, 2, 5] = 1.0 / axial, 1.0 / shear, 1.0 / flexural
+        first[:, 1, 2], first[:, 5, 4] = 1.0, -1.0
+        self.series[:, 2] = 0.5 * first @ first
+        self.series[:, 3] = self.series[:, 2] @ first / 3.0
+        ends = unity.copy()
         ends[:, 2, 2], ends[:, 2, 5] = ~pinned, pinned
-        ends[:, 3:] = transfer_matrices(system, length)[:, :3]
+        ends[:, 3:] = sum_series(self.series, length)[:, :3]
         self.by_ends = np.linalg.inv(ends)
         self.by_ends[pinned, :, 2] = 0.0
 
@@ -163,24 +162,23 @@ class Beams:
             start and end; and the compliance (2, c, c) along the beams, and across them, under
             unit forces at points while the ends are held [m/N], zero between beams.
         """
-        system = self.system[beam]
-        shapes = transfer_matrices(system, place)[:, :2] @ self.by_ends[beam]
-        behind = transfer_matrices(system, self.length[beam] - place)[:, :3]
+        series = self.series
+        shapes = sum_series((series[:, :, :2] @ self.by_ends[:, None])[beam], place)
+        behind = sum_series(series[beam, :, :3, 3:5], self.length[beam] - place)
         # Without the jump a load moves the end, which is moved back; z jumps where it acts.
-        apart = np.maximum(place[:, None] - place, 0.0)
-        along = shapes[:, 0, 3:] @ behind[:, :, 3].T - apart * system[:, 0, 3]
-        across = shapes[:, 1, 3:] @ behind[:, :, 4].T
-        across -= apart * (system[:, 1, 4] - apart**2 / 6.0 * system[:, 2, 5])
+        apart, first = np.maximum(place[:, None] - place, 0.0), series[beam, 1]
+        along = shapes[:, 0, 3:] @ behind[:, :, 0].T - apart * first[:, 0, 3]
+        across = shapes[:, 1, 3:] @ behind[:, :, 1].T
+        across -= apart * (first[:, 1, 4] - apart**2 / 6.0 * first[:, 2, 5])
         return shapes, np.stack([along, across]) * (beam[:, None] == beam)
 
 
-def transfer_matrices(system: Array, distance: Array) -> Array:
+def sum_series(terms: Array, distance: Array) -> Array:
     """
-    Return exp(A x), the series of which ends: A^4 = 0.
+    Return the sum of terms times powers of a distance.
 
-    :param system: (..., 6, 6) A of beams, see `Beams`.
-    :param distance: (...,) x [m].
-    :return: (..., 6, 6).
+    :param terms: (k, 4, a, b) of `Beams.series`, or these times matrices.
+    :param distance: (k,) x [m].
+    :return: (k, a, b).
     """
-    first = system * distance[..., None, None]
-    return IDENTITY + first + first @ first @ (0.5 * IDENTITY + first / 6.0)
+    return np.einsum('kn,knab->kab', distance[:, None] ** np.arange(4), terms)

@@ -20,7 +20,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from isotruss_ros.core.numerics.arrays import Array, Indices
-from isotruss_ros.core.statics.beam import Beams, IDENTITY, transfer_matrices
+from isotruss_ros.core.statics.beam import Beams, IDENTITY, sum_series
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 
@@ -125,31 +125,33 @@ class _LoadedPieces:
         ends = frame.compliance(pieces) / scale
         self._ends = ends.reshape(count, 6, count, 6).swapaxes(1, 2)
         self._pairs = first, second = np.nonzero(pieces[:, None] == pieces)
-        self._systems = np.concatenate([beams.system, beams.system, beams.system[first]])
+        self._parts = slice(count), slice(count, 2 * count), slice(2 * count, None)
+        self._series = np.concatenate([beams.series, beams.series, beams.series[first]])
         # From the piece's frame to that of the member, along which it may run backward.
         self._turn = turn = np.stack([ahead, ahead, np.ones(count)], axis=1)[:, :, None]
         # What responds: u, w and w' = theta + V / GA; then their derivatives by the place.
         rows = turn * IDENTITY[:3]
-        rows[:, 2, 4] = beams.system[:, 1, 4]
-        rates = ahead[:, None, None] * rows @ beams.system
+        rows[:, 2, 4] = beams.series[:, 1, 1, 4]
+        rates = ahead[:, None, None] * rows @ beams.series[:, 1]
         self._rows = np.concatenate([rows, rates], axis=1)
         # Jumps of N, V and M by loads; then their derivatives by the place.
         jumps = IDENTITY[:, 3:] * turn.swapaxes(1, 2)
-        rates = -ahead[:, None, None] * beams.system @ jumps
+        rates = -ahead[:, None, None] * beams.series[:, 1] @ jumps
         self._jumps = np.concatenate([jumps, rates], axis=2)
         self._rows_of_pairs, self._jumps_of_pairs = self._rows[first], jumps[second]
 
     def respond(self, x: Array) -> ContactCompliance:
         """Return the compliance at places (k,) from the starts of the pieces [m]."""
-        (i, j), count = self._pairs, len(x)
+        i, j = self._pairs
         apart = x[i] - x[j]
         distances = np.concatenate([x, self._beams.length - x, apart])
-        matrices = transfer_matrices(self._systems, distances)
-        moved = matrices[:count] @ self._beams.by_ends
+        matrices = sum_series(self._series, distances)
+        ahead, behind, between = (matrices[part] for part in self._parts)
+        moved = ahead @ self._beams.by_ends
         shapes, work = self._rows @ moved, self._turn * moved[:, :3]
-        behind = matrices[count : 2 * count, :3] @ self._jumps
+        behind = behind[:, :3] @ self._jumps
         # Of a load at the place itself: the mean of both sides.
-        jumped = self._rows_of_pairs @ matrices[2 * count :] @ self._jumps_of_pairs
+        jumped = self._rows_of_pairs @ between @ self._jumps_of_pairs
         jumped *= 0.5 * (1.0 + np.sign(apart))[:, None, None]
         inside = shapes[i, :, 3:] @ behind[j]
         inside[:, :, :3] -= jumped
