@@ -192,3 +192,22 @@ def test_where_all_is_pinned_there_is_no_rotation():
     state = frames.frame([0.0, 1.0, 1.0 + 1.0j], found, held).solve(loads)
     assert state.displacements[1, 2] == 0.0
     np.testing.assert_array_equal(state.end_forces[:, 5], 0.0)
+
+
+@given(generators())
+@examples(10)
+def test_end_forces_are_those_of_the_nodes_less_what_members_carry_inside(rng):
+    points, found, held, _ = random_case(rng)
+    frame = frames.frame(points, found, held)
+    # One of them twice: with two loads inside.
+    chosen, carried = rng.choice(len(found.start), 3), rng.normal(size=(3, 6))
+    loads = np.zeros((len(points), 3))
+    pushed = (frame.turn[chosen].transpose(0, 2, 1) @ carried[:, :, None])[:, :, 0]
+    np.add.at(loads, found.start[chosen], pushed[:, :3])
+    np.add.at(loads, found.end[chosen], pushed[:, 3:])
+    # Where all is pinned, no moment acts on anything.
+    loads[~frames.turning(found, len(points)), 2] = 0.0
+    expected = frame.solve(loads).end_forces
+    np.subtract.at(expected, chosen, carried)
+    found = frame.end_forces(chosen, carried)
+    np.testing.assert_allclose(found, expected, atol=1e-8 * np.abs(expected).max())
