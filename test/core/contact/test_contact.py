@@ -189,9 +189,6 @@ def test_compliance_is_that_of_a_robot_in_which_candidates_are_nodes(robot, rng)
     assert found.displacements(normals) == pytest.approx(moved, abs=1e-9 * np.abs(moved).max())
 
 
-# Beams of known stiffness
-
-
 def hinged_stiffness(place, length, flexural, shear):
     """Return the stiffness of a beam on two hinges against a force at a place."""
     rest = length - place
