@@ -14,7 +14,7 @@ import tempfile
 
 from isotruss_ros.calibration.beam_fit import end_stiffness
 from isotruss_ros.cli.fit_tube_stiffness import main
-from isotruss_ros.core.statics.tube_stiffness import InflatableBeam
+from isotruss_ros.core.statics.section import InflatableBeam
 import numpy as np
 
 tube = InflatableBeam(

@@ -78,7 +78,7 @@ def compute(advance: Advance) -> Sequence[Held]:
 def _hold(plan: PlannedGrasp) -> Held:
     start, end = member_lines(plan.config).T[:, :, None]
     axis = (end - start) / np.abs(end - start)
-    across = ((deformed_lines(plan.config, plan.analysis) - start) * axis.conj()).imag
+    across = ((deformed_lines(plan.analysis) - start) * axis.conj()).imag
     return Held(plan, float(np.abs(across).max()))
 
 

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from isotruss_ros.calibration.beam_fit import end_stiffness
 from isotruss_ros.calibration.measurements import COLUMNS, MODES, TRIAL
-from isotruss_ros.core.statics.tube_stiffness import TubeStiffness
+from isotruss_ros.core.statics.section import TubeStiffness
 import numpy as np
 from paper.parameters import LENGTHS, PRESSURES, TRIALS, TUBE_DIAMETER
 from paper.wrinkling import pressure_force, wrinkling_moment

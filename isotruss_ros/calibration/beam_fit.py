@@ -26,7 +26,7 @@ from isotruss_ros.calibration.measurements import MeasurementError, MODES
 from isotruss_ros.core.model.robot_schema import MAX_MAGNITUDE
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.statics.beam import local_stiffness
-from isotruss_ros.core.statics.tube_stiffness import InflatableBeam, TubeStiffness
+from isotruss_ros.core.statics.section import InflatableBeam, TubeStiffness
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import least_squares

@@ -22,7 +22,7 @@ import functools
 from isotruss_ros.calibration.measurements import MeasurementError, Presses
 from isotruss_ros.calibration.pressed_tube import ClampedTube, press
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.statics.tube_stiffness import InflatableBeam
+from isotruss_ros.core.statics.section import InflatableBeam
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 from scipy.stats import t as student_t

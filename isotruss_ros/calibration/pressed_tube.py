@@ -15,14 +15,13 @@ from dataclasses import dataclass
 
 from isotruss_ros.core.contact.contact import solve_contact
 from isotruss_ros.core.contact.contact_points import ContactPoints
-from isotruss_ros.core.contact.contact_regions import measure_contact
 from isotruss_ros.core.contact.flattening import flattening
+from isotruss_ros.core.contact.refinement import measure_contact
 from isotruss_ros.core.contact.surfaces import surface_of
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.statics.beam import local_stiffness
-from isotruss_ros.core.statics.interior import points_on_beams
-from isotruss_ros.core.statics.tube_stiffness import TubeStiffness
+from isotruss_ros.core.statics.beam import Beams, local_stiffness
+from isotruss_ros.core.statics.section import TubeStiffness
 import numpy as np
 
 #: Of the points that the cylinder could touch [m].
@@ -86,7 +85,8 @@ def _contact_points(
     """Return points inside one member whose ends turn, if they are pinned, or stand still."""
     only, length = np.zeros(len(places), dtype=np.intp), np.array([tube.length])
     section = tube.stiffness.section_stiffness(length, pressure)
-    shapes, inside = points_on_beams(only, places, length, *section, np.array([False]))
+    beam = Beams(length, *section, pinned=np.array([False]))
+    shapes, inside = beam.points(only, places)
     ends = np.zeros((6, 6))
     if tube.pinned:
         turns = np.ix_([2, 5], [2, 5])

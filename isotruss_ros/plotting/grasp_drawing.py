@@ -82,7 +82,7 @@ def plot_grasp(
     """
     axes = axes or new_axes()
     robot = config.robot
-    lines, used = deformed_lines(config, analysis), analysis.utilisation.values()
+    lines, used = deformed_lines(analysis), analysis.utilisation.values()
     for tube, line, part in zip(robot.topology.tube, lines, used, strict=True):
         band = _band(line, robot.description.tube_diameter)
         patch = Polygon(band, facecolor=TUBE_COLORS[tube % len(TUBE_COLORS)], alpha=0.85)

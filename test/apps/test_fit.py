@@ -30,7 +30,8 @@ from isotruss_ros.calibration.report import stretches
 from isotruss_ros.cli.fit_tube_stiffness import main
 from isotruss_ros.core.model.robot_file import read_robot_file
 from isotruss_ros.core.model.stiffness_law import Law
-from isotruss_ros.core.statics.tube_stiffness import InflatableBeam, tube_stiffness
+from isotruss_ros.core.statics.section import InflatableBeam
+from isotruss_ros.core.statics.tube_stiffness import tube_stiffness
 from measured_points import (
     CONSTANTS,
     HEADER,

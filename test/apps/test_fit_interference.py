@@ -19,7 +19,7 @@ from isotruss_ros.cli.fit_tube_stiffness import main
 from isotruss_ros.core.contact.flattening import flattening, flattening_of
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.robot_file import read_robot_file
-from isotruss_ros.core.statics.tube_stiffness import InflatableBeam
+from isotruss_ros.core.statics.section import InflatableBeam
 from measured_points import HEADER, points, write
 import numpy as np
 import pytest

@@ -17,8 +17,8 @@ from isotruss_ros import core
 from isotruss_ros.calibration.measurements import MODES
 from isotruss_ros.calibration.pressed_tube import ClampedTube, press
 from isotruss_ros.core.statics.frame import Frame
+from isotruss_ros.core.statics.section import InflatableBeam
 from isotruss_ros.core.statics.structure import structure_of
-from isotruss_ros.core.statics.tube_stiffness import InflatableBeam
 from matplotlib import rc_context
 import numpy as np
 from paper import figure_4, figure_5, figure_6, figure_7, figure_9, membrane, synthetic, wrinkling

@@ -12,7 +12,7 @@
 import csv
 
 from isotruss_ros.calibration.measurements import MODES
-from isotruss_ros.core.statics.tube_stiffness import InflatableBeam
+from isotruss_ros.core.statics.section import InflatableBeam
 import numpy as np
 
 # The paper's pressures and lengths.

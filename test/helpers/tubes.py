@@ -11,128 +11,65 @@
 
 from types import SimpleNamespace
 
-from isotruss_ros.core.statics.beam import local_stiffness
+from isotruss_ros.core.statics.cut_frame import CutFrame
 from isotruss_ros.core.statics.frame import Frame
 from isotruss_ros.core.statics.frame_pattern import Members
 import numpy as np
 
 
-def bare(starts, ends, axial, flexural, shear, held=None):
+def bare(span, axial, flexural, shear, hinged=False):
     """
-    Return what `find_contact_points` needs of a structure: clamped tubes, and nothing else.
+    Return what `find_contact_points` needs of a structure: one clamped tube from the origin.
 
-    :param starts: (m,) x + iy of each tube.
-    :param ends: (m,) the same.
-    :param axial: EA, `flexural` and `shear` likewise; one for all tubes, or (m,).
-    :param held: (m, 2, 3) which of ux, uy, theta are held at starts and ends; all if None.
+    :param span: to its other end, x + iy.
+    :param axial: EA, `flexural` and `shear` likewise.
+    :param hinged: whether its ends turn freely.
     """
-    m = len(starts)
-    # A robot has six members per module, of which the last kind are the long pieces of tube.
-    # The others are stubs, far away; one end of each is free, so that something is.
-    stubs = 1e3 + np.arange(5 * m) * 1j
-    points = np.concatenate([starts, ends, stubs, stubs + 1.0])
-    fixed = np.ones((2 * m, 3), dtype=bool)
-    if held is not None:
-        fixed = np.concatenate([held[:, 0], held[:, 1]])
-    fixed = np.concatenate(
-        [fixed, np.ones((5 * m, 3), dtype=bool), np.zeros((5 * m, 3), dtype=bool)]
-    )
-    number = np.arange(5 * m)
-    section_stiffness = (
-        np.concatenate([np.ones(5 * m), np.broadcast_to(value, m)])
-        for value in (axial, flexural, shear)
-    )
+    # Besides it there is a stub, far away; one end of it is free, so that something is.
+    none, one = np.zeros(2, dtype=bool), np.ones(1, dtype=int)
     members = Members(
-        np.concatenate([2 * m + number, np.arange(m)]),
-        np.concatenate([7 * m + number, m + np.arange(m)]),
-        *section_stiffness,
-        np.zeros(6 * m, dtype=bool),
-        np.zeros(6 * m, dtype=bool),
+        np.array([0, 2]),
+        np.array([1, 3]),
+        *(np.array([value, 1.0]) for value in (axial, flexural, shear)),
+        none,
+        none,
     )
-    frame = Frame(points, members, fixed, [str(i) for i in range(len(points))])
+    held = np.array([[True, True, not hinged]] * 2 + [[True] * 3, [False] * 3])
+    frame = Frame(np.array([0.0, span, 1e3, 1e3 + 1.0]), members, held, list('0123'))
     topology = SimpleNamespace(
-        n_modules=m, previous=np.roll(np.arange(m), 1), tube=np.zeros(m, dtype=int)
+        n_modules=1, b=one - 1, c=one, following=one - 1, previous=one - 1, tube=one - 1
     )
     return SimpleNamespace(
         frame=frame,
-        config=SimpleNamespace(robot=SimpleNamespace(topology=topology)),
-        pieces=np.arange(3 * m, 6 * m).reshape(3, -1),
-        owners=np.stack([np.arange(m), topology.previous, np.arange(m)]),
+        config=SimpleNamespace(
+            robot=SimpleNamespace(topology=topology),
+            points=frame.points[:2],
+            member_lengths=np.abs(frame.points[1:2]),
+        ),
+        pieces=np.zeros((3, 1), dtype=int),
+        owners=np.zeros((3, 1), dtype=int),
+        locate=lambda members, places: (0 * members, places, 1.0 + 0.0 * places),
     )
 
 
-def with_nodes(frame, held, rows, points):
-    """
-    Return a frame with nodes at points on its members, and their numbers.
-
-    :param held: (n, 3) of the frame.
-    :param rows: its constraints.
-    :param points: (c,) x + iy, each on a member.
-    """
-    old = frame.members
-    start, end = frame.points[old.start], frame.points[old.end]
-    length = np.abs(end - start)
-    along = (points[:, None] - start) * ((end - start) / length).conj()
-    # The tubes come last and may lie along stiff parts: the last member that fits.
-    fits = (np.abs(along.imag) < 1e-9) & (along.real > -1e-9) & (along.real < length + 1e-9)
-    on = fits.shape[1] - 1 - fits[:, ::-1].argmax(axis=1)
-    assert fits.any(axis=1).all()
-    place = along.real[np.arange(len(points)), on]
-    numbers = np.empty(len(points), dtype=int)
-    new_points, pieces = list(frame.points), []
-    for member in range(len(length)):
-        node, last = old.start[member], False
-        here = np.flatnonzero(on == member)
-        chain = [node]
-        for c in here[np.argsort(place[here])]:
-            if place[c] < 1e-9:
-                numbers[c] = node
-            elif place[c] > length[member] - 1e-9:
-                numbers[c] = old.end[member]
-            else:
-                numbers[c] = len(new_points)
-                new_points.append(points[c])
-                chain.append(numbers[c])
-        chain.append(old.end[member])
-        for i in range(len(chain) - 1):
-            first, last = i == 0, i == len(chain) - 2
-            pieces.append((chain[i], chain[i + 1], member, first, last))
-    start, end, member, first, last = map(np.array, zip(*pieces, strict=True))
-    members = Members(
-        start,
-        end,
-        old.axial[member],
-        old.flexural[member],
-        old.shear[member],
-        old.pinned_start[member] & first,
-        old.pinned_end[member] & last,
-    )
-    extra = len(new_points) - len(frame.points)
-    held = np.concatenate([held, np.zeros((extra, 3), dtype=bool)])
-    names = [str(i) for i in range(len(new_points))]
-    return Frame(np.array(new_points), members, held, names, rows), numbers
+def robot_with_nodes(structure, members, places):
+    """Return the frame of a robot with nodes at places (c,) on its members (c,)."""
+    return CutFrame(structure.frame, *structure.locate(members, places)[:2])
 
 
-def robot_with_nodes(structure, points):
-    """Return the frame of a robot with nodes at points on its tubes, and their numbers."""
-    return with_nodes(structure.frame, structure._layout.held, structure.frame._rows, points)
-
-
-def largest_utilisation(structure, pressure, ends, inside):
+def largest_utilisation(structure, frame, ends):
     """
     Return the largest |M| / M_w of each member of a robot in whose tubes points are nodes.
 
+    :param frame: see `robot_with_nodes`.
     :param ends: (k, 6) forces on the members of that frame, see `FrameState.end_forces`.
-    :param inside: (c,) the members of the robot's own frame that have the points inside.
     """
-    m = len(structure.config.member_lengths)
-    radius = 0.5 * structure.config.robot.description.tube_diameter
-    cuts = 1 + np.bincount(inside, minlength=len(structure.frame.members.start))
-    piece = np.repeat(np.arange(len(cuts)), cuts)
-    largest = np.zeros(m)
+    robot = structure.config.robot
+    radius, tube = 0.5 * robot.description.tube_diameter, robot.topology.tube
+    largest = np.zeros(len(tube))
     for number, member in zip(structure.pieces.ravel(), structure.owners.ravel(), strict=True):
-        here = ends[piece == number]
-        pull = pressure[member] * np.pi * radius**2 - here[:, 0]
+        here = ends[frame.whole == number]
+        pull = structure.pressures[tube[member]] * np.pi * radius**2 - here[:, 0]
         moment = np.abs(here[:, [2, 5]]).max(axis=1)
         used = np.where(pull > 0.0, 2.0 * moment / radius / pull, np.inf)
         largest[member] = max(largest[member], used.max())
@@ -148,27 +85,6 @@ def node_compliance(frame, nodes):
             loads[node, axis] = 1.0
             answer[:, :, c, axis] = frame.solve(loads).displacements[nodes, :2]
     return answer
-
-
-def cut_member(length, axial, flexural, shear, pinned, places):
-    """
-    Return the stiffness of one member that has nodes at places, by its own element matrices.
-
-    :param pinned: whether start and end turn freely.
-    :return: (3 n, 3 n), nodes in order along the member, start and end included.
-    """
-    cuts = np.concatenate([[0.0], places, [length]])
-    matrix = np.zeros((3 * len(cuts), 3 * len(cuts)))
-    for i, piece in enumerate(np.diff(cuts)):
-        both = slice(3 * i, 3 * i + 6)
-        values = (np.full(1, value) for value in (piece, axial, flexural, shear))
-        matrix[both, both] += local_stiffness(*values)[0]
-    for rotation, free in ((2, pinned[0]), (len(matrix) - 1, pinned[1])):
-        if free:
-            column = matrix[:, rotation].copy()
-            matrix -= np.outer(column, column) / column[rotation]
-            matrix[rotation] = matrix[:, rotation] = 0.0
-    return matrix
 
 
 def plane_compliance(contact_points):

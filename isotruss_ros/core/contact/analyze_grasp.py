@@ -19,15 +19,16 @@ from isotruss_ros.core.contact.contact_points import (
     ContactState,
     find_contact_points,
 )
-from isotruss_ros.core.contact.contact_regions import (
-    assess_members,
-    measure_contact,
-    SolvedContact,
-)
+from isotruss_ros.core.contact.contact_regions import assess_members
 from isotruss_ros.core.contact.flattening import flattening_of
 from isotruss_ros.core.contact.force_closure import check_force_closure
 from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis, HeldFast
-from isotruss_ros.core.contact.refinement import ContactSolver, refine_contact
+from isotruss_ros.core.contact.refinement import (
+    ContactSolver,
+    measure_contact,
+    refine_contact,
+    SolvedContact,
+)
 from isotruss_ros.core.contact.sliding_contact import solve_sliding_contact, turn_at_corners
 from isotruss_ros.core.contact.surfaces import Surface, surface_of
 from isotruss_ros.core.errors import GraspError, SolverError
@@ -198,11 +199,11 @@ def _pressed(
     contact: ContactState,
     margin: float,
     round_: bool,
-) -> tuple[Array, Array | None]:
-    """Return the wrench (3,) on the object, and the levers of friction; None for a disc."""
+) -> tuple[Array, Array]:
+    """Return the wrench (3,) on the object, and the levers (c,) of friction."""
     if round_:
         force = contact.forces @ contact.normals
-        return np.array([-force.real, -force.imag, 0.0]), None
+        return np.array([-force.real, -force.imag, 0.0]), np.ones(len(contact.forces))
     # Where the forces act on the object's own surface, from the origin of its frame.
     arms = contact_points.skin + contact.displacements - body.center
     arms = arms - (contact.gaps + margin) * contact.normals

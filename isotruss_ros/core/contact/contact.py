@@ -23,7 +23,7 @@ from isotruss_ros.core.contact.contact_points import ContactPoints, ContactState
 from isotruss_ros.core.contact.surfaces import Surface
 from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
-from isotruss_ros.core.numerics.lcp import GAP_TOLERANCE, solve_complementarity
+from isotruss_ros.core.numerics.qp import GAP_TOLERANCE, solve_complementarity
 import numpy as np
 from scipy.linalg import lapack
 

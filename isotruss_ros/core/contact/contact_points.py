@@ -11,19 +11,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import NamedTuple
 
 from isotruss_ros.core.contact.flattening import Flattening
 from isotruss_ros.core.contact.surfaces import Surface
-from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
-from isotruss_ros.core.statics.interior import interior_points
+from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+from isotruss_ros.core.statics.beam import Beams
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
-
-#: Points closer than this are one, as a share of the spacing.
-SAME = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,9 +27,11 @@ class ContactPoints:
     """
     Points of the tubes that an object could touch, and how the whole robot gives there.
 
+    They are in the order of the members, and of the places on these.
+
     Displacements of the points are those of the ends of the p pieces of tube that they are on,
     spread by shape functions, and those inside the pieces: the factors are kept, not the product.
-    Both are along and across the pieces, so that no matrix has to be turned.
+    Both are along and across the members, so that no matrix has to be turned.
 
     :ivar points: (c,) on the undeformed centre lines, x + iy [m].
     :ivar skin: (c,) what the object meets: the undeformed skin, at the foot of each point toward
@@ -43,7 +41,7 @@ class ContactPoints:
     :ivar pieces: (p,) the pieces of tube, by their numbers in the frame.
     :ivar piece: (c,) which of the p pieces each is on.
     :ivar spacing: length of tube that each stands for [m].
-    :ivar axis: (c,) direction of the tube.
+    :ivar axis: (c,) direction of the member.
     :ivar inside: (2, c, c) compliance within pieces, along and across the tube [m/N].
     :ivar spread: (2, c, 6 p) displacements along and across the tube by those of the pieces' ends.
     :ivar ends: (6 p, 6 p) compliance of the pieces' ends, in the frames of the pieces [m/N].
@@ -75,15 +73,14 @@ class ContactPoints:
         Return W = N^T (S^-1 + C) N of (8): how the skin gives along normals.
 
         :param normals: (c,) unit vectors x + iy along which unit forces act.
-        :return: (c, c) symmetric [m/N].
+        :return: (c, c) symmetric but for rounding [m/N].
         """
         local = self.axis.conj() * normals
         along, across = local.real[:, None], local.imag[:, None]
         lever = along * self.spread[0] + across * self.spread[1]
         matrix = lever @ self.ends @ lever.T
         matrix += along * along.T * self.inside[0]
-        matrix += across * across.T * self.across
-        return 0.5 * (matrix + matrix.T)
+        return matrix + across * across.T * self.across
 
     def displacements(self, forces: Points) -> Points:
         """
@@ -155,7 +152,7 @@ def find_contact_points(
     windows: Array | None = None,
 ) -> ContactPoints:
     """
-    Place contact points on every piece of tube that comes within reach of an object.
+    Place contact points on the members where they come within reach of an object.
 
     :param structure: the frame of the robot.
     :param surface: what the points meet: the object's own surface, or where the tubes do not
@@ -165,109 +162,86 @@ def find_contact_points(
     :param windows: (m, 2) between which points of each member, from its start, points are placed;
         everywhere if None [m].
     """
-    topology, frame = structure.config.robot.topology, structure.frame
-    width = 0.0 if flattening is None else flattening.radius
-    tubes = _tube_pieces(structure, surface.center)
-    low, high = _reach(tubes, surface, spacing, width)
+    config, width = structure.config, 0.0 if flattening is None else flattening.radius
+    topology = config.robot.topology
+    start, length = config.points[topology.b], config.member_lengths
+    axis = (config.points[topology.c[topology.following]] - start) / length
+    away = (surface.center - start) * axis.conj()
+    low, high = _reach(surface, start, axis, width, spacing)
+    low, high = np.maximum(low, 0.0), np.minimum(high, length)
     if windows is not None:
-        bounds = tubes.ahead[:, None] * (windows[tubes.owner] - tubes.base[:, None])
-        low, high = np.maximum(low, bounds.min(axis=1)), np.minimum(high, bounds.max(axis=1))
-    near = np.flatnonzero(high > low)
-    tubes = tubes.take(near)
-    piece, place = _place_points(tubes, low[near], high[near], spacing)
-    at = tubes.take(piece)
-    shapes, inside = interior_points(frame, tubes.number, piece, place)
-    spread = np.zeros((2, len(place), len(near), 6))
-    spread[:, np.arange(len(place)), piece] = shapes.swapaxes(0, 1)
-    points = at.start + place * at.axis
-    # All on one line: places along the member, from those along its pieces.
-    in_line = at.base + at.ahead * place
-    skin, dents = points, np.zeros((len(place), len(place)))
-    if flattening is not None:
-        line = at.ahead * at.axis
-        toward = np.where(at.ahead * at.away.imag < 0.0, -1j, 1j) * line
-        skin = points + flattening.radius * toward
-        dents = flattening.compliance(in_line, at.owner, topology.tube[at.owner], spacing)
-        if (tubes.ahead < 0.0).any():
-            dents = dents * np.outer(at.ahead, at.ahead)
-    return ContactPoints(
+        low, high = np.maximum(low, windows[:, 0]), np.minimum(high, windows[:, 1])
+    # Counted from the foot of the centre, where contact begins: what is symmetric stays so.
+    near, foot = np.flatnonzero(high > low), away.real
+    first, last = (((end - foot) / spacing)[near] for end in (low, high))
+    first, last = np.ceil(first).astype(int), np.floor(last).astype(int)
+    counts = last - first + 1
+    member = np.repeat(near, counts)
+    number = np.arange(len(member)) - np.repeat(np.cumsum(counts) - counts - first, counts)
+    place = np.clip(foot[member] + spacing * number, 0.0, length[member])
+    points = points_on_members(structure, member, place, spacing)
+    if flattening is None:
+        return points
+    toward = np.where(away.imag < 0.0, -1j, 1j) * axis
+    return replace(
         points,
-        skin,
-        at.owner,
-        in_line,
-        tubes.number,
-        piece,
-        spacing,
-        at.axis,
-        inside,
-        spread.reshape(2, len(place), 6 * len(near)),
-        frame.compliance(tubes.number),
-        dents,
+        skin=points.points + flattening.radius * toward[member],
+        dents=flattening.compliance(place, member, topology.tube[member], spacing),
     )
 
 
-class _TubePieces(NamedTuple):
-    number: Indices  # (p,) among the members of the frame
-    owner: Indices  # (p,) the member of the robot that each is part of
-    long: Flags  # (p,) whether it is the long one, DE'
-    start: Points  # (p,) [m]
-    axis: Points  # (p,) direction
-    length: Array  # (p,) [m]
-    away: Points  # (p,) the object's centre from the start, along + i across [m]
-    ahead: Array  # (p,) 1 where it runs along its member, -1 where it runs backward
-    base: Array  # (p,) place of its start along its member [m]
+def points_on_members(
+    structure: Structure, member: Indices, place: Array, spacing: float
+) -> ContactPoints:
+    """
+    Return points of the centre lines at given places.
 
-    def take(self, chosen: Indices) -> _TubePieces:
-        """Return some of the pieces."""
-        return _TubePieces(*(values[chosen] for values in self))
-
-
-def _tube_pieces(structure: Structure, center: complex) -> _TubePieces:
-    """Return the pieces of all tubes."""
-    topology, frame = structure.config.robot.topology, structure.frame
-    m = topology.n_modules
-    pieces, owner = structure.pieces.ravel(), structure.owners.ravel()
-    start = frame.points[frame.members.start[pieces]]
-    length, axis = frame.length[pieces], frame.axis[pieces]
-    # All pieces of a member are one line, that of the long piece, whichever way they run.
-    line, origin = axis[2 * m + owner], start[2 * m + owner]
-    ahead, base = (axis * line.conj()).real, length[owner] + ((start - origin) * line.conj()).real
-    long, away = np.arange(3 * m) >= 2 * m, (center - start) * axis.conj()
-    return _TubePieces(pieces, owner, long, start, axis, length, away, ahead, base)
+    :param structure: the frame of the robot.
+    :param member: (c,) the member that each is on.
+    :param place: (c,) distance of each from its member's start [m].
+    :param spacing: length of tube that each stands for [m].
+    """
+    config, frame, count = structure.config, structure.frame, len(place)
+    topology = config.robot.topology
+    start = config.points[topology.b]
+    axis = (config.points[topology.c[topology.following]] - start) / config.member_lengths
+    piece, within, ahead = structure.locate(member, place)
+    pieces, which = np.unique(piece, return_inverse=True)
+    shapes, inside = Beams(*(each[pieces] for each in frame.beams)).points(which, within)
+    spread = np.zeros((2, count, len(pieces), 6))
+    spread[:, np.arange(count), which] = ahead[:, None] * shapes.swapaxes(0, 1)
+    points = start[member] + place * axis[member]
+    return ContactPoints(
+        points=points,
+        skin=points,
+        member=member,
+        place=place,
+        pieces=pieces,
+        piece=which,
+        spacing=spacing,
+        axis=axis[member],
+        inside=inside,
+        spread=spread.reshape(2, count, 6 * len(pieces)),
+        ends=frame.compliance(pieces),
+        dents=np.zeros((count, count)),
+    )
 
 
 def _reach(
-    tubes: _TubePieces, surface: Surface, spacing: float, width: float
+    surface: Surface, start: Points, axis: Points, width: float, spacing: float
 ) -> tuple[Array, Array]:
-    """Return between which distances from their starts pieces are within reach."""
+    """Return between which distances from their starts lines (m,) are within reach."""
     # A tube that gives elsewhere may come into contact beyond the chord of the object.
-    reach, foot = surface.reach + 2.0 * spacing, tubes.away.real
-    off = np.abs(tubes.away.imag) - width
+    away, reach = (surface.center - start) * axis.conj(), surface.reach + 2.0 * spacing
+    off = np.abs(away.imag) - width
     chord = np.sqrt(np.maximum(0.0, reach**2 - np.maximum(off, 0.0) ** 2))
-    low, high = np.maximum(0.0, foot - chord), np.minimum(tubes.length, foot + chord)
+    low, high = away.real - chord, away.real + chord
     if not surface.shape.is_round:
         normals, distances = surface.tangents
-        start, room = tubes.start - surface.center, distances + 2.0 * spacing
-        first, last = _clip(start, tubes.axis, normals, room, width)
+        room = distances + 2.0 * spacing
+        first, last = _clip(start - surface.center, axis, normals, room, width)
         low, high = np.maximum(low, first), np.minimum(high, last)
     return np.where(off < reach, low, np.inf), high
-
-
-def _place_points(
-    tubes: _TubePieces, low: Array, high: Array, spacing: float
-) -> tuple[Indices, Array]:
-    """Return the piece (c,) that each point is on, and where, from its start [m]."""
-    # Counted from the foot of the centre, where contact begins: what is symmetric stays so.
-    # A guide ring, where two pieces meet, is a point of the long one alone: twice the same point
-    # would leave it open which of them takes the force.
-    foot, long = tubes.away.real, tubes.long
-    first = np.ceil((low - foot) / spacing - SAME * long).astype(int)
-    last = np.floor((high - foot) / spacing + np.where(long, SAME, -SAME)).astype(int)
-    counts = last - first + 1
-    piece = np.repeat(np.arange(len(counts)), counts)
-    number = np.arange(len(piece)) - np.repeat(np.cumsum(counts) - counts - first, counts)
-    place = foot[piece] + spacing * number
-    return piece, np.minimum(np.maximum(place, 0.0), tubes.length[piece])
 
 
 def _clip(

@@ -8,7 +8,7 @@
 # language governing permissions and limitations under the License.
 
 """
-Contact regions: how long and wide the tubes touch the object, and with what pressure.
+Contact regions: how widely the tubes touch the object, and with what pressure.
 
 Where a section is flattened its wall is straight across the tube, so that it presses with the
 gauge pressure p and with what its tension along the tube, T, adds around an object whose surface
@@ -19,65 +19,14 @@ pressure.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any, NamedTuple
+from typing import Any
 
 from isotruss_ros.core.contact.contact_points import ContactPoints, ContactState
-from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.contact.refinement import SolvedContact
+from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.statics.structure import Structure
-from isotruss_ros.core.statics.wrinkling import load_sections, SectionLoads, SectionPoints
+from isotruss_ros.core.statics.wrinkling import load_sections, SectionLoads
 import numpy as np
-
-
-class SolvedContact(NamedTuple):
-    """
-    Points of the tubes, and the contact there; how far it goes on each of the m members.
-
-    :ivar points: points that the object could touch.
-    :ivar contact: where it does, and with what force.
-    :ivar length: (m,) of tube in contact, zero where there is none [m].
-    :ivar spans: (m, 2) where contact begins and ends, from the member's start; inf, -inf without
-        [m].
-    :ivar kept: (k,) which of the points are the answer; the others only served to find it.
-    """
-
-    points: ContactPoints
-    contact: ContactState
-    length: Array
-    spans: Array
-    kept: Indices
-
-
-def measure_contact(
-    contact_points: ContactPoints, contact: ContactState, count: int
-) -> SolvedContact:
-    """
-    Return a contact with how far it goes on each member; all points are kept.
-
-    :param contact_points: points that the object could touch.
-    :param contact: where it does.
-    :param count: of members.
-    """
-    spacing = contact_points.spacing
-    order = np.lexsort((contact_points.place, contact_points.member))
-    member, place = contact_points.member[order], contact_points.place[order]
-    # The depth to which each point is pressed by its own load, or its gap: this runs through zero
-    # where contact ends, straight enough to be interpolated between the points. In the paper's
-    # model a point has no depth of its own, and stands for half a spacing to both sides.
-    depth = (contact_points.dents.diagonal() * contact.forces - contact.gaps)[order]
-    touching = contact.forces[order] > 0.0
-    joined = member[1:] == member[:-1]
-    share = np.full(len(joined), 0.5)
-    if contact_points.dents.any():
-        crossing = joined & (touching[1:] != touching[:-1])
-        inner = np.where(touching[1:], depth[1:], depth[:-1])[crossing]
-        outer = np.where(touching[1:], depth[:-1], depth[1:])[crossing]
-        share[crossing] = inner / (inner - outer)
-    before, after = np.append(0.5, share), np.append(share, 0.5)
-    length = np.bincount(member, spacing * touching * (before + after), count)
-    spans = np.tile([np.inf, -np.inf], (count, 1))
-    np.minimum.at(spans[:, 0], member[touching], (place - spacing * before)[touching])
-    np.maximum.at(spans[:, 1], member[touching], (place + spacing * after)[touching])
-    return SolvedContact(contact_points, contact, length, spans, np.arange(len(order)))
 
 
 def find_wrinkling(
@@ -101,17 +50,14 @@ def find_wrinkling(
     pushed = pushed.reshape(-1, 6)
     end_forces = frame.end_forces(pieces, pushed)
 
-    piece = pieces[contact_points.piece[touching]]
-    within = np.abs(contact_points.points[touching] - frame.points[frame.members.start[piece]])
-    member, local = contact_points.member[touching], local[touching]
-    points = SectionPoints(piece, within, member, contact_points.place[touching])
-    couples = np.zeros(len(local))
-    sections = load_sections(structure, end_forces, points, local, couples)
+    points = contact_points.member[touching], contact_points.place[touching]
+    couples = np.zeros(len(touching))
+    sections = load_sections(structure, end_forces, *points, local[touching], couples)
 
     # The force points away from the object, which presses the wall together on its own side.
     pressure = np.array(structure.pressures)[topology.tube]
     tension = (pressure * np.pi * radius**2)[contact_points.member]
-    pressed = 2.0 / radius * sections.moment * np.sign(local.imag)
+    pressed = 2.0 / radius * sections.moment * np.sign(local[touching].imag)
     tension[touching] += pressed - sections.compression
     tension /= 2.0 * np.pi * radius
     return sections, np.maximum(tension, 0.0)

@@ -11,64 +11,37 @@
 
 from __future__ import annotations
 
+from isotruss_ros.core.contact.contact_points import points_on_members
 from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Points
-from isotruss_ros.core.statics.interior import interior_points
-from isotruss_ros.core.statics.member_compliance import locate_places
-from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 
-#: Points on each of the three pieces of a member: B to D, D to E', E' to C'.
-SAMPLES = (2, 13, 2)
+#: Points on each member from guide ring to guide ring.
+SAMPLES = 13
 
 
-def deformed_lines(config: Configuration, analysis: GraspAnalysis) -> Points:
+def deformed_lines(analysis: GraspAnalysis) -> Points:
     """
     Return the centre lines (m, s) of the members under the contact forces, pinch to pinch [m].
 
-    :param config: configuration of the robot.
-    :param analysis: of a grasp in this configuration.
-    :raises StructureError: the robot is a mechanism.
+    :param analysis: of a grasp.
     """
-    topology, structure = config.robot.topology, structure_of(config)
-    frame, (first, last, middle) = structure.frame, structure.pieces
-    touching = analysis.normal_forces > 0.0
-    forces = analysis.normals[touching] @ np.array([1.0, 1.0j]) * analysis.normal_forces[touching]
-    pressed = analysis.members[touching], analysis.places[touching]
-    loaded, at_loads = locate_places(structure, *pressed)
-    # Points of the lines, then of the forces. C' is where the last piece starts, E' where it ends;
-    # where a piece ends the next begins.
-    parts = [(first, np.linspace(0.0, 1.0, SAMPLES[0]))]
-    parts += [(middle, np.linspace(0.0, 1.0, SAMPLES[1])[1:])]
-    parts += [(last[topology.following], np.linspace(1.0, 0.0, SAMPLES[2])[1:])]
-    along = [frame.length[piece][:, None] * shares for piece, shares in parts]
-    pieces = [np.repeat(piece[:, None], len(shares), axis=1) for piece, shares in parts]
-    lines = np.concatenate(pieces, axis=1)
-    piece = np.append(lines.ravel(), loaded)
-    place = np.append(np.concatenate(along, axis=1).ravel(), at_loads)
-    drawn = lines.size
-    shapes, _ = interior_points(frame, piece, np.arange(len(piece)), place)
-    local = forces * frame.axis[loaded].conj()
-    # What moves the ends of the pieces as the forces do.
-    bearing, which = np.unique(loaded, return_inverse=True)
-    pushed = np.zeros((len(bearing), 6))
-    of_loads = shapes[drawn:]
-    carried = local.real[:, None] * of_loads[:, 0] + local.imag[:, None] * of_loads[:, 1]
-    np.add.at(pushed, which, carried)
-    moved = frame.displacements(bearing, pushed.reshape(-1, 1))[:, :, 0]
-    own, drawn_on = frame.members, piece[:drawn]
-    ends = np.concatenate([moved[own.start[drawn_on]], moved[own.end[drawn_on]]], axis=1)
-    ends = np.einsum('cij,cj->ci', frame.turn[drawn_on], ends)
-    bent = np.einsum('cie,ce->ci', shapes[:drawn], ends) @ np.array([1.0, 1.0j])
-    # What the pieces that carry forces give besides.
-    here = np.flatnonzero(np.isin(piece, bearing))
-    _, inside = interior_points(frame, bearing, np.searchsorted(bearing, piece[here]), place[here])
-    pulled, pressed = inside[:, :, here >= drawn]
-    bent[here[here < drawn]] += (pulled @ local.real + 1j * (pressed @ local.imag))[here < drawn]
-    start, axis = frame.points[own.start[drawn_on]], frame.axis[drawn_on]
-    return (start + axis * (place[:drawn] + bent)).reshape(lines.shape)
+    structure, touching = analysis.solution.structure, analysis.normal_forces > 0.0
+    config = structure.config
+    length, ring = config.member_lengths, config.robot.description.module.guide_ring_distance
+    between = ring + (length - 2.0 * ring)[:, None] * np.linspace(0.0, 1.0, SAMPLES)
+    places = np.column_stack([np.zeros_like(length), between, length])
+    drawn = np.repeat(np.arange(len(places)), places.shape[1])
+    # Points of the lines, then of the forces.
+    member = np.append(drawn, analysis.members[touching])
+    place = np.append(places, analysis.places[touching])
+    points = points_on_members(structure, member, place, 0.0)
+    forces = analysis.normals[touching] @ (1.0, 1.0j) * analysis.normal_forces[touching]
+    push = np.append(np.zeros(places.size), forces)
+    moved = points.points + points.displacements(push)
+    return moved[: places.size].reshape(places.shape)
 
 
 def force_lines(body: ConvexObject, analysis: GraspAnalysis, scale: float) -> Points:
@@ -100,7 +73,6 @@ def region_lines(
     regions = []
     for name, (start, end) in analysis.contact_spans.items():
         here = np.flatnonzero(analysis.members == config.robot.member_names.index(name))
-        here = here[np.argsort(analysis.places[here])]
         places, points = analysis.places[here], analysis.points[here]
         inside = places[(places > start) & (places < end)]
         along = np.concatenate([[start], inside, [end]])

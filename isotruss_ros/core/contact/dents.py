@@ -29,7 +29,7 @@ from isotruss_ros.core.contact.flattening import Flattening, flattening_of
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.numerics.lcp import solve_complementarity
+from isotruss_ros.core.numerics.qp import solve_complementarity
 import numpy as np
 import scipy
 

@@ -31,7 +31,8 @@ import functools
 
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.numerics.arrays import Array, Indices
-from isotruss_ros.core.statics.tube_stiffness import Fabric, tube_stiffness
+from isotruss_ros.core.statics.section import Fabric
+from isotruss_ros.core.statics.tube_stiffness import tube_stiffness
 import numpy as np
 from numpy.typing import ArrayLike
 

@@ -24,11 +24,7 @@ import functools
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.numerics.arrays import Array, Indices
-from isotruss_ros.core.numerics.qp import (
-    find_nearest,
-    Nearest,
-    solve_least_squares,
-)
+from isotruss_ros.core.numerics.qp import find_nearest, solve_least_squares
 import numpy as np
 import scipy
 
@@ -43,6 +39,8 @@ SMALL = 1e-6
 PRECISION, MOST_STEPS = 1e-14, 10
 #: Segments that lean less than this against what is left are across it.
 ACROSS = 1e-6
+#: Facets whose extents are summed at once.
+PART = 4096
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +70,7 @@ def check_force_closure(
     normal_forces: Array,
     load: Array,
     friction: float,
-    levers: Array | None = None,
+    levers: Array,
 ) -> Closure:
     """
     Balance a load by friction forces with |F_i| <= mu N_i, equation (10).
@@ -81,17 +79,14 @@ def check_force_closure(
     :param normal_forces: (k,) N_i, not negative [N].
     :param load: (3,) resultant of all else on the object: fx, fy, m / (d/2) [N].
     :param friction: mu, not negative.
-    :param levers: (k,) of forces along the tangents, over half of the mean width; None for a
-        cylinder, where they are 1.
+    :param levers: (k,) of forces along the tangents, over half of the mean width: 1 of a cylinder.
     """
     touching = normal_forces > 0.0
-    levers_here = np.ones(touching.sum()) if levers is None else levers[touching]
-    segments = np.column_stack([tangents[touching], levers_here])
-    segments = segments * normal_forces[touching, None]
+    segments = np.column_stack([tangents, levers])[touching] * normal_forces[touching, None]
     tolerance = CLOSURE_TOLERANCE * max(
         1e-3, float(np.abs(load).max()), float(normal_forces.sum())
     )
-    facets = (_facets_of_cone if levers is None else _facets)(segments)
+    facets = _facets(segments)
     required, margin = _extremes(facets, -load, friction, tolerance)
     shares, residual = _balance(segments, facets, load, friction)
     forces = np.zeros(len(normal_forces))
@@ -117,19 +112,15 @@ def closure_margin_rates(
     :return: besides, (3,) the unit wrench of which friction balances the least more.
     :raises GraspError: all segments are along one line.
     """
-    first, second = _pairs(len(segments))
-    normals, reach = np.cross(segments[first], segments[second]), np.linalg.norm(segments, axis=1)
-    sizes = np.linalg.norm(normals, axis=1)
-    good = np.flatnonzero(sizes > FACET_TOLERANCE * reach[first] * reach[second])
-    if not len(good):
+    pairs, normals, sizes = _planes(segments)
+    if not len(normals):
         raise GraspError('friction is along one line: the closure margin has no derivatives')
-    normals = normals[good] / sizes[good, None]
     support, need = np.abs(normals @ segments.T).sum(axis=1), normals @ load
     nearest = int((friction[0] * support - np.abs(need)).argmin())
-    i, j, normal = first[good[nearest]], second[good[nearest]], normals[nearest]
+    (i, j), normal, size = pairs[:, nearest], normals[nearest], sizes[nearest]
     turned = np.cross(segment_rates[i], segments[j], axisa=0, axisc=0)
     turned += np.cross(segments[i], segment_rates[j], axisb=0, axisc=0)
-    turned = (turned - np.outer(normal, normal @ turned)) / sizes[good[nearest]]
+    turned = (turned - np.outer(normal, normal @ turned)) / size
     signs, side = np.sign(segments @ normal), np.sign(need[nearest])
     signs[[i, j]] = 0.0  # both are in the facet
     widened = signs @ (normal @ segment_rates + segments @ turned)
@@ -141,41 +132,32 @@ def _balance(
     segments: Array, facets: tuple[Array, Array], load: Array, friction: float
 ) -> tuple[Array, float]:
     """Return the shares (k,) in [-mu, mu] of the segments, and what they leave of the load."""
-    shares, free = np.zeros(len(segments)), np.ones(len(segments), dtype=bool)
-    if len(segments) == 0 or friction == 0.0:
-        return shares, float(np.linalg.norm(load))
+    normals, support = facets
+    offs, size = normals @ load, float(np.linalg.norm(load))
+    room = friction * np.tile(support, 2) + np.concatenate([offs, -offs])
+    nearest = find_nearest(np.concatenate([normals, -normals]).T, room, size, 0.0)
+    left = np.zeros(3) if nearest is None else nearest.point
     # What is left when all friction is used points away from all that could take more of it: only
     # shares across it are open, few of all.
-    normals, support = facets
-    offs = normals @ load
-    room = friction * np.tile(support, 2) + np.concatenate([offs, -offs])
-    size = float(np.linalg.norm(load))
-    left = find_nearest(np.concatenate([normals, -normals]).T, room, size, 0.0)
-    if left is not None and len(left.active):
-        lever = segments @ left.point
-        reach = np.linalg.norm(segments, axis=1) * np.linalg.norm(left.point)
-        free = np.abs(lever) <= ACROSS * reach
-        shares[~free] = -friction * np.sign(lever[~free])
-    if free.any():
-        shares[free] = _smallest(segments[free], load + shares @ segments, friction, left)
+    lever, reach = segments @ left, np.linalg.norm(segments, axis=1) * np.linalg.norm(left)
+    free = np.abs(lever) <= ACROSS * reach
+    shares = np.where(free, 0.0, -friction * np.sign(lever))
+    if free.any() and friction > 0.0:
+        shares[free] = _smallest(segments[free], left - load - shares @ segments, friction)
     return shares, float(np.linalg.norm(segments.T @ shares + load))
 
 
-def _smallest(segments: Array, load: Array, friction: float, left: Nearest | None) -> Array:
-    """Return the smallest shares (k,) in [-mu, mu] that leave the least of a load, if known."""
-    shares = solve_least_squares(segments.T, -load)
+def _smallest(segments: Array, wanted: Array, friction: float) -> Array:
+    """Return the smallest shares (k,) in [-mu, mu] that give a wrench, or come close to it."""
+    shares = solve_least_squares(segments.T, wanted)
     if np.abs(shares).max() <= friction:
         return shares
     # A load beyond all friction must not overflow in the search either.
-    size = max(float(np.abs(segments).max()), 1e-6 * float(np.abs(load).max()))
-    # Without what is left in any case, the smallest shares show.
-    across = load + shares @ segments
-    if left is not None and np.linalg.norm(across - left.point) <= ACROSS * size:
-        load = load - across
+    size = max(float(np.abs(segments).max()), 1e-6 * float(np.abs(wanted).max()))
     count = len(segments)
     return scipy.optimize.lsq_linear(
         np.concatenate([segments.T / size, SMALL * np.eye(count)]),
-        np.concatenate([-load / size, np.zeros(count)]),
+        np.concatenate([wanted / size, np.zeros(count)]),
         (-friction, friction),
         method='bvls',
         tol=PRECISION,
@@ -199,40 +181,24 @@ def _extremes(
     return required, min(margin, 0.0) if flat.any() else margin
 
 
-def _facets(segments: Array) -> tuple[Array, Array]:
-    """Return unit normals (f, 3) of the facets of a zonotope, and extents (f,) along them."""
-    first, second = _pairs(len(segments))
+def _planes(segments: Array) -> tuple[Indices, Array, Array]:
+    """Return pairs (2, f) of segments, unit normals (f, 3) across them, and their areas (f,)."""
+    first, second = pairs = _pairs(len(segments))
     normals = np.cross(segments[first], segments[second])
     sizes, reach = np.linalg.norm(normals, axis=1), np.linalg.norm(segments, axis=1)
     good = sizes > FACET_TOLERANCE * reach[first] * reach[second]
-    normals = normals[good] / sizes[good, None]
-    support = np.abs(normals @ segments.T).sum(axis=1)
-    if (support > FACET_TOLERANCE * reach.sum()).any():
-        return normals, support
-    return _flat_facets(segments, bool(good.any()))
+    return pairs[:, good], normals[good] / sizes[good, None], sizes[good]
 
 
-def _facets_of_cone(segments: Array) -> tuple[Array, Array]:
-    """Return `_facets` of segments on the cone x^2 + y^2 = z^2, z > 0: those of a cylinder."""
-    k = len(segments)
-    # The plane through two lines of the cone parts those between them from the others, around the
-    # cone: sums over ranges take the place of sums over all, so that hundreds of contacts are few.
-    segments = segments[np.argsort(np.arctan2(segments[:, 1], segments[:, 0]))]
-    first, second = _pairs(k)
-    (x, y, z), (u, v, w) = segments[first].T, segments[second].T
-    normals = np.array([y * w - z * v, z * u - x * w, x * v - y * u])
-    sizes = np.sqrt((normals * normals).sum(axis=0))
-    reach = segments[:, 2]
-    good = sizes > FACET_TOLERANCE * reach[first] * reach[second]
-    normals, first, second = (normals[:, good] / sizes[good]).T, first[good], second[good]
-    # The sum of those between less that of those outside; the two themselves are in neither.
-    sums = np.cumsum(segments, axis=0)
-    middle = 2.0 * sums - segments
-    across = middle[second] - middle[first] - segments.sum(axis=0)
-    support = np.abs(np.einsum('fi,fi->f', normals, across))
-    if (support > FACET_TOLERANCE * reach.sum()).any():
+def _facets(segments: Array) -> tuple[Array, Array]:
+    """Return unit normals (f, 3) of the facets of a zonotope, and extents (f,) along them."""
+    normals = _planes(segments)[1]
+    # All pairs of hundreds of contacts, times all contacts, would take gigabytes at once.
+    parts = np.array_split(normals, 1 + len(normals) // PART)
+    support = np.concatenate([np.abs(part @ segments.T).sum(axis=1) for part in parts])
+    if (support > FACET_TOLERANCE * np.linalg.norm(segments, axis=1).sum()).any():
         return normals, support
-    return _flat_facets(segments, bool(good.any()))
+    return _flat_facets(segments, len(normals) > 0)
 
 
 def _flat_facets(segments: Array, plane: bool) -> tuple[Array, Array]:
@@ -246,6 +212,6 @@ def _flat_facets(segments: Array, plane: bool) -> tuple[Array, Array]:
 
 
 @functools.lru_cache(maxsize=64)
-def _pairs(count: int) -> tuple[Indices, Indices]:
-    """Return all pairs of numbers below a count: the smaller ones, and the larger ones."""
-    return np.triu_indices(count, 1)
+def _pairs(count: int) -> Indices:
+    """Return all pairs of numbers below a count, the smaller ones first, (2, pairs)."""
+    return np.array(np.triu_indices(count, 1))

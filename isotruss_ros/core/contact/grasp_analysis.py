@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from isotruss_ros.core.contact.contact_points import ContactState
-from isotruss_ros.core.contact.contact_regions import SolvedContact
+from isotruss_ros.core.contact.refinement import SolvedContact
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.statics.structure import Structure

@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from isotruss_ros.core.contact.contact import estimate_contact
 from isotruss_ros.core.contact.contact_points import (
@@ -27,10 +28,9 @@ from isotruss_ros.core.contact.contact_points import (
     ContactState,
     find_contact_points,
 )
-from isotruss_ros.core.contact.contact_regions import measure_contact, SolvedContact
 from isotruss_ros.core.contact.flattening import Flattening
 from isotruss_ros.core.contact.surfaces import Surface
-from isotruss_ros.core.numerics.arrays import Array, Flags, Points
+from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 
@@ -47,6 +47,25 @@ EVERYWHERE = np.array([-np.inf, np.inf])
 
 #: Solves (8) at points that meet a surface; to begin with forces and normals if there are any.
 ContactSolver = Callable[..., ContactState]
+
+
+class SolvedContact(NamedTuple):
+    """
+    Points of the tubes, and the contact there; how far it goes on each of the m members.
+
+    :ivar points: points that the object could touch.
+    :ivar contact: where it does, and with what force.
+    :ivar length: (m,) of tube in contact, zero where there is none [m].
+    :ivar spans: (m, 2) where contact begins and ends, from the member's start; inf, -inf without
+        [m].
+    :ivar kept: (k,) which of the points are the answer; the others only served to find it.
+    """
+
+    points: ContactPoints
+    contact: ContactState
+    length: Array
+    spans: Array
+    kept: Indices
 
 
 def refine_contact(
@@ -93,6 +112,38 @@ def refine_contact(
     # Whatever the search began with, the answer is the same.
     within = _within(found.points, found.spans + search.room)
     return found._replace(kept=np.flatnonzero(within))
+
+
+def measure_contact(
+    contact_points: ContactPoints, contact: ContactState, count: int
+) -> SolvedContact:
+    """
+    Return a contact with how far it goes on each member; all points are kept.
+
+    :param contact_points: points that the object could touch.
+    :param contact: where it does.
+    :param count: of members.
+    """
+    spacing = contact_points.spacing
+    member, place = contact_points.member, contact_points.place
+    # The depth to which each point is pressed by its own load, or its gap: this runs through zero
+    # where contact ends, straight enough to be interpolated between the points. In the paper's
+    # model a point has no depth of its own, and stands for half a spacing to both sides.
+    depth = contact_points.dents.diagonal() * contact.forces - contact.gaps
+    touching = contact.forces > 0.0
+    joined = member[1:] == member[:-1]
+    share = np.full(len(joined), 0.5)
+    if contact_points.dents.any():
+        crossing = joined & (touching[1:] != touching[:-1])
+        inner = np.where(touching[1:], depth[1:], depth[:-1])[crossing]
+        outer = np.where(touching[1:], depth[:-1], depth[1:])[crossing]
+        share[crossing] = inner / (inner - outer)
+    before, after = np.append(0.5, share), np.append(share, 0.5)
+    length = np.bincount(member, spacing * touching * (before + after), count)
+    spans = np.tile([np.inf, -np.inf], (count, 1))
+    np.minimum.at(spans[:, 0], member[touching], (place - spacing * before)[touching])
+    np.maximum.at(spans[:, 1], member[touching], (place + spacing * after)[touching])
+    return SolvedContact(contact_points, contact, length, spans, np.arange(len(place)))
 
 
 @dataclass(frozen=True)
@@ -156,10 +207,8 @@ def _carry_over(before: SolvedContact, points: ContactPoints) -> Points:
     member, place = before.points.member[before.kept], before.points.place[before.kept]
     apart = 1.0 + max(place.max(initial=0.0), points.place.max(initial=0.0))
     known, wanted = place + apart * member, points.place + apart * points.member
-    order = np.argsort(known)
-    known, normals = known[order], before.contact.normals[before.kept][order]
-    found = np.interp(wanted, known, normals.real) + 1j * np.interp(wanted, known, normals.imag)
-    return np.exp(1j * np.angle(found))
+    normals = before.contact.normals[before.kept]
+    return np.exp(1j * np.angle(np.interp(wanted, known, normals)))
 
 
 def _division(regions: Array, spacing: float, budget: int | None = None) -> int:

@@ -28,7 +28,7 @@ from isotruss_ros.core.contact.contact_points import ContactPoints, ContactState
 from isotruss_ros.core.contact.surfaces import Surface
 from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
-from isotruss_ros.core.numerics.lcp import solve_complementarity
+from isotruss_ros.core.numerics.qp import solve_complementarity
 import numpy as np
 from scipy.linalg import lapack
 
@@ -157,14 +157,9 @@ def find_neighbours(contact_points: ContactPoints) -> Indices:
 
     :param contact_points: the points.
     """
-    member, place = contact_points.member, contact_points.place
-    order = np.lexsort((place, member))
-    alike = member[order][1:] == member[order][:-1]
-    found = np.empty((2, len(order)), dtype=np.intp)
-    found[:, order] = order
-    found[0, order[1:]] = np.where(alike, order[:-1], order[1:])
-    found[1, order[:-1]] = np.where(alike, order[1:], order[:-1])
-    return found
+    own = np.arange(len(contact_points.member))
+    alike = contact_points.member[1:] == contact_points.member[:-1]
+    return np.stack([own - np.append(False, alike), own + np.append(alike, False)])
 
 
 def turn_at_corners(

@@ -23,7 +23,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
-from isotruss_ros.core.statics.wrinkling import load_sections, SectionLoads, SectionPoints
+from isotruss_ros.core.statics.wrinkling import load_sections, SectionLoads
 import numpy as np
 from scipy.linalg import lapack
 
@@ -203,15 +203,14 @@ class HeldGrip:
     def sections(self) -> SectionLoads:
         """Return what the sections of the tubes bear under the forces of the object."""
         compliance, feet = self.statics.compliance, self.state.feet
-        structure, (piece, within) = compliance.structure, compliance.locate(feet)
-        loads = self.statics.loads(self.state.unknowns)
-        # Of a piece that runs backward along its member.
-        local = (loads[:, 0] + 1j * loads[:, 1]) * compliance.axis / structure.frame.axis[piece]
+        structure, loads = compliance.structure, self.statics.loads(self.state.unknowns)
+        at_feet = compliance.at(feet)
         return load_sections(
             structure,
-            structure.frame.end_forces(piece, compliance.at(feet).carried(loads)),
-            SectionPoints(piece, within, self.contacts.members, feet),
-            local,
+            structure.frame.end_forces(at_feet.pieces, at_feet.carried(loads)),
+            self.contacts.members,
+            feet,
+            loads[:, 0] + 1j * loads[:, 1],
             loads[:, 2],
         )
 

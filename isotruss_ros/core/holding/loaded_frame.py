@@ -65,11 +65,11 @@ def displace_nodes(grip: HeldGrip, loads: Array) -> Array:
     :param loads: (k, 3, c) on the contacts: forces along and across the members [N], moments
         [N m].
     """
-    compliance, feet = grip.statics.compliance, grip.state.feet
-    at_feet, piece = compliance.at(feet), compliance.locate(feet)[0]
+    compliance = grip.statics.compliance
+    frame, at_feet = compliance.structure.frame, compliance.at(grip.state.feet)
     carried = [at_feet.carried(case).ravel() for case in loads.transpose(2, 0, 1)]
-    frame = compliance.structure.frame
-    return frame.displacements(piece, np.column_stack(carried)) / grip.tubes.stiffness_scale
+    moved = frame.displacements(at_feet.pieces, np.column_stack(carried))
+    return moved / grip.tubes.stiffness_scale
 
 
 class NaturalModes(NamedTuple):

@@ -80,7 +80,8 @@ class LoadedTubes:
         self.moved = moved = nodes @ chosen[parameters.rollers]
         self._inflated = inflated = chosen[parameters.pressures]
         self._structure = compliance.structure
-        self._frame = CutFrame(self._structure.frame, *compliance.locate(state.feet))
+        located = self._structure.locate(grip.contacts.members, state.feet)
+        self._frame = CutFrame(self._structure.frame, *located[:2])
         self._rates = structure_rates(self._structure, moved, inflated)
         topology, members = grip.config.robot.topology, grip.contacts.members
         # Velocities of the pinch points at which the members start.

@@ -22,7 +22,7 @@ from isotruss_ros.core.kinematics.constraints import Constraints, Targets
 from isotruss_ros.core.model.description import RobotDescription
 from isotruss_ros.core.model.topology import Topology
 from isotruss_ros.core.numerics.arrays import Array, Points
-from isotruss_ros.core.numerics.factorization import condition_number, factorize
+from isotruss_ros.core.numerics.factorization import factorize, factorize_with_condition
 import numpy as np
 from scipy.sparse import csc_matrix
 
@@ -184,7 +184,7 @@ def require_determinate(source: str, topology: Topology, matrix: Array | csc_mat
     """
     m, joints, grounded = topology.n_modules, len(topology.joint_names), len(topology.grounded)
     needed = 2 * joints - m
-    if grounded == needed and condition_number(matrix) < MAX_CONDITION:
+    if grounded == needed and factorize_with_condition(matrix)[1] < MAX_CONDITION:
         return
     if needed < 3:
         raise RobotFileError(

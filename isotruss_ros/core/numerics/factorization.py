@@ -119,12 +119,3 @@ def factorize_with_condition(matrix: Array | csc_matrix) -> tuple[Factor | None,
     with np.errstate(over='ignore', invalid='ignore'):
         condition = norm * float(onenormest(inverse))
     return factor, condition if np.isfinite(condition) else float('inf')
-
-
-def condition_number(matrix: Array | csc_matrix) -> float:
-    """
-    Return an estimate of the 1-norm condition number of a square matrix (inf if singular).
-
-    :param matrix: (n, n), dense or sparse.
-    """
-    return factorize_with_condition(matrix)[1]

@@ -11,14 +11,16 @@
 Two-node beams of the plane: the force-displacement relation (2) of a straight member.
 
 Ends move by (ux, uy, theta). EA, EI and GA are the section stiffness (Timoshenko; an infinite GA
-is an Euler-Bernoulli beam). All functions take arrays over members.
+is an Euler-Bernoulli beam). All functions take arrays over members. What is inside of a beam is
+exact, so that a frame with loaded points anywhere needs no finer mesh.
 """
 
 from __future__ import annotations
 
-from isotruss_ros.core.numerics.arrays import Array, Flags, Points
+from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
 import numpy as np
 
+IDENTITY = np.eye(6)
 #: Which of 0, EA/L, -EA/L, the forces and moments across, with both signs, and the moments of a
 #: turned end, near and far, are the entries of (2).
 STIFFNESS = np.array(
@@ -44,7 +46,13 @@ TURN = np.array(
 )
 
 
-def local_stiffness(length: Array, axial: Array, flexural: Array, shear: Array) -> Array:
+def local_stiffness(
+    length: Array,
+    axial: Array,
+    flexural: Array,
+    shear: Array,
+    pins: tuple[Flags, Flags] | None = None,
+) -> Array:
     """
     Return (2): stiffness matrices in the members' own frames (x from start to end).
 
@@ -54,7 +62,9 @@ def local_stiffness(length: Array, axial: Array, flexural: Array, shear: Array) 
     :param axial: (k,) EA [N].
     :param flexural: (k,) EI [N m^2].
     :param shear: (k,) GA [N], infinite for no shear deformation.
-    :return: (k, 6, 6), rows and columns (ux, uy, theta) at start and end.
+    :param pins: (k,) whether the start, and the end, transmits no moment; None for fixed ends.
+    :return: (k, 6, 6), rows and columns (ux, uy, theta) at start and end; those of free rotations
+        are zero.
     """
     flexibility = 12.0 * flexural / (shear * length**2)
     bend = flexural / ((1.0 + flexibility) * length)
@@ -65,19 +75,12 @@ def local_stiffness(length: Array, axial: Array, flexural: Array, shear: Array) 
     parts = (0.0, pull, -pull, force, -force, moment, -moment, near, far)
     for place, part in enumerate(parts):
         values[..., place] = part
-    return values.take(STIFFNESS, axis=-1)
+    stiffness = values.take(STIFFNESS, axis=-1)
+    return stiffness if pins is None else _with_pins(stiffness, *pins)
 
 
-def with_pins(stiffness: Array, pinned_start: Flags, pinned_end: Flags) -> Array:
-    """
-    Return stiffness matrices of members whose ends turn freely where they are pinned.
-
-    :param stiffness: (k, 6, 6) of members fixed at both ends.
-    :param pinned_start: (k,) whether no moment is transmitted at the start.
-    :param pinned_end: (k,) the same at the end.
-    :return: (k, 6, 6), rows and columns of free rotations zero.
-    """
-    matrix = stiffness.copy()
+def _with_pins(matrix: Array, pinned_start: Flags, pinned_end: Flags) -> Array:
+    """Return stiffness matrices (k, 6, 6), overwritten, whose ends turn freely where pinned."""
     for rotation, pinned in ((2, pinned_start), (5, pinned_end)):
         if not pinned.any():
             continue
@@ -111,3 +114,71 @@ def directions(direction: Points) -> Array:
     values[:, 1], values[:, 2], values[:, 3] = 1.0, direction.real, direction.imag
     values[:, 4] = -direction.imag
     return values.take(TURN, axis=1)
+
+
+class Beams:
+    """
+    Beams between their ends, by transfer matrices: how sections inside them move.
+
+    The displacements along and across, the rotation, axial force, shear force and bending moment
+    z = (u, w, theta, N, V, M) of a section follow from those at the start, z(x) = exp(A x) z(0);
+    loads are jumps of N, V and M (Pestel and Leckie, Matrix Methods in Elastomechanics, 1963).
+
+    :ivar length: (k,) [m].
+    :ivar series: (k, 4, 6, 6) terms A^n / n! of exp(A x); those beyond are zero.
+    :ivar by_ends: (k, 6, 6) z at the start by (ux, uy, theta) of start and end.
+    :param length: (k,) [m].
+    :param axial: (k,) EA [N].
+    :param flexural: (k,) EI [N m^2].
+    :param shear: (k,) GA [N], infinite for no shear deformation.
+    :param pinned: (k,) whether the start transmits no moment.
+    """
+
+    def __init__(
+        self, length: Array, axial: Array, flexural: Array, shear: Array, pinned: Flags
+    ) -> None:
+        self.length = length
+        self.series = np.zeros((len(length), 4, 6, 6))
+        unity, first = self.series[:, 0], self.series[:, 1]
+        unity[:] = IDENTITY
+        # u' = N / EA, w' = theta + V / GA, theta' = M / EI, M' = -V
+        first[:, 0, 3], first[:, 1, 4], first[:, 2, 5] = 1.0 / axial, 1.0 / shear, 1.0 / flexural
+        first[:, 1, 2], first[:, 5, 4] = 1.0, -1.0
+        self.series[:, 2] = 0.5 * first @ first
+        self.series[:, 3] = self.series[:, 2] @ first / 3.0
+        ends = unity.copy()
+        ends[:, 2, 2], ends[:, 2, 5] = ~pinned, pinned
+        ends[:, 3:] = sum_series(self.series, length)[:, :3]
+        self.by_ends = np.linalg.inv(ends)
+        self.by_ends[pinned, :, 2] = 0.0
+
+    def points(self, beam: Indices, place: Array) -> tuple[Array, Array]:
+        """
+        Return how points on the beams move.
+
+        :param beam: (c,) which of the beams each point is on.
+        :param place: (c,) distance from its start [m].
+        :return: the shape functions (c, 2, 6): along and across the beam, by (ux, uy, theta) at
+            start and end; and the compliance (2, c, c) along the beams, and across them, under
+            unit forces at points while the ends are held [m/N], zero between beams.
+        """
+        series = self.series
+        shapes = sum_series((series[:, :, :2] @ self.by_ends[:, None])[beam], place)
+        behind = sum_series(series[beam, :, :3, 3:5], self.length[beam] - place)
+        # Without the jump a load moves the end, which is moved back; z jumps where it acts.
+        apart, first = np.maximum(place[:, None] - place, 0.0), series[beam, 1]
+        along = shapes[:, 0, 3:] @ behind[:, :, 0].T - apart * first[:, 0, 3]
+        across = shapes[:, 1, 3:] @ behind[:, :, 1].T
+        across -= apart * (first[:, 1, 4] - apart**2 / 6.0 * first[:, 2, 5])
+        return shapes, np.stack([along, across]) * (beam[:, None] == beam)
+
+
+def sum_series(terms: Array, distance: Array) -> Array:
+    """
+    Return the sum of terms times powers of a distance.
+
+    :param terms: (k, 4, a, b) of `Beams.series`, or these times matrices.
+    :param distance: (k,) x [m].
+    :return: (k, a, b).
+    """
+    return np.einsum('kn,knab->kab', distance[:, None] ** np.arange(4), terms)

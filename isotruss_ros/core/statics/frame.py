@@ -19,7 +19,7 @@ from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.kinematics.constraints import DENSE_UP_TO
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
 from isotruss_ros.core.numerics.factorization import Factor, factorize_with_condition
-from isotruss_ros.core.statics.beam import directions, local_stiffness, with_pins
+from isotruss_ros.core.statics.beam import directions, local_stiffness
 from isotruss_ros.core.statics.frame_pattern import FramePattern, LinearRows, Members, NO_ROWS
 import numpy as np
 from scipy.sparse import coo_matrix, csc_matrix
@@ -54,6 +54,7 @@ class Frame:
     :ivar members: what connects them.
     :ivar length: (k,) of the members [m].
     :ivar axis: (k,) their directions from start to end, unit vectors x + iy.
+    :ivar beams: of the members between their ends, what `Beams` takes.
     :ivar turn: (k, 6, 6) turn displacements of the plane into those along them.
     :param points: (n,) nodes x + iy [m].
     :param members: what connects them.
@@ -81,11 +82,8 @@ class Frame:
         self.length = length = np.abs(span)
         self.axis = span / length
         self.turn = directions(self.axis)
-        self._local = with_pins(
-            local_stiffness(length, members.axial, members.flexural, members.shear),
-            members.pinned_start,
-            members.pinned_end,
-        )
+        self._local = local_stiffness(length, *members[2:5], pins=members[5:])
+        self.beams = length, *members[2:6]
         self._loaded: dict[bytes, tuple[Array, Array]] = {}
         self._pattern = pattern or FramePattern(members, held, rows)
 
@@ -93,13 +91,6 @@ class Frame:
     def _matrices(self) -> Array:
         """Return the stiffness matrices (k, 6, 6) of the members in the plane."""
         return self.turn.transpose(0, 2, 1) @ self._local @ self.turn
-
-    @property
-    def stiffness(self) -> csc_matrix:
-        """Return S of (1), (3 n, 3 n), supports and constraints aside."""
-        places, size = self._pattern.places, len(self._held)
-        rows, columns = np.repeat(places, 6, axis=1).ravel(), np.tile(places, 6).ravel()
-        return coo_matrix((self._matrices.ravel(), (rows, columns)), shape=(size, size)).tocsc()
 
     @cached_property
     def _system(self) -> tuple[Factor, Array]:

@@ -7,12 +7,17 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Section stiffness of tube members, and the lengths and gauge pressures that it belongs to."""
+"""
+Section stiffness of the inflated tube: what its models give, and the theory for want of a better.
+
+A length is that of a whole member, pinch to pinch; a gauge pressure is that of its tube.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol
 
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.model.description import RobotDescription
@@ -20,6 +25,13 @@ from isotruss_ros.core.numerics.arrays import Array, finite_array
 import numpy as np
 from numpy.typing import ArrayLike
 
+#: E t and G t of the fabric [N/m]: the order of thin coated cloth, an assumption.
+MEMBRANE_MODULUS = 6.0e4
+MEMBRANE_SHEAR_MODULUS = 1.0e4
+#: c of k_end = c p R, from the pillow of `InflatableBeam`: theory.
+END_SOFTENING = 2.0 * np.pi / (4.0 - np.pi)
+#: Shear coefficient of a thin circular tube.
+KAPPA = 0.5
 #: One gauge pressure for all tubes, one for each in the order of the robot file, or by tube name.
 Pressure = ArrayLike | Mapping[str, float]
 
@@ -36,6 +48,97 @@ class SectionStiffness(NamedTuple):
     axial: Array
     flexural: Array
     shear: Array
+
+
+class Fabric(NamedTuple):
+    """
+    The elastic constants of the tube's wall; its thickness is part of them.
+
+    :ivar membrane_modulus: E t [N/m].
+    :ivar membrane_shear_modulus: G t [N/m].
+    """
+
+    membrane_modulus: float
+    membrane_shear_modulus: float
+
+
+class TubeStiffness(Protocol):
+    """What the models have in common."""
+
+    @property
+    def fabric(self) -> Fabric | None:
+        """Return the constants of the wall; None where the model has beam stiffnesses only."""
+
+    def section_stiffness(self, length: ArrayLike, pressure: ArrayLike) -> SectionStiffness:
+        """
+        Return the section stiffness of whole members.
+
+        :param length: (k,) pinch to pinch [m].
+        :param pressure: (k,) or one for all, gauge [Pa].
+        :raises StructureError: no stiffness belongs to this length and pressure.
+        """
+
+    @classmethod
+    def of_block(cls, block: Mapping[str, Any], description: RobotDescription) -> TubeStiffness:
+        """
+        Return the model that a robot file describes.
+
+        :param block: `stiffness` of the file without the name of the model; of checked form.
+        :param description: all that the file says.
+        """
+
+
+@dataclass(frozen=True)
+class InflatableBeam:
+    """
+    Theory, not a measurement: the inflatable beam of Le Van and Wielgosz, with pinched ends.
+
+    EI and GA are theirs (Thin-Walled Structures 43 (2005) 1166-1187 and 45 (2007) 221-236). The
+    pressure pulls with P = p pi R^2, EI = (E + P/S0) I0 and GA = P + kappa G S0, S0 = 2 pi R t,
+    I0 = pi R^3 t.
+
+    EA is an assumption: the wall and both ends in series, k_axial^-1 = L/(E t 2 pi R) + 2/(c p R).
+    A pinched end changes its shape and stretches no fabric, so that only the pressure makes it
+    stiff. The default c is that of a pillow: two inextensible sheets pi R/2 wide that leave the
+    pinch line and run into the tube tangentially, R from the axis. Under an end force F (pull)
+    both are arcs of radius rho = R + F/(pi R p) over an angle alpha, cos alpha = 1 - R/rho. The
+    end lengthens by rho (sin alpha - alpha) + const.; its slope at F = 0 gives c = 2 pi/(4 - pi).
+
+    :param radius: R [m].
+    :param membrane_modulus: E t [N/m].
+    :param membrane_shear_modulus: G t [N/m].
+    :param end_softening: c.
+    """
+
+    radius: float
+    membrane_modulus: float = MEMBRANE_MODULUS
+    membrane_shear_modulus: float = MEMBRANE_SHEAR_MODULUS
+    end_softening: float = END_SOFTENING
+
+    @property
+    def fabric(self) -> Fabric:
+        """Return E t and G t."""
+        return Fabric(self.membrane_modulus, self.membrane_shear_modulus)
+
+    def section_stiffness(self, length: ArrayLike, pressure: ArrayLike) -> SectionStiffness:
+        """Return EA, by the length, and EI and GA; see `TubeStiffness.section_stiffness`."""
+        length, pressure = broadcast_members(length, pressure)
+        R = self.radius
+        force = pressure * np.pi * R**2
+        circumference = 2.0 * np.pi * R
+        wall = self.membrane_modulus * circumference
+        end = self.end_softening * pressure * R
+        return SectionStiffness(
+            axial=1.0 / (1.0 / wall + 2.0 / (end * length)),
+            # The thickness cancels; fabrics do not state it.
+            flexural=self.membrane_modulus * np.pi * R**3 + force * R**2 / 2.0,
+            shear=force + KAPPA * self.membrane_shear_modulus * circumference,
+        )
+
+    @classmethod
+    def of_block(cls, block: Mapping[str, Any], description: RobotDescription) -> InflatableBeam:
+        """Return the beam of a robot file, or as assumed above; see `TubeStiffness.of_block`."""
+        return cls(0.5 * description.tube_diameter, **as_floats(block))
 
 
 def broadcast_members(length: ArrayLike, pressure: ArrayLike) -> tuple[Array, Array]:
@@ -99,3 +202,12 @@ def tube_pressures(
         if found[tube] <= 0.0:
             raise StructureError(f'{what}: {value!r}: must be a positive number')
     return tuple(found.values())
+
+
+def as_floats(block: Mapping[str, Any]) -> dict[str, float]:
+    """
+    Return numbers as floats: YAML also has integers, which overflow differently.
+
+    :param block: of a robot file.
+    """
+    return {key: float(value) for key, value in block.items()}

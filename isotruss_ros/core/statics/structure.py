@@ -31,8 +31,8 @@ from isotruss_ros.core.numerics.arrays import Array, finite_array, Flags, Indice
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.statics.frame import Frame, FrameState
 from isotruss_ros.core.statics.frame_pattern import FramePattern, LinearRows, Members
-from isotruss_ros.core.statics.section import Pressure, tube_pressures
-from isotruss_ros.core.statics.tube_stiffness import tube_stiffness, TubeStiffness
+from isotruss_ros.core.statics.section import Pressure, tube_pressures, TubeStiffness
+from isotruss_ros.core.statics.tube_stiffness import tube_stiffness
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -82,6 +82,23 @@ class Structure:
                 'nodes are joints j, and t/j/B, t/j/C, t/j/D, t/j/E of each module'
             )
         return self._layout.places[name]
+
+    def locate(self, members: Indices, places: Array) -> tuple[Indices, Array, Array]:
+        """
+        Return the pieces of tube that places are on, and where on these.
+
+        :param members: (c,) numbers of the members.
+        :param places: (c,) distances from the members' starts [m].
+        :return: (c,) numbers of the pieces in the frame; (c,) distances from their starts [m]; and
+            (c,) 1 where they run along their member, -1 where backward.
+        """
+        robot, left = self.config.robot, self.config.member_lengths[members] - places
+        ring = robot.description.module.guide_ring_distance
+        # On BD at the start, on CE at the end, or on the long piece between these.
+        kind = np.where(places < ring, 0, np.where(left <= ring, 1, 2))
+        owner = np.where(kind == 1, robot.topology.following[members], members)
+        within = np.choose(kind, [places, left, places - ring])
+        return self.pieces[kind, owner], within, np.where(kind == 1, -1.0, 1.0)
 
 
 def _frame_points(robot: Mechanism, nodes: Points) -> Points:

@@ -19,73 +19,28 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple, Protocol
+from typing import Any, ClassVar
 
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.model.description import RobotDescription
+from isotruss_ros.core.model.stiffness_law import (
+    Law,
+    MAX_STIFFNESS,
+    MIN_STIFFNESS,
+    RATIO_TOLERANCE,
+    read_laws,
+)
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.statics.power_law import PowerLaw
 from isotruss_ros.core.statics.section import (
+    as_floats,
     broadcast_members,
+    Fabric,
+    InflatableBeam,
     SectionStiffness,
+    TubeStiffness,
 )
 import numpy as np
 from numpy.typing import ArrayLike
-
-#: E t and G t of the fabric [N/m]: the order of thin coated cloth, an assumption.
-MEMBRANE_MODULUS = 6.0e4
-MEMBRANE_SHEAR_MODULUS = 1.0e4
-#: c of k_end = c p R, from the pillow of `InflatableBeam`: theory.
-END_SOFTENING = 2.0 * np.pi / (4.0 - np.pi)
-#: Shear coefficient of a thin circular tube.
-KAPPA = 0.5
-
-
-class Fabric(NamedTuple):
-    """
-    The elastic constants of the tube's wall; its thickness is part of them.
-
-    :ivar membrane_modulus: E t [N/m].
-    :ivar membrane_shear_modulus: G t [N/m].
-    """
-
-    membrane_modulus: float
-    membrane_shear_modulus: float
-
-
-class TubeStiffness(Protocol):
-    """What the models have in common."""
-
-    @property
-    def fabric(self) -> Fabric | None:
-        """Return the constants of the wall; None where the model has beam stiffnesses only."""
-
-    def section_stiffness(self, length: ArrayLike, pressure: ArrayLike) -> SectionStiffness:
-        """
-        Return the section stiffness of whole members.
-
-        :param length: (k,) pinch to pinch [m].
-        :param pressure: (k,) or one for all, gauge [Pa].
-        :raises StructureError: no stiffness belongs to this length and pressure.
-        """
-
-    def flexibility_rates(self, length: Array, pressure: Array) -> tuple[Array, Array]:
-        """
-        Return the derivatives of 1 / EA, 1 / EI and 1 / GA of whole members, (3, k) each.
-
-        :param length: (k,) pinch to pinch [m].
-        :param pressure: (k,) gauge [Pa].
-        :return: per length [1/m], and per gauge pressure [1/Pa].
-        """
-
-    @classmethod
-    def of_block(cls, block: Mapping[str, Any], description: RobotDescription) -> TubeStiffness:
-        """
-        Return the model that a robot file describes.
-
-        :param block: `stiffness` of the file without the name of the model; of checked form.
-        :param description: all that the file says.
-        """
 
 
 @dataclass(frozen=True)
@@ -130,13 +85,6 @@ class Section:
             )
         return SectionStiffness(np.full_like(length, self.axial_rigidity), flexural, shear)
 
-    def flexibility_rates(self, length: Array, pressure: Array) -> tuple[Array, Array]:
-        """Return how 1 / EA, 1 / EI, 1 / GA change; see `TubeStiffness.flexibility_rates`."""
-        _, flexural, shear = self.section_stiffness(length, pressure)
-        none, area = np.zeros_like(length), np.pi * self.radius**2
-        bending = -0.5 * area * self.radius**2 / flexural**2
-        return np.array([none, none, none]), np.array([none, bending, -area / shear**2])
-
     @classmethod
     def of_block(cls, block: Mapping[str, Any], description: RobotDescription) -> Section:
         """
@@ -145,69 +93,89 @@ class Section:
         Without a pressure of their own they hold at that of the file, one for all tubes.
         """
         at = {'pressure': next(iter(description.pressures.values()))}
-        return cls(**_as_floats(at | dict(block)), radius=0.5 * description.tube_diameter)
+        return cls(**as_floats(at | dict(block)), radius=0.5 * description.tube_diameter)
 
 
 @dataclass(frozen=True)
-class InflatableBeam:
+class PowerLaw:
     """
-    Theory, not a measurement: the inflatable beam of Le Van and Wielgosz, with pinched ends.
+    Measured end stiffnesses of a member, each a law of pressure and length.
 
-    EI and GA are theirs (Thin-Walled Structures 43 (2005) 1166-1187 and 45 (2007) 221-236). The
-    pressure pulls with P = p pi R^2, EI = (E + P/S0) I0 and GA = P + kappa G S0, S0 = 2 pi R t,
-    I0 = pi R^3 t.
-
-    EA is an assumption: the wall and both ends in series, k_axial^-1 = L/(E t 2 pi R) + 2/(c p R).
-    A pinched end changes its shape and stretches no fabric, so that only the pressure makes it
-    stiff. The default c is that of a pillow: two inextensible sheets pi R/2 wide that leave the
-    pinch line and run into the tube tangentially, R from the axis. Under an end force F (pull)
-    both are arcs of radius rho = R + F/(pi R p) over an angle alpha, cos alpha = 1 - R/rho. The
-    end lengthens by rho (sin alpha - alpha) + const.; its slope at F = 0 gives c = 2 pi/(4 - pi).
-
-    :param radius: R [m].
-    :param membrane_modulus: E t [N/m].
-    :param membrane_shear_modulus: G t [N/m].
-    :param end_softening: c.
+    :param axial: P / delta x of a member from pinch to pinch, the other end held [N/m].
+    :param transverse: V / delta y of one end of a tube from guide ring to guide ring, the
+        rotations of both ends held [N/m].
+    :param rotary: M / delta theta of one end of a tube from guide ring to guide ring, its
+        translations and the other end held [N m/rad].
+    :param guide_ring_distance: g, from each pinch point to its guide ring [m].
     """
 
-    radius: float
-    membrane_modulus: float = MEMBRANE_MODULUS
-    membrane_shear_modulus: float = MEMBRANE_SHEAR_MODULUS
-    end_softening: float = END_SOFTENING
+    axial: Law
+    transverse: Law
+    rotary: Law
+    guide_ring_distance: float
+    fabric: ClassVar[None] = None
 
-    @property
-    def fabric(self) -> Fabric:
-        """Return E t and G t."""
-        return Fabric(self.membrane_modulus, self.membrane_shear_modulus)
+    def _end_stiffnesses(self, length: Array, pressure: Array) -> tuple[Array, Array, Array]:
+        """Return k_axial, k_transverse and k_rotary of whole members, each (k,)."""
+        between = length - 2.0 * self.guide_ring_distance
+        if (between <= 0.0).any():
+            raise StructureError(
+                f'a member of {length[between <= 0.0][0]:.6g} m does not hold its guide rings, '
+                f'{self.guide_ring_distance:g} m from its ends: no stiffness law applies'
+            )
+        stiffnesses = []
+        for mode, span in (('axial', length), ('transverse', between), ('rotary', between)):
+            law: Law = getattr(self, mode)
+            k = law.stiffness(span, pressure)
+            wrong = ~((k >= MIN_STIFFNESS) & (k <= MAX_STIFFNESS))
+            if wrong.any():
+                at = int(np.argmax(wrong))
+                raise StructureError(
+                    f'stiffness law {mode}: C = {law.C:g}, a = {law.a:g}, b = {law.b:g} gives '
+                    f'{k[at]:g} for {_case(length[at], pressure[at])}: '
+                    f'must be from {MIN_STIFFNESS:g} to {MAX_STIFFNESS:g}; laws are in SI units'
+                )
+            stiffnesses.append(k)
+        return stiffnesses[0], stiffnesses[1], stiffnesses[2]
 
     def section_stiffness(self, length: ArrayLike, pressure: ArrayLike) -> SectionStiffness:
-        """Return EA, by the length, and EI and GA; see `TubeStiffness.section_stiffness`."""
-        length, pressure = broadcast_members(length, pressure)
-        R = self.radius
-        force = pressure * np.pi * R**2
-        circumference = 2.0 * np.pi * R
-        wall = self.membrane_modulus * circumference
-        end = self.end_softening * pressure * R
-        return SectionStiffness(
-            axial=1.0 / (1.0 / wall + 2.0 / (end * length)),
-            # The thickness cancels; fabrics do not state it.
-            flexural=self.membrane_modulus * np.pi * R**3 + force * R**2 / 2.0,
-            shear=force + KAPPA * self.membrane_shear_modulus * circumference,
-        )
+        """
+        Return EA, EI and GA with which members have the measured end stiffnesses.
 
-    def flexibility_rates(self, length: Array, pressure: Array) -> tuple[Array, Array]:
-        """Return how 1 / EA, 1 / EI, 1 / GA change; see `TubeStiffness.flexibility_rates`."""
-        _, flexural, shear = self.section_stiffness(length, pressure)
-        none, area = np.zeros_like(length), np.pi * self.radius**2
-        ends = -2.0 / (self.end_softening * pressure * self.radius * length)
-        bending = -0.5 * area * self.radius**2 / flexural**2
-        by_pressure = np.array([ends / pressure, bending, -area / shear**2])
-        return np.array([ends / length, none, none]), by_pressure
+        With L from pinch to pinch and l = L - 2 g from ring to ring, the inverse of
+        k_axial = EA/L, k_transverse = 12 EI / (l^3 (1 + phi)) and
+        k_rotary = (4 + phi) EI / (l (1 + phi)), where phi = 12 EI / (GA l^2).
+
+        :param length: (k,) of whole members, pinch to pinch [m].
+        :param pressure: (k,) or one for all, gauge [Pa].
+        :raises StructureError: a member does not hold its guide rings, a law gives no stiffness,
+            or no beam has such stiffnesses; names length and pressure.
+        """
+        length, pressure = broadcast_members(length, pressure)
+        axial, transverse, rotary = self._end_stiffnesses(length, pressure)
+        between = length - 2.0 * self.guide_ring_distance
+        ratio = 12.0 * rotary / (transverse * between**2)
+        wrong = ratio < 4.0 * (1.0 - RATIO_TOLERANCE)
+        if wrong.any():
+            at = int(np.argmax(wrong))
+            raise StructureError(
+                f'stiffness laws: for {_case(length[at], pressure[at])} the transverse stiffness '
+                f'is {transverse[at]:.6g} N/m and the rotary one {rotary[at]:.6g} N m/rad, which '
+                f'no beam has: with {between[at]:.6g} m from ring to ring the rotary one must be '
+                'at least L^2/3 times the transverse one, '
+                f'{transverse[at] * between[at] ** 2 / 3.0:.6g} N m/rad'
+            )
+        # Within rounding of 4 there is no shear, not a stiffness of whatever the rounding leaves.
+        phi = np.where(ratio > 4.0 * (1.0 + RATIO_TOLERANCE), ratio - 4.0, 0.0)
+        flexural = transverse * between**3 * (1.0 + phi) / 12.0
+        shear = np.full_like(length, np.inf)
+        np.divide(12.0 * flexural, phi * between**2, out=shear, where=phi > 0.0)
+        return SectionStiffness(axial * length, flexural, shear)
 
     @classmethod
-    def of_block(cls, block: Mapping[str, Any], description: RobotDescription) -> InflatableBeam:
-        """Return the beam of a robot file, or as assumed above; see `TubeStiffness.of_block`."""
-        return cls(0.5 * description.tube_diameter, **_as_floats(block))
+    def of_block(cls, block: Mapping[str, Any], description: RobotDescription) -> PowerLaw:
+        """Return the laws of a robot file; see `TubeStiffness.of_block`."""
+        return cls(**read_laws(block), guide_ring_distance=description.module.guide_ring_distance)
 
 
 @dataclass(frozen=True)
@@ -232,11 +200,6 @@ class ScaledStiffness:
         sections = self.model.section_stiffness(length, pressure)
         return SectionStiffness(*(self.scale * each for each in sections))
 
-    def flexibility_rates(self, length: Array, pressure: Array) -> tuple[Array, Array]:
-        """Return how 1 / EA, 1 / EI, 1 / GA change; see `TubeStiffness.flexibility_rates`."""
-        rates = self.model.flexibility_rates(length, pressure)
-        return rates[0] / self.scale, rates[1] / self.scale
-
 
 #: The models by their names in robot files.
 MODELS: dict[str, type[TubeStiffness]] = {
@@ -257,6 +220,5 @@ def tube_stiffness(description: RobotDescription) -> TubeStiffness:
     return model if scale == 1.0 else ScaledStiffness(model, scale)
 
 
-def _as_floats(block: Mapping[str, Any]) -> dict[str, float]:
-    """Return numbers of a block as floats: YAML also has integers, which overflow differently."""
-    return {key: float(value) for key, value in block.items()}
+def _case(length: float, pressure: float) -> str:
+    return f'a member of {length:.6g} m at {pressure:.6g} Pa'

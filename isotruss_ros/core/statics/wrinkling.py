@@ -32,7 +32,7 @@ class SectionLoads(NamedTuple):
     """
     What the sections of the tubes bear where it is largest.
 
-    :ivar moment: (c,) inside the pieces, just before the loads [N m].
+    :ivar moment: (c,) of the member, on the side of the loads where their piece begins [N m].
     :ivar compression: (c,) there, the larger of both sides of the load [N].
     :ivar utilisation: (m,) largest |M| / M_w of each member; infinite where compression alone
         takes all of the pull.
@@ -45,26 +45,11 @@ class SectionLoads(NamedTuple):
     place: Array
 
 
-class SectionPoints(NamedTuple):
-    """
-    Where loads act on the tubes.
-
-    :ivar piece: (c,) number of the member of the frame that each load acts on.
-    :ivar within: (c,) distance from that member's start [m].
-    :ivar member: (c,) the members of the robot that they act on.
-    :ivar place: (c,) distance from that member's start [m].
-    """
-
-    piece: Indices
-    within: Array
-    member: Indices
-    place: Array
-
-
 def load_sections(
     structure: Structure,
     end_forces: Array,
-    points: SectionPoints,
+    member: Indices,
+    place: Array,
     local: Points,
     couples: Array,
 ) -> SectionLoads:
@@ -76,19 +61,21 @@ def load_sections(
 
     :param structure: the frame of the robot.
     :param end_forces: (k, 6) on all members of the frame, see `FrameState.end_forces`.
-    :param points: where the loads act.
-    :param local: (c,) the forces along + i across these members of the frame [N].
+    :param member: (c,) the members of the robot that the loads act on.
+    :param place: (c,) distance from that member's start [m].
+    :param local: (c,) the forces along + i across these members [N].
     :param couples: (c,) with them, counter-clockwise [N m].
     """
     config, frame = structure.config, structure.frame
     topology, file = config.robot.topology, config.robot.description
     m, radius = topology.n_modules, 0.5 * file.tube_diameter
-    along, across = local.real, local.imag
+    piece, within, ahead = structure.locate(member, place)
+    along, across = ahead * local.real, ahead * local.imag
     # At each load: all that acts on the piece between its start and there.
-    apart = points.within[:, None] - points.within
-    before = (points.piece[:, None] == points.piece) & (apart > 0.0)
-    there = end_forces[points.piece]
-    moment = there[:, 1] * points.within - there[:, 2] - before @ couples
+    apart = within[:, None] - within
+    before = (piece[:, None] == piece) & (apart > 0.0)
+    there = end_forces[piece]
+    moment = there[:, 1] * within - there[:, 2] - before @ couples
     moment += np.where(before, apart, 0.0) @ across
     compression = there[:, 0] + before @ along
     # At the ends of all pieces, of the moments the sizes alone.
@@ -99,15 +86,15 @@ def load_sections(
     stops = starts + np.repeat([1.0, -1.0, 1.0], m) * length
     moments = np.concatenate([moment, moment - couples, ends[:, 2], ends[:, 5]])
     left = np.concatenate([-compression, -compression - along, -ends[:, 0], ends[:, 3]])
-    member = np.concatenate([points.member, points.member, owners, owners])
+    members = np.concatenate([member, member, owners, owners])
     pressure = np.array(structure.pressures)[topology.tube]
-    left += (pressure * (np.pi * radius**2))[member]
+    left += (pressure * (np.pi * radius**2))[members]
     used = np.full(len(moments), np.inf)
     np.divide(np.abs(moments), 0.5 * radius * left, out=used, where=left > 0.0)
-    place = np.concatenate([points.place, points.place, starts, stops])
-    last = find_most_used(used, member)
+    places = np.concatenate([place, place, starts, stops])
+    last = find_most_used(used, members)
     larger = np.maximum(compression, compression + along)
-    return SectionLoads(moment, larger, used[last], place[last])
+    return SectionLoads(ahead * moment, larger, used[last], places[last])
 
 
 def find_most_used(used: Array, member: Indices) -> Indices:

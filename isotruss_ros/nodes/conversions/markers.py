@@ -88,7 +88,7 @@ def _make_grasp_markers(grasp: AnalyzedGrasp) -> list[Marker]:
     scale = min(ARROW_SCALE, LONGEST_ARROW / max(strongest, TINY))
     arrow, thin = (ARROW_WIDTH, 2.0 * ARROW_WIDTH, 0.0), (0.5 * LINE_WIDTH, 0.0, 0.0)
     members = map(_flat, member_lines(grasp.config))
-    deformed = map(_flat, deformed_lines(grasp.config, analysis))
+    deformed = map(_flat, deformed_lines(analysis))
     strips = map(_strip, regions, 0.5 * np.array(widths))
     forces = map(_flat, force_lines(grasp.body, analysis, scale))
     same = itertools.repeat

@@ -123,8 +123,9 @@ def test_stiffness_is_what_a_robot_with_nodes_there_answers(rng):
     radius = 0.5 * (cylinder.shape.diameter + config.robot.description.tube_diameter)
     touching = np.flatnonzero(analysis.normal_forces > 0.0)
     found = find_contact_points(structure_of(config), circle(center, radius), 0.01)
-    frame, nodes = tubes.robot_with_nodes(structure_of(config), found.points[touching])
-    compliance = tubes.node_compliance(frame, nodes).reshape(2 * len(nodes), -1)
+    touched = found.member[touching], found.place[touching]
+    frame = tubes.robot_with_nodes(structure_of(config), *touched)
+    compliance = tubes.node_compliance(frame, frame.nodes).reshape(2 * len(touching), -1)
     arms = (analysis.points[touching] @ [1.0, 1.0j]) - center
     for axis, moved in enumerate((np.ones_like(arms), 1j * np.ones_like(arms), 1j * arms)):
         # The object and its points are moved by 1; what holds them there, the supports answer.
@@ -133,7 +134,9 @@ def test_stiffness_is_what_a_robot_with_nodes_there_answers(rng):
         slack = 1e-6 * np.abs(stiffness).max()
         assert stiffness[:, axis] == pytest.approx(wrench, rel=1e-5, abs=slack)
         loads = np.zeros((len(frame.points), 3))
-        np.add.at(loads, nodes, np.column_stack([forces.real, forces.imag, 0.0 * forces.real]))
+        np.add.at(
+            loads, frame.nodes, np.column_stack([forces.real, forces.imag, 0.0 * forces.real])
+        )
         held = frame.solve(loads).reactions.sum(axis=0)
         assert stiffness[:2, axis] == pytest.approx(-held[:2], rel=1e-5, abs=slack)
 

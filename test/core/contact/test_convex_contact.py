@@ -9,19 +9,15 @@
 
 """Contact with any convex object: against discs, distances, least squares, and itself."""
 
-from dataclasses import fields, replace
-
 from comparison.wedge import pressed_into
 from grips import closed_to
 from hypothesis import given, strategies
 from isotruss_ros.core import (
     analyze_grasp,
     ConvexObject,
-    Disc,
     Ellipse,
     load_robot,
     Polygon,
-    Robot,
     tangent_center,
 )
 from isotruss_ros.core.contact.contact import solve_contact
@@ -34,7 +30,7 @@ from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
 import robots
-from shapes import circle, dense_outline, random_shape, regular_polygon, surface_distance
+from shapes import dense_outline, random_shape, regular_polygon, surface_distance
 
 HOME = load_robot('nine_member').home
 MODULE = 'south/P'
@@ -53,22 +49,6 @@ def largest_difference(analysis, other):
     """Return by how much two wrenches of normal forces differ, against the force."""
     apart = (analysis.normal_wrench - other.normal_wrench) / [1.0, 1.0, 0.15]
     return np.abs(apart).max() / np.abs(other.normal_wrench).max()
-
-
-# Discs
-
-
-@pytest.mark.parametrize('flattening', [True, False])
-def test_a_disc_is_the_same_at_any_angle(flattening):
-    wrench = (0.3, 0.2, 0.05)
-    one = analyze_grasp(HOME, DISC, 0.5, wrench, flattening=flattening)
-    other = analyze_grasp(HOME, held_alike(Disc(0.3), 1.0), 0.5, wrench, flattening=flattening)
-    for name in (field.name for field in fields(one) if field.name != 'solution'):
-        value, again = getattr(one, name), getattr(other, name)
-        if isinstance(value, dict):
-            assert list(value) == list(again)
-            value, again = list(value.values()), list(again.values())
-        assert np.allclose(value, again, rtol=1e-9, atol=1e-9), name
 
 
 def test_polygons_of_many_sides_converge_to_the_disc():
@@ -130,21 +110,6 @@ def test_gaps_are_distances_and_where_there_is_one_is_no_force(seed, flattening)
         assert turned.imag == pytest.approx(0.0, abs=1e-5)
 
 
-@robots.examples(20)
-@given(SEEDS)
-def test_no_contact_is_beyond_the_points(seed):
-    generator = np.random.default_rng(seed)
-    shape = random_shape(generator, 0.15)
-    held = pressed_into(HOME, MODULE, shape, generator.uniform(-3.0, 3.0), 0.03)
-    surface, structure = surface_of(held, TUBE_RADIUS), structure_of(HOME)
-    few = find_contact_points(structure, surface, 0.005)
-    wide = circle(surface.center, 0.5 + TUBE_RADIUS)
-    many = find_contact_points(structure, wide, 0.005)
-    assert len(few.points) < len(many.points)
-    forces = [solve_contact(points, surface).push.sum() for points in (few, many)]
-    assert abs(forces[0] - forces[1]) < 0.02 * abs(forces[1])
-
-
 # Corners and faces
 
 
@@ -156,21 +121,6 @@ def test_the_wrench_at_a_sharp_corner_does_not_depend_on_where_the_points_are(an
     )
     for one in others:
         assert largest_difference(one, fine) < 0.01
-
-
-def beside(member_turn, depth):
-    """Return the analysis of a box with a face along the member south/P-Q, turned a little."""
-    topology = HOME.robot.topology
-    i = HOME.robot.module_names.index(MODULE)
-    ahead = HOME.points[topology.c[topology.following[i]]] - HOME.points[topology.b[i]]
-    flat = float(np.angle(ahead))
-    return analyze_grasp(HOME, pressed_into(HOME, MODULE, BOX, flat + member_turn, depth))
-
-
-def test_a_face_is_pressed_back_when_it_turns():
-    moments = [beside(turn, 0.006).normal_wrench[2] for turn in (0.0, 0.01, 0.02)]
-    assert moments[0] - moments[1] > 0.5
-    assert moments[1] - moments[2] > 0.5
 
 
 @robots.examples(10)
@@ -257,12 +207,3 @@ def test_normal_forces_at_corners_are_smooth_in_the_angle(radius):
         assert one == pytest.approx(smooth, rel=0.03)
     finer = arrow_forces(config, radius, angles, spacing=0.0025)
     assert finer == pytest.approx(forces, rel=0.05)
-
-
-def test_tubes_that_hardly_flatten_press_as_in_the_papers_model():
-    hard = replace(HOME.robot.description, local_stiffness=1e4)
-    config = closed_to(Robot(hard).home, 40.0, 0.3)
-    angles = np.linspace(1.6, 1.8, 3)
-    for radius, share in ((0.005, 0.02), (0.0, 0.06)):
-        paper = arrow_forces(config, radius, angles, flattening=False)
-        assert arrow_forces(config, radius, angles) == pytest.approx(paper, rel=share)

@@ -128,7 +128,7 @@ def test_each_tube_dents_by_its_own_pressure():
 
 @pytest.mark.parametrize('radius', [0.03, 0.15])
 def test_a_tube_that_does_not_bend_is_dented_as_the_table_says(radius):
-    stiff = tubes.bare(np.array([0j]), np.array([0.8 + 0j]), 1e12, 1e12, 1e12)
+    stiff = tubes.bare(0.8, 1e12, 1e12, 1e12)
     tube = 0.5 * ROBOT.description.tube_diameter
     table, kernel = skin_indentation(ROBOT, 0, radius), flattening_of(ROBOT, None)
     for depth in (0.002, 0.01, 0.02):

@@ -69,20 +69,6 @@ def test_normals_lean_little_but_on_arcs_that_points_can_tell(shape, angle, leas
     assert (turned.forces * np.cos(leans))[faces] == pytest.approx(sizes[faces], rel=1e-9)
 
 
-@pytest.mark.parametrize(
-    ('shape', 'angle'),
-    [(Polygon(CORNERS), 0.4), (Polygon(CORNERS, 0.03), 0.4), (Ellipse((0.1, 0.05)), 1.8)],
-)
-def test_gaps_close_as_fast_as_by_newtons_method(shape, angle, monkeypatch):
-    # If tubes slid only as far as in the step before, it would take six steps or more.
-    monkeypatch.setattr(sliding_contact, 'MAX_STEPS', 5)
-    held = pressed_into(HOME, 'south/P', shape, angle, 0.02)
-    surface, structure = surface_of(held), structure_of(HOME)
-    kernel = flattening_of(HOME.robot, structure.pressures)
-    points = find_contact_points(structure, surface, SPACING, kernel)
-    assert solve_sliding_contact(points, surface.resolved(SPACING)).forces.any()
-
-
 def test_normals_lean_up_to_75_degrees_against_the_tubes():
     rng = np.random.default_rng(0)
     bent, side = np.exp(1j * rng.uniform(0.0, 6.0, 200)), rng.choice([-1.0, 1.0], 200)

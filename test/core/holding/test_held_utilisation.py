@@ -28,19 +28,17 @@ def disc(angle):
 @pytest.mark.parametrize('grasp', [disc(30.0), disc(45.0), disc(60.0), held(BOX, 0.0)])
 def test_tubes_bear_what_a_frame_under_the_same_loads_does(grasp):
     structure, state, statics = structure_of(grasp.config), grasp.state, grasp.statics
-    feet = statics.compliance.start + state.feet * statics.compliance.axis
-    frame, nodes = tubes.robot_with_nodes(structure, feet)
+    frame = tubes.robot_with_nodes(structure, grasp.contacts.members, state.feet)
     push = (state.normal_forces + 1j * state.friction_forces) * state.normals
     # From the bent centre lines to the skin, where friction acts.
     arms = -(statics.tube_radius - statics.indentation(state.normal_forces)[0]) * state.normals
     loads = np.zeros((len(frame.points), 3))
-    loads[nodes] = np.column_stack([push.real, push.imag, (arms.conj() * push).imag])
+    loads[frame.nodes] = np.column_stack([push.real, push.imag, (arms.conj() * push).imag])
     rows, fixed = frames.dense(frame._rows, len(frame.points)), frame._held.reshape(-1, 3)
     *_, ends = frames.reference(frame.points, frame.members, fixed, loads, rows)
-    before = [ends[frame.members.end == node, 5].item() for node in nodes]
-    assert grasp.sections.moment == pytest.approx(before, rel=1e-6)
-    pressure = np.array(structure.pressures)[grasp.config.robot.topology.tube]
-    inside = statics.compliance.locate(state.feet)[0]
-    expected = tubes.largest_utilisation(structure, pressure, ends, inside)
+    before = [ends[frame.members.end == node, 5].item() for node in frame.nodes]
+    *_, ahead = structure.locate(grasp.contacts.members, state.feet)
+    assert grasp.sections.moment == pytest.approx(ahead * before, rel=1e-6)
+    expected = tubes.largest_utilisation(structure, frame, ends)
     assert held_utilisation(grasp) == pytest.approx(expected, rel=1e-6, abs=1e-9)
     assert expected.max() > 0.1

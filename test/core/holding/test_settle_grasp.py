@@ -114,7 +114,7 @@ def test_with_friction_in_the_structure_the_contact_solver_and_closure_agree(wre
     tangents = as_xy(1j * state.normals)
     load = as_xy(-(state.normal_forces * state.normals).sum().reshape(1))[0]
     load = np.append(load + wrench[:2], wrench[2] / statics.body.arm)
-    closure = check_force_closure(tangents, state.normal_forces, load, FRICTION)
+    closure = check_force_closure(tangents, state.normal_forces, load, FRICTION, np.ones(2))
     required = float(np.max(np.abs(state.friction_forces) / state.normal_forces))
     assert closure.closed == (required <= FRICTION)
     assert closure.required_friction == pytest.approx(required, rel=1e-6)

@@ -21,8 +21,7 @@ from isotruss_ros.core.model.presets import preset_names
 from isotruss_ros.core.model.robot_file import read_robot_file
 from isotruss_ros.core.model.safe_yaml import MAX_FILE_SIZE
 from isotruss_ros.core.model.stiffness_law import read_laws
-from isotruss_ros.core.statics.power_law import PowerLaw
-from isotruss_ros.core.statics.tube_stiffness import tube_stiffness
+from isotruss_ros.core.statics.tube_stiffness import PowerLaw, tube_stiffness
 import pytest
 import robots
 from ruamel.yaml import YAML

@@ -16,7 +16,6 @@ import threading
 
 from isotruss_ros.core.numerics import blas_threads
 from isotruss_ros.core.numerics.blas_threads import Library, OneThread
-import numpy as np
 import pytest
 
 #: Counts the threads wherever public calls factor and solve.
@@ -100,17 +99,3 @@ def test_solves_that_overlap_set_the_threads_back_at_the_end_of_the_last():
         other.join()
         assert threads.now == 1
     assert threads.set == [1, 8]
-
-
-def test_an_error_sets_the_threads_back():
-    threads = Threads(8)
-    with pytest.raises(np.linalg.LinAlgError), OneThread(lambda: (threads.library(),)):
-        raise np.linalg.LinAlgError
-    assert threads.now == 8
-
-
-def test_a_library_with_one_thread_is_left_alone():
-    threads = Threads(1)
-    with OneThread(lambda: (threads.library(),)):
-        pass
-    assert threads.set == []

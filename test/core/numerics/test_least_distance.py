@@ -76,21 +76,6 @@ def test_a_point_between_bounds_that_contradict_each_other_is_refused(monkeypatc
     assert find_nearest(np.ones((1, 2)), np.array([-1.0, -1.1]), 1.0, 0.0) is None
 
 
-@pytest.mark.parametrize('size', [1e-3, 1.0, 1e3])
-def test_weights_that_are_off_lead_to_the_same_point(monkeypatch, size):
-    def rough(matrix, target, maxiter):
-        weights, left = nnls(matrix, target, maxiter)
-        return 0.9 * weights, left
-
-    nnls = optimize.nnls
-    rng = np.random.default_rng(31)
-    columns = rng.standard_normal((4, 3))
-    room = size * -rng.uniform(0.5, 1.0, 3)
-    expected = find_nearest(columns, room, size, 0.0)
-    monkeypatch.setattr(optimize, 'nnls', rough)
-    assert find_nearest(columns, room, size, 0.0).point == pytest.approx(expected.point)
-
-
 @robots.examples(100)
 @given(robots.generators(), strategies.integers(1, 12), strategies.integers(1, 12))
 def test_least_squares_are_the_shortest_of_any_rank(rng, m, n):

@@ -10,12 +10,10 @@
 """Stiffness of single members against closed forms, flexibilities and rigid motion."""
 
 from hypothesis import given
-from isotruss_ros.core.statics.beam import directions, local_stiffness, with_pins
+from isotruss_ros.core.statics.beam import directions, local_stiffness
 import numpy as np
 import pytest
 from robots import examples, generators
-
-FREE, FIXED = np.array([True]), np.array([False])
 
 
 def random_members(rng, k=8, shear=True):
@@ -27,8 +25,8 @@ def random_members(rng, k=8, shear=True):
 
 def member(length, axial, flexural, shear=np.inf, pinned=(False, False)):
     """Return the (6, 6) matrix of one member."""
-    matrix = local_stiffness(*(np.array([float(x)]) for x in (length, axial, flexural, shear)))
-    return with_pins(matrix, *(np.array([pin]) for pin in pinned))[0]
+    values = (np.array([float(x)]) for x in (length, axial, flexural, shear))
+    return local_stiffness(*values, pins=tuple(np.array([pin]) for pin in pinned))[0]
 
 
 def flexibility(length, axial, flexural, shear):
@@ -61,10 +59,8 @@ def test_stiffness_inverts_the_flexibility_of_a_cantilever(rng):
 @given(generators())
 @examples(20)
 def test_a_bar_pinned_at_both_ends_carries_exactly_nothing_across(rng):
-    length, axial, flexural, shear = random_members(rng)
-    bars = with_pins(
-        local_stiffness(length, axial, flexural, shear), np.full(8, True), np.full(8, True)
-    )
+    length, axial, *others = random_members(rng)
+    bars = local_stiffness(length, axial, *others, pins=(np.full(8, True), np.full(8, True)))
     expected = np.zeros((8, 6, 6))
     for i, k in enumerate(axial / length):
         expected[i, 0, 0] = expected[i, 3, 3] = k
@@ -74,31 +70,26 @@ def test_a_bar_pinned_at_both_ends_carries_exactly_nothing_across(rng):
 
 @given(generators())
 @examples(20)
-def test_pins_of_one_member_leave_the_others_and_the_argument_alone(rng):
-    matrices = local_stiffness(*random_members(rng))
-    before = matrices.copy()
+def test_pins_of_one_member_leave_the_others_alone(rng):
+    members = random_members(rng)
     start, end = rng.random((2, 8)) < 0.5
-    pinned = with_pins(matrices, start, end)
-    np.testing.assert_array_equal(matrices, before)
-    np.testing.assert_array_equal(pinned[~start & ~end], before[~start & ~end])
-    for i in range(8):
-        alone = with_pins(before[[i]], start[[i]], end[[i]])
-        np.testing.assert_array_equal(pinned[i], alone[0])
+    pinned = local_stiffness(*members, pins=(start, end))
+    for i, values in enumerate(zip(*members, strict=True)):
+        np.testing.assert_array_equal(pinned[i], member(*values, (start[i], end[i])))
 
 
 @given(generators())
 @examples(20)
 def test_pins_are_what_an_unloaded_rotation_condenses_to(rng):
-    length, axial, flexural, shear = random_members(rng)
-    flexibilities = 1.0 + 12.0 * flexural / (shear * length**2)
-    matrices = local_stiffness(length, axial, flexural, shear)
-    for matrix, lost in zip(matrices, flexibilities, strict=True):
+    for values in zip(*random_members(rng), strict=True):
+        length, _, flexural, shear = values
+        matrix, lost = member(*values), 1.0 + 12.0 * flexural / (shear * length**2)
         for free in ([2], [5]):
             kept = [i for i in range(6) if i not in free]
             expected = matrix[np.ix_(kept, kept)] - matrix[np.ix_(kept, free)] @ np.linalg.solve(
                 matrix[np.ix_(free, free)], matrix[np.ix_(free, kept)]
             )
-            pinned = with_pins(matrix[None], np.array([2 in free]), np.array([5 in free]))[0]
+            pinned = member(*values, (2 in free, 5 in free))
             np.testing.assert_array_equal(pinned[free], 0.0)
             np.testing.assert_array_equal(pinned[:, free], 0.0)
             largest = np.abs(matrix).max()

@@ -14,7 +14,6 @@ from hypothesis import given, strategies
 from isotruss_ros.core import deform, load_robot
 from isotruss_ros.core.errors import IsotrussError, StructureError
 from isotruss_ros.core.statics.section import tube_pressures
-from isotruss_ros.core.statics.structure import structure_of
 from isotruss_ros.core.statics.tube_stiffness import tube_stiffness
 import numpy as np
 import pytest
@@ -199,30 +198,6 @@ def test_pressure_may_be_one_for_all_one_for_each_or_by_tube():
     assert sink['low'] < sink['north'] < sink['file'] < 0.0
     # However low it is.
     assert tube_pressures(config.robot.description, 0.05) == (0.05,) * 3
-
-
-def test_structures_are_kept_by_configuration_and_pressure():
-    config = load_robot('nine_member').home
-    assert structure_of(config) is structure_of(config, 34.5e3)
-    assert structure_of(config, [1e4, 2e4, 3e4]).pressures == (1e4, 2e4, 3e4)
-    low = dict.fromkeys(('south', 'east', 'north'), 2e4)
-    assert structure_of(config, 2e4) is structure_of(config, low)
-    assert structure_of(config, 2e4) is not structure_of(config)
-
-
-def test_pressures_of_a_file_may_differ_by_tube():
-    document = robots.preset_document('nine_member')
-    document['tube']['pressure'] = {'north': 20e3, 'south': 30e3, 'east': 40e3}
-    robot = robots.load(document)
-    # In the order of the tubes, whatever the order of the mapping.
-    assert list(robot.description.pressures.items()) == [
-        ('south', 30e3),
-        ('east', 40e3),
-        ('north', 20e3),
-    ]
-    expected = deform(load_robot('nine_member').home, {'Z': (0.0, -10.0)}, [30e3, 40e3, 20e3])
-    found = deform(robot.home, {'Z': (0.0, -10.0)})
-    np.testing.assert_array_equal(displacements(found), displacements(expected))
 
 
 @pytest.mark.parametrize(
