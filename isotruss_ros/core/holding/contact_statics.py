@@ -30,14 +30,17 @@ import cmath
 from collections.abc import Callable
 from dataclasses import dataclass
 import functools
-import math
 from typing import NamedTuple
 
 from isotruss_ros.core.contact.dents import Indentation
-from isotruss_ros.core.holding.contact_forces import ANGLE, ContactForces, Places, POSE
-from isotruss_ros.core.holding.pressed_contacts import PressedContacts
+from isotruss_ros.core.holding.contact_forces import (
+    ANGLE,
+    ContactForces,
+    Places,
+    PressedContacts,
+)
 from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.statics.member_compliance import MemberCompliance
 from isotruss_ros.core.statics.section import Pressure
 import numpy as np
@@ -69,6 +72,16 @@ class TubeModel(NamedTuple):
     stiffness_scale: float = 1.0
     flattening: bool = True
     pressure: Pressure | None = None
+
+
+class _Pushes(NamedTuple):
+    """What presses and rubs on the tubes at k contacts."""
+
+    local: Points  #: (k,) normals along and across the members
+    skin: Array  #: (k,) distance of the dented skin from the centre line [m]
+    softs: Array  #: (k,) derivatives of the dents by the normal forces [m/N]
+    loads: Array  #: (k, 3) forces along and across [N] and moments [N m]
+    rates: Array  #: (k, 3, 3) of these by inclination, normal and friction force
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,23 +125,31 @@ class ContactStatics:
 
         :param unknowns: see `ContactForces`.
         """
-        begin = self.places.normal.start
-        return self.loads_of(unknowns, unknowns[begin:, None])[..., 0]
+        return self._push(unknowns).loads
 
-    def loads_of(self, unknowns: Array, forces: Array) -> Array:
+    def load_rates(self, unknowns: Array, change: Array) -> Array:
         """
-        Return the same of c cases of other forces, where and along which those act, (k, 3, c).
+        Return how these loads change with the unknowns, (k, 3, c).
 
         :param unknowns: see `ContactForces`.
-        :param forces: (2k, c) normal, then friction [N].
+        :param change: (3 + 4k, c) of the unknowns.
         """
-        places = self.places
-        normal, friction = np.split(forces, 2)
-        local = 1j * self.sides * np.exp(1j * unknowns[places.inclinations])
-        force = (normal + 1j * friction) * local[:, None]
+        bending = change[self.places.inclinations.start :].reshape(3, len(self.sides), -1)
+        return np.einsum('kln,nkc->klc', self._push(unknowns).rates, bending)
+
+    def _push(self, unknowns: Array) -> _Pushes:
+        """Return what presses and rubs on the tubes."""
+        turned, normal, friction = unknowns[self.places.inclinations.start :].reshape(3, -1)
+        local = 1j * self.sides * np.exp(1j * turned)
+        depths, softs = self.indentation(normal)
         # Friction acts at the skin of a tube, so that it turns the tube as well.
-        skin = self.tube_radius - self.indentation(unknowns[places.normal])[0]
-        return np.stack([force.real, force.imag, -skin[:, None] * friction], axis=1)
+        skin = self.tube_radius - depths
+        force = (normal + 1j * friction) * local
+        loads = np.stack([force.real, force.imag, -skin * friction], axis=1)
+        rates = np.stack([1j * force, local, 1j * local], axis=1)
+        couples = np.stack([0.0 * skin, softs * friction, -skin], axis=1)
+        rates = np.stack([rates.real, rates.imag, couples], axis=1)
+        return _Pushes(local, skin, softs, loads, rates)
 
     def equations(
         self, unknowns: Array, wrench: Array, closure: Closure
@@ -140,60 +161,50 @@ class ContactStatics:
         :param wrench: (fx, fy, m / arm) on the object [N].
         :param closure: the remaining equations, of friction or of rolling.
         """
-        places, count = self.places, len(self.sides)
+        places, count, arm = self.places, len(self.sides), self.body.arm
+        own, axis = np.arange(count), self.compliance.axis
         center, turn = complex(unknowns[0], unknowns[1]), cmath.rect(1.0, unknowns[ANGLE])
-        feet, turned, normal, friction = unknowns[POSE:].reshape(4, count)
-        local = 1j * self.sides * np.exp(1j * turned)  # normals along and across the members
-        normals = self.compliance.axis * local
+        feet, slopes = unknowns[places.feet], np.tan(unknowns[places.inclinations])
+        local, skin, softs, loads, rates = self._push(unknowns)
+        normals = axis * local
         points, radii = self.body.shape.surface_at(
             self.contacts.corners, normals * turn.conjugate()
         )
-        depths, softs = self.indentation(normal)
-        gaps, loads, touch, pushes, balance = [], [], [], [], []
-        total, turning, swing, unit = 0j, 0.0, 0.0, self.body.arm
-        # Single numbers of Python are several times quicker than arrays over a few contacts.
-        of_tubes = self.compliance.axis, self.compliance.start, local, turned, depths, softs
-        of_contacts = *of_tubes, points, radii, feet, normal, friction
-        for axis, start, own, bent, depth, soft, point, radius, foot, presses, rubs in zip(
-            *(values.tolist() for values in of_contacts), strict=True
-        ):
-            arm, skin, force = turn * point, self.tube_radius - depth, complex(presses, rubs) * own
-            back, lever, slope = axis.conjugate(), arm.conjugate() / unit, math.tan(bent)
-            total, turning = total + axis * force, turning + (lever * axis * force).imag
-            gap = back * (start - center - arm) + foot - skin * own
-            gaps.append((gap.real, gap.imag, -slope))
-            loads.append((force.real, force.imag, -skin * rubs))
-            # As the object turns under a tube, the point that touches moves back on its surface.
-            swung = 1j * (arm - radius * axis * own)
-            swing += (swung.conjugate() * 1j * axis * force).real / unit
-            inclined = -1j * (radius + skin) * own
-            moved = (-back, -1j * back, -back * swung, 1.0 + 0j, inclined, soft * own)
-            touch.append((*(z.real for z in moved), *(z.imag for z in moved), -1.0 - slope**2))
-            # By inclination, normal force and friction force.
-            for change, moment, less in (
-                (1j * force, 0.0, radius * presses / unit),
-                (own, soft * rubs, 0.0),
-                (1j * own, -skin, 0.0),
-            ):
-                pushed = axis * change
-                pushes.append((change.real, change.imag, moment))
-                balance.append((-pushed.real, -pushed.imag, less - (lever * pushed).imag))
-
+        arms = turn * points
+        # As the object turns under a tube, the point that touches moves back on its surface.
+        swung = 1j * (arms - radii * normals)
         residual, jacobian = np.empty(places.size), np.zeros((places.size, places.size))
-        contact, acting = self.compliance.at(feet), np.array(loads)
-        touching = (contact.matrix.reshape(3 * count, -1) @ acting.ravel()).reshape(count, 3)
-        residual[: 3 * count] = (touching + gaps + self.given).T.ravel()
-        residual[places.balance] = wrench - (total.real, total.imag, turning)
-        bending = slice(places.inclinations.start, None)  # inclinations and forces
+        contact = self.compliance.at(feet)
+        bent, inclined = places.inclinations.start, places.inclinations.start + own
+
+        gaps = (self.compliance.start - center - arms) / axis + feet - skin * local
+        touch = contact.respond(loads) + self.given
+        touch += np.stack([gaps.real, gaps.imag, -slopes], axis=1)
+        residual[: 3 * count] = touch.T.ravel()
+        moved = np.zeros((count, places.size), dtype=complex)
+        moved[:, 0], moved[:, 1], moved[:, ANGLE] = -1.0 / axis, -1j / axis, -swung / axis
+        moved[own, places.feet.start + own] = 1.0
+        moved[own, inclined] = -1j * (radii + skin) * local
+        moved[own, places.normal.start + own] = softs * local
         rows = jacobian[: 3 * count].reshape(3, count, -1)  # response, contact
-        rows[:, :, places.feet] = contact.rates(acting).transpose(1, 0, 2)
-        changes = np.reshape(pushes, (count, 3, 3))
-        bends = np.einsum('raic,inc->arni', contact.matrix, changes)
-        rows[:, :, bending] = bends.reshape(3, count, -1)
-        jacobian.ravel()[_touch_places(count)] += touch
-        of_balance = np.reshape(balance, (count, 3, 3)).transpose(2, 1, 0)
-        jacobian[places.balance, bending] = of_balance.reshape(3, -1)
-        jacobian[places.balance.start + 2, ANGLE] = swing
+        rows[0], rows[1] = moved.real, moved.imag
+        rows[2, own, inclined] = -1.0 - slopes**2
+        rows[:, :, places.feet] += contact.rates(loads).transpose(1, 0, 2)
+        bends = np.einsum('raic,icn->arni', contact.matrix, rates)
+        rows[:, :, bent:] += bends.reshape(3, count, -1)
+
+        push, pushes = ((each[:, 0] + 1j * each[:, 1]).T * axis for each in (loads, rates))
+        turning = (arms.conj() * pushes).imag
+        turning[0] -= radii * unknowns[places.normal]
+        balance = np.stack([pushes.real, pushes.imag, turning / arm])
+        jacobian[places.balance, bent:] = -balance.reshape(3, -1)
+        jacobian[places.balance.start + 2, ANGLE] = -(swung.conj() * push).imag.sum() / arm
+        total = push.sum()
+        residual[places.balance] = wrench - (
+            total.real,
+            total.imag,
+            (arms.conj() * push).imag.sum() / arm,
+        )
         residual[places.closure], jacobian[places.closure] = closure(unknowns, normals)
         return residual, jacobian, normals
 
@@ -240,7 +251,9 @@ class ContactStatics:
         :param steps: most states that are looked at.
         """
         places, unknowns = self.places, start.copy()
-        longest = _longest_step(len(self.sides), self.body.arm)
+        longest = np.full(places.size, MAX_MOVE * self.body.arm)
+        longest[ANGLE] = longest[places.inclinations] = MAX_TURN
+        longest[places.normal.start :] = np.inf
         for _ in range(steps):
             residual, jacobian, normals = self.equations(unknowns, wrench, closure)
             least = np.full(places.size, LENGTH_TOLERANCE)
@@ -267,28 +280,3 @@ def unwrapped(unknowns: Array, normals: Points, angles: Array) -> Array:
     """
     own = normals * np.exp(-1j * unknowns[ANGLE])
     return angles + np.angle(own * np.exp(-1j * angles))
-
-
-@functools.lru_cache(maxsize=16)
-def _longest_step(count: int, arm: float) -> Array:
-    """Return by how much the unknowns (3 + 4k,) of k contacts change in one step at most."""
-    places = Places.of(count)
-    longest = np.full(places.size, MAX_MOVE * arm)
-    longest[ANGLE], longest[places.inclinations] = MAX_TURN, MAX_TURN
-    longest[places.normal] = longest[places.friction] = np.inf
-    longest.flags.writeable = False
-    return longest
-
-
-@functools.lru_cache(maxsize=16)
-def _touch_places(count: int) -> Indices:
-    """Return where in the flat Jacobian derivatives of touch and inclination are, (k, 13)."""
-    # Rows: along and across the members; columns: x, y, the angle, and foot, inclination and
-    # normal force of the contact itself. The last is that of the inclination by itself.
-    places, own = Places.of(count), np.arange(count)
-    pose = np.broadcast_to(np.arange(POSE)[:, None], (POSE, count))
-    each = [place.start + own for place in (places.feet, places.inclinations, places.normal)]
-    columns = np.concatenate([pose, each])
-    along = own * places.size + columns
-    inclined = (own + 2 * count) * places.size + places.inclinations.start + own
-    return np.concatenate([along, along + count * places.size, inclined[None]]).T

@@ -16,9 +16,13 @@ import enum
 import functools
 import math
 
-from isotruss_ros.core.holding.contact_forces import ContactForces, GripResponse, slip_conditions
+from isotruss_ros.core.holding.contact_forces import (
+    ContactForces,
+    GripResponse,
+    PressedContacts,
+    slip_conditions,
+)
 from isotruss_ros.core.holding.contact_statics import ContactStatics, TubeModel
-from isotruss_ros.core.holding.pressed_contacts import PressedContacts
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
@@ -181,7 +185,7 @@ class HeldGrip:
         :return: besides, the slopes (c, 3) and their sizes (c,).
         """
         if friction not in self._reserves:
-            rows = slip_conditions(self.response.owners, friction)
+            rows = slip_conditions(self.contacts.owners, friction)
             slope = rows @ self.response.forces
             # Of any friction, squares may overflow.
             size = np.hypot.reduce(slope, axis=1)
@@ -241,7 +245,7 @@ class HeldGrip:
     @functools.cached_property
     def response(self) -> GripResponse | None:
         """Return how pose and forces answer to a wrench; None where that is indifferent."""
-        owners, places, count = self.contacts.owners, self.state.places, len(self.anchors)
+        places, count, members = self.state.places, len(self.anchors), len(self.members)
         apart = self.statics.compliance.axis.conj() * _opening(self.statics, self.state)
         right = np.zeros((places.size, 4))
         right[places.balance, :3] = -np.eye(3)
@@ -249,15 +253,8 @@ class HeldGrip:
         _, _, change, singular = lapack.dgesv(self.tangent, right)
         if singular or lapack.dgetrf(change[:3, :3])[2]:
             return None
-        normal, friction = change[places.normal], change[places.friction]
-        return GripResponse(
-            pose=change[:3, :3],
-            normal=normal[:, :3],
-            friction=friction[:, :3],
-            owners=owners,
-            arm=self.arm,
-            squeeze_stiffness=float(normal[:, 3].sum()) / (int(owners[-1]) + 1),
-        )
+        squeeze = change[places.normal].sum(axis=0) / members
+        return GripResponse(change[:, :3], squeeze[:3], self.arm, float(squeeze[3]))
 
     def squeeze_stiffness(self) -> float:
         """

@@ -8,7 +8,7 @@
 # language governing permissions and limitations under the License.
 
 """
-The frame of a robot under the forces of an object that it holds: joints, wrinkling, oscillation.
+The frame of a robot under the forces of an object that it holds: joints and oscillation.
 
 A wrench on the object moves it, and the modules with it. Of the oscillation the lowest natural
 frequency is looked for among the three motions that three independent wrenches cause (Rayleigh and
@@ -46,15 +46,6 @@ def held_joints(grip: HeldGrip) -> Array:
     moved = displace_nodes(grip, grip.statics.loads(grip.state.unknowns)[..., None])
     count = len(grip.config.robot.topology.joint_names)
     return grip.config.nodes[:count] + moved[:count, :2, 0]
-
-
-def held_utilisation(grip: HeldGrip) -> Array:
-    """
-    Return the largest |M| / M_w of each member under the forces of a held object, (m,) [-].
-
-    :param grip: how the object is held.
-    """
-    return grip.sections.utilisation
 
 
 def displace_nodes(grip: HeldGrip, loads: Array) -> Array:
@@ -130,7 +121,7 @@ def natural_modes(grip: HeldGrip) -> NaturalModes | None:
 def _inertia_of_robot(grip: HeldGrip) -> Array:
     """Return what the masses of modules and tubes are under each pair of unit wrenches (3, 3)."""
     description, topology = grip.config.robot.description, grip.config.robot.topology
-    loads = grip.statics.loads_of(grip.state.unknowns, grip.response.forces)
+    loads = grip.statics.load_rates(grip.state.unknowns, grip.response.change)
     moved = displace_nodes(grip, loads)
     nodes, first = moved[:, 0] + 1j * moved[:, 1], frame_layout(grip.config.robot).b
     b, c = nodes[first], nodes[first + 1]

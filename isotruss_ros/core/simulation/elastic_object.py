@@ -17,6 +17,7 @@ from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
+from isotruss_ros.core.holding.joint_loads import LoadedParts
 from isotruss_ros.core.holding.loaded_frame import held_joints
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -27,7 +28,6 @@ from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.simulation.floor_friction import FloorFriction
 from isotruss_ros.core.simulation.held_motion import has_masses, HeldMotion
-from isotruss_ros.core.simulation.rubbing import Rubbing
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -76,7 +76,7 @@ class ElasticObject:
             )
         self._floor = FloorFriction((float(ground), float(module)), body.arm)
         self._motion = HeldMotion(self._floor)
-        self._rubbing: Rubbing | None = None
+        self._rubbing: LoadedParts | None = None
         self._body, self._friction, self._scale = body, float(mu), float(scale)
         self._lies = body.pose._replace(angle=math.remainder(body.pose.angle, 2.0 * math.pi))
         self._grasp: HeldGrip | None = None
@@ -119,7 +119,7 @@ class ElasticObject:
         grasp, rubbing = self._grasp, self._rubbing
         if grasp is None:
             return config.nodes[: len(config.robot.topology.joint_names)]
-        if rubbing is None or rubbing.joints is None:
+        if rubbing is None or rubbing.by_contacts is None:
             return held_joints(grasp)
         return rubbing.places[3:].reshape(-1, 2)
 
@@ -154,12 +154,12 @@ class ElasticObject:
             self._roll(before, config, pull)
             return
         if rubbing is None:
-            rubbing = Rubbing.find(before, floor.joints_rub)
+            rubbing = LoadedParts.find(before, floor.joints_rub)
             floor.stand(rubbing.places)
         led = self._roll(before, config, before.wrench)
         if led is None or led.response is None:
             return
-        there = Rubbing.find(led, floor.joints_rub, floor.loads)
+        there = LoadedParts.find(led, floor.joints_rub, floor.loads)
         wrench = None
         if swings:
             moved = there.places - rubbing.places
@@ -171,7 +171,7 @@ class ElasticObject:
             led = self._roll(there.load(led, floor.loads), config, borne)
             if led is None or led.response is None:
                 return
-            self._rubbing = there = Rubbing.find(led, floor.joints_rub, floor.loads)
+            self._rubbing = there = LoadedParts.find(led, floor.joints_rub, floor.loads)
             free = there.places - there.compliance @ floor.loads
             if wrench is not None or not floor.hold_back(free, there.compliance):
                 break

@@ -14,8 +14,8 @@ from types import SimpleNamespace
 from held_grips import BOX, held, HOME
 from isotruss_ros.core import Ellipse
 from isotruss_ros.core.holding.attach_grip import _choices, attach_grip
+from isotruss_ros.core.holding.contact_forces import PressedContacts
 from isotruss_ros.core.holding.held_grip import HeldGrip
-from isotruss_ros.core.holding.pressed_contacts import PressedContacts
 import numpy as np
 import pytest
 

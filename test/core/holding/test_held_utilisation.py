@@ -13,7 +13,6 @@ import frames
 from grips import gripped
 from held_grips import BOX, held
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.loaded_frame import held_utilisation
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
@@ -42,5 +41,5 @@ def test_tubes_bear_what_a_frame_under_the_same_loads_does(grasp):
     pressure = np.array(structure.pressures)[grasp.config.robot.topology.tube]
     inside = statics.compliance.locate(state.feet)[0]
     expected = tubes.largest_utilisation(structure, pressure, ends, inside)
-    assert held_utilisation(grasp) == pytest.approx(expected, rel=1e-6, abs=1e-9)
+    assert grasp.sections.utilisation == pytest.approx(expected, rel=1e-6, abs=1e-9)
     assert expected.max() > 0.1

@@ -127,16 +127,14 @@ def test_the_margin_is_the_smallest_wrench_of_all_directions():
     for _ in range(200):
         wrench = rng.normal(size=3)
         wrench *= margin / np.linalg.norm(wrench)
-        normal = state.normal_forces + response.normal @ wrench
-        friction = state.friction_forces + response.friction @ wrench
+        normal, friction = np.split(state.forces + response.forces @ wrench, 2)
         assert (np.abs(friction) <= FRICTION * normal + 1e-9).all()
     settled = settle_grasp(CONFIG, CYLINDER, FRICTION)
     assert settled.slip_margin == pytest.approx(margin)
     # Along the weakest direction it is used up.
     along = grasp.weakest_direction(FRICTION)
     assert np.linalg.norm(along) == pytest.approx(1.0)
-    normal = state.normal_forces + response.normal @ along * margin
-    friction = state.friction_forces + response.friction @ along * margin
+    normal, friction = np.split(state.forces + response.forces @ along * margin, 2)
     left = np.append(FRICTION * normal - np.abs(friction), normal)
     assert left.min() == pytest.approx(0.0, abs=1e-9)
 
