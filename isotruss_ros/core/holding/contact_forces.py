@@ -45,7 +45,7 @@ class PressedContacts:
     @functools.cached_property
     def owners(self) -> Indices:
         """Return (k,) 0 for the first of the grasping members, 1 for the next one."""
-        return np.unique(self.members, return_inverse=True)[1]
+        return np.cumsum(np.diff(self.members, prepend=self.members[0]) > 0)
 
     @functools.cached_property
     def ends(self) -> list[Indices]:
@@ -108,11 +108,13 @@ class ContactForces:
         beta_i [rad], normal forces N_i [N], friction forces on the tubes T_i [N],
         counter-clockwise around the object.
     :ivar normals: (k,) from the object toward the tubes.
+    :ivar loads: (k, 3) on the tubes: along and across the members [N] and moments [N m].
     :ivar jacobian: (3 + 4k, 3 + 4k) of the equations there.
     """
 
     unknowns: Array
     normals: Points
+    loads: Array
     jacobian: Array
 
     @functools.cached_property

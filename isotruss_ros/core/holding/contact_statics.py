@@ -37,6 +37,7 @@ from isotruss_ros.core.holding.contact_forces import (
     ANGLE,
     ContactForces,
     Places,
+    POSE,
     PressedContacts,
 )
 from isotruss_ros.core.model.convex_object import ConvexObject
@@ -80,8 +81,10 @@ class _Pushes(NamedTuple):
     local: Points  #: (k,) normals along and across the members
     skin: Array  #: (k,) distance of the dented skin from the centre line [m]
     softs: Array  #: (k,) derivatives of the dents by the normal forces [m/N]
+    force: Points  #: (k,) on the tubes along and across [N]
+    changes: Points  #: (3, k) of the forces by inclination, normal and friction force
     loads: Array  #: (k, 3) forces along and across [N] and moments [N m]
-    rates: Array  #: (k, 3, 3) of these by inclination, normal and friction force
+    rates: Array  #: (3, 3, k) of these by the same
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,59 +117,57 @@ class ContactStatics:
         """Return where what is among the unknowns."""
         return Places.of(len(self.contacts.owners))
 
+    @functools.cached_property
+    def _aside(self) -> Points:
+        """Return the normals of the straight tubes along and across the members, (k,)."""
+        return 1j * self.sides
+
     @property
     def straight_normals(self) -> Points:
         """Return the normals of the tubes as long as they are straight, from the object (k,)."""
-        return 1j * self.sides * self.compliance.axis
-
-    def loads(self, unknowns: Array) -> Array:
-        """
-        Return forces along and across the members [N] and moments [N m] of the contacts, (k, 3).
-
-        :param unknowns: see `ContactForces`.
-        """
-        return self._push(unknowns).loads
+        return self._aside * self.compliance.axis
 
     def load_rates(self, unknowns: Array, change: Array) -> Array:
         """
-        Return how these loads change with the unknowns, (k, 3, c).
+        Return how the loads on the tubes change with the unknowns, (k, 3, c).
 
         :param unknowns: see `ContactForces`.
         :param change: (3 + 4k, c) of the unknowns.
         """
         bending = change[self.places.inclinations.start :].reshape(3, len(self.sides), -1)
-        return np.einsum('kln,nkc->klc', self._push(unknowns).rates, bending)
+        return np.einsum('lnk,nkc->klc', self._push(unknowns).rates, bending)
 
     def _push(self, unknowns: Array) -> _Pushes:
         """Return what presses and rubs on the tubes."""
         turned, normal, friction = unknowns[self.places.inclinations.start :].reshape(3, -1)
-        local = 1j * self.sides * np.exp(1j * turned)
+        local = self._aside * np.exp(1j * turned)
+        along = 1j * local
         depths, softs = self.indentation(normal)
         # Friction acts at the skin of a tube, so that it turns the tube as well.
         skin = self.tube_radius - depths
-        force = (normal + 1j * friction) * local
-        loads = np.stack([force.real, force.imag, -skin * friction], axis=1)
-        rates = np.stack([1j * force, local, 1j * local], axis=1)
-        couples = np.stack([0.0 * skin, softs * friction, -skin], axis=1)
-        rates = np.stack([rates.real, rates.imag, couples], axis=1)
-        return _Pushes(local, skin, softs, loads, rates)
+        force = normal * local + friction * along
+        changes = np.array([1j * force, local, along])
+        moments = np.array([np.zeros(len(skin)), softs * friction, -skin])
+        loads = np.array([force.real, force.imag, -skin * friction]).T
+        rates = np.array([changes.real, changes.imag, moments])
+        return _Pushes(local, skin, softs, force, changes, loads, rates)
 
     def equations(
         self, unknowns: Array, wrench: Array, closure: Closure
-    ) -> tuple[Array, Array, Points]:
+    ) -> tuple[Array, ContactForces]:
         """
-        Return residual (3 + 4k,), its Jacobian and normals (k,).
+        Return the residual (3 + 4k,), and the state with its Jacobian.
 
         :param unknowns: see `ContactForces`.
         :param wrench: (fx, fy, m / arm) on the object [N].
         :param closure: the remaining equations, of friction or of rolling.
         """
         places, count, arm = self.places, len(self.sides), self.body.arm
-        own, axis = np.arange(count), self.compliance.axis
+        axis, bent = self.compliance.axis, places.inclinations.start
         center, turn = complex(unknowns[0], unknowns[1]), cmath.rect(1.0, unknowns[ANGLE])
         feet, slopes = unknowns[places.feet], np.tan(unknowns[places.inclinations])
-        local, skin, softs, loads, rates = self._push(unknowns)
-        normals = axis * local
+        local, skin, softs, force, changes, loads, rates = self._push(unknowns)
+        normals, back = axis * local, axis.conj()
         points, radii = self.body.shape.surface_at(
             self.contacts.corners, normals * turn.conjugate()
         )
@@ -174,39 +175,38 @@ class ContactStatics:
         # As the object turns under a tube, the point that touches moves back on its surface.
         swung = 1j * (arms - radii * normals)
         residual, jacobian = np.empty(places.size), np.zeros((places.size, places.size))
+
         contact = self.compliance.at(feet)
-        bent, inclined = places.inclinations.start, places.inclinations.start + own
-
-        gaps = (self.compliance.start - center - arms) / axis + feet - skin * local
-        touch = contact.respond(loads) + self.given
-        touch += np.stack([gaps.real, gaps.imag, -slopes], axis=1)
-        residual[: 3 * count] = touch.T.ravel()
-        moved = np.zeros((count, places.size), dtype=complex)
-        moved[:, 0], moved[:, 1], moved[:, ANGLE] = -1.0 / axis, -1j / axis, -swung / axis
-        moved[own, places.feet.start + own] = 1.0
-        moved[own, inclined] = -1j * (radii + skin) * local
-        moved[own, places.normal.start + own] = softs * local
+        gaps = back * (self.compliance.start - center - arms) + feet - skin * local
+        touch = residual[: 3 * count].reshape(3, count)
+        touch[:] = (contact.respond(loads) + self.given).T
+        touch[0] += gaps.real
+        touch[1] += gaps.imag
+        touch[2] -= slopes
         rows = jacobian[: 3 * count].reshape(3, count, -1)  # response, contact
-        rows[0], rows[1] = moved.real, moved.imag
-        rows[2, own, inclined] = -1.0 - slopes**2
-        rows[:, :, places.feet] += contact.rates(loads).transpose(1, 0, 2)
-        bends = np.einsum('raic,icn->arni', contact.matrix, rates)
-        rows[:, :, bent:] += bends.reshape(3, count, -1)
+        moved = -np.array([back, 1j * back, back * swung]).T
+        rows[0, :, :POSE], rows[1, :, :POSE] = moved.real, moved.imag
+        rows[:, :, places.feet] = contact.rates(loads).transpose(1, 0, 2)
+        bends = np.einsum('raic,cni->arni', contact.matrix, rates)
+        rows[:, :, bent:] = bends.reshape(3, count, -1)
+        # Of each contact by its own foot, inclination and normal force.
+        own = np.einsum('rana->rna', rows[:, :, POSE:].reshape(3, count, 4, count))
+        turned = np.array([-1j * (radii + skin) * local, softs * local])
+        own[0, 0] += 1.0
+        own[0, 1:3] += turned.real
+        own[1, 1:3] += turned.imag
+        own[2, 1] -= 1.0 + slopes**2
 
-        push, pushes = ((each[:, 0] + 1j * each[:, 1]).T * axis for each in (loads, rates))
+        push, pushes = axis * force, axis * changes
         turning = (arms.conj() * pushes).imag
         turning[0] -= radii * unknowns[places.normal]
-        balance = np.stack([pushes.real, pushes.imag, turning / arm])
+        balance = np.array([pushes.real, pushes.imag, turning / arm])
         jacobian[places.balance, bent:] = -balance.reshape(3, -1)
-        jacobian[places.balance.start + 2, ANGLE] = -(swung.conj() * push).imag.sum() / arm
-        total = push.sum()
-        residual[places.balance] = wrench - (
-            total.real,
-            total.imag,
-            (arms.conj() * push).imag.sum() / arm,
-        )
+        jacobian[places.balance.start + 2, ANGLE] = -np.vdot(swung, push).imag / arm
+        total, moment = sum(push.tolist()), np.vdot(arms, push).imag
+        residual[places.balance] = wrench - np.array([total.real, total.imag, moment / arm])
         residual[places.closure], jacobian[places.closure] = closure(unknowns, normals)
-        return residual, jacobian, normals
+        return residual, ContactForces(unknowns, normals, loads, jacobian)
 
     def rolling_rows(self, unknowns: Array, normals: Points) -> Array:
         """
@@ -255,14 +255,14 @@ class ContactStatics:
         longest[ANGLE] = longest[places.inclinations] = MAX_TURN
         longest[places.normal.start :] = np.inf
         for _ in range(steps):
-            residual, jacobian, normals = self.equations(unknowns, wrench, closure)
+            residual, state = self.equations(unknowns, wrench, closure)
             least = np.full(places.size, LENGTH_TOLERANCE)
             least[places.balance] = FORCE_TOLERANCE * np.abs(unknowns[places.normal]).sum()
             # What is no number is no solution either.
             if (np.abs(residual) <= least).all():
                 folded = np.abs(unknowns[places.inclinations]).max() > MAX_INCLINATION
-                return None if folded else ContactForces(unknowns, normals, jacobian)
-            _, _, step, singular = lapack.dgesv(jacobian, -residual)
+                return None if folded else state
+            _, _, step, singular = lapack.dgesv(state.jacobian, -residual)
             size = np.abs(step)
             if singular or not size.max() < np.inf:
                 return None

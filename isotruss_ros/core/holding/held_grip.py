@@ -208,7 +208,7 @@ class HeldGrip:
         """Return what the sections of the tubes bear under the forces of the object."""
         compliance, feet = self.statics.compliance, self.state.feet
         structure, (piece, within) = compliance.structure, compliance.locate(feet)
-        loads = self.statics.loads(self.state.unknowns)
+        loads = self.state.loads
         # Of a piece that runs backward along its member.
         local = (loads[:, 0] + 1j * loads[:, 1]) * compliance.axis / structure.frame.axis[piece]
         return load_sections(

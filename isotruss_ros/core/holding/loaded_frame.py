@@ -43,7 +43,7 @@ def held_joints(grip: HeldGrip) -> Array:
 
     :param grip: how the object is held.
     """
-    moved = displace_nodes(grip, grip.statics.loads(grip.state.unknowns)[..., None])
+    moved = displace_nodes(grip, grip.state.loads[..., None])
     count = len(grip.config.robot.topology.joint_names)
     return grip.config.nodes[:count] + moved[:count, :2, 0]
 

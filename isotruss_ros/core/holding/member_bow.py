@@ -37,7 +37,7 @@ def member_bow(grip: HeldGrip) -> Array:
     """
     state, compliance = grip.state, grip.statics.compliance
     robot, feet = grip.config.robot, state.feet
-    loads, b = grip.statics.loads(state.unknowns), frame_layout(robot).b
+    loads, b = state.loads, frame_layout(robot).b
     bent, shear = compliance.at(feet).respond(loads), compliance.structure.frame.members.shear
     # A force across puts a kink into the line; the slope is the mean of both sides.
     kinks = -loads[:, 1] / shear[compliance.locate(feet)[0]]

@@ -258,7 +258,7 @@ def _depth_in(grip: HeldGrip, number: int, depth: float) -> float:
     compliance = MemberCompliance(
         statics.compliance.structure, members, grip.tubes.stiffness_scale
     )
-    loads = np.vstack([statics.loads(grip.state.unknowns), np.zeros(3)])
+    loads = np.vstack([grip.state.loads, np.zeros(3)])
     feet = np.append(grip.state.feet, near.shares * abs(end - start))
     along, across, _ = compliance.at(feet).respond(loads)[-1].tolist()
     moved = complex(along, across) * compliance.axis[-1]

@@ -28,7 +28,7 @@ def response_of(pose, forces, squeeze, arm):
 def grip_of(normal, friction, owners, response):
     """Return what the slip margin of a grip is of."""
     unknowns = np.concatenate([np.zeros(3 + 2 * len(normal)), normal, friction])
-    state = ContactForces(unknowns, np.zeros(len(normal), dtype=complex), None)
+    state = ContactForces(unknowns, np.zeros(len(normal), dtype=complex), None, None)
     contacts = SimpleNamespace(owners=owners)
     grip = SimpleNamespace(state=state, contacts=contacts, response=response, _reserves={})
     grip.slip_reserves = partial(HeldGrip.slip_reserves, grip)
