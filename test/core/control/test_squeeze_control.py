@@ -395,11 +395,11 @@ def test_the_model_has_the_pressures_that_are_measured_from_the_start_and_in_fli
     model = attach_grip(CONFIG, CYLINDER, tubes=TubeModel(pressure=softer), quick=True)
     assert held_by(softer).grasp.squeeze == pytest.approx(model.squeeze, rel=1e-6)
     control = held_by(None)
-    before = control.grasp.squeeze
+    assert control.grasp.squeeze > 1.01 * model.squeeze
     held_by(softer, control)
     assert control.grasp.tubes.pressure == softer
-    # Softer, it presses less; its contacts stay, with the dents that they had.
-    assert 0.0 < before - control.grasp.squeeze < before - model.squeeze
+    # Softer, it presses less; its contacts stay.
+    assert control.grasp.squeeze == pytest.approx(model.squeeze, rel=2e-3)
 
 
 def test_noise_of_the_pressures_does_not_move_the_model():
