@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[2]
 BOUNDS = {
     'twist to roller command': (17, 88),
     'closure by (10)': (21, 104),
-    'flag of the node: held': (37, 210),
+    'flag of the node: held': (36, 210),
 }
 
 

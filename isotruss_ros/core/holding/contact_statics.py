@@ -179,7 +179,8 @@ class ContactStatics:
         contact = self.compliance.at(feet)
         gaps = back * (self.compliance.start - center - arms) + feet - skin * local
         touch = residual[: 3 * count].reshape(3, count)
-        touch[:] = (contact.respond(loads) + self.given).T
+        bent_by = contact.matrix.reshape(3 * count, -1) @ loads.ravel()
+        touch[:] = (bent_by.reshape(-1, 3) + self.given).T
         touch[0] += gaps.real
         touch[1] += gaps.imag
         touch[2] -= slopes

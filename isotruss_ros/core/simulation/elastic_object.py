@@ -140,7 +140,7 @@ class ElasticObject:
             self._move(self._grasp, config, elapsed)
         if self._grasp is None:
             self._stand_still()
-            self._lies = self._pushed(config)
+            self._lies = push_out(config, self._lying()).pose
 
     def come_to_rest(self, config: Configuration) -> None:
         """Take no note of it; see `SimulatedObject.come_to_rest`."""
@@ -189,8 +189,9 @@ class ElasticObject:
             return
         first = config if before is None else self._first_touch(before, config)
         for there in (first, config):
-            self._try_to_hold(there)
-            if self._grasp is not None:
+            found = attach_grip(there, self._lying(), None, self._wrench, TubeModel(self._scale))
+            if not isinstance(found, HoldStatus) and found.hold(self._friction) is HoldStatus.HELD:
+                self._grasp, self.dropped = found, None
                 return
 
     def _first_touch(self, before: Configuration, config: Configuration) -> Configuration:
@@ -213,16 +214,6 @@ class ElasticObject:
     def _lying(self) -> ConvexObject:
         """Return the object where it lies."""
         return self._body.moved_to(self._lies)
-
-    def _pushed(self, config: Configuration) -> Pose:
-        """Return where the members push it."""
-        return push_out(config, self._lying()).pose
-
-    def _try_to_hold(self, config: Configuration) -> None:
-        """Be held if the members press so that friction holds."""
-        found = attach_grip(config, self._lying(), None, self._wrench, TubeModel(self._scale))
-        if not isinstance(found, HoldStatus) and found.hold(self._friction) is HoldStatus.HELD:
-            self._grasp, self.dropped = found, None
 
     def _roll(self, before: HeldGrip, config: Configuration, wrench: Array) -> HeldGrip | None:
         """
