@@ -440,3 +440,10 @@ def test_what_is_not_held_says_why():
         settle_grasp(HOME, grip.body, 0.5, members=('south/P-Q', 'south/P-X'))
     with pytest.raises(GraspError, match='two or three'):
         settle_grasp(HOME, ConvexObject.disc((0.0, 0.0), 0.3), 0.5, members=APART[:1])
+
+
+@pytest.mark.parametrize('grip', [attach_grip(CONFIG, CYLINDER), held(BOX, 0.2)])
+def test_under_a_huge_load_there_is_no_equilibrium(grip):
+    load = 1e6 * np.array([0.3, -0.8, 0.0])
+    assert roll_grip(grip, grip.config, load) is None
+    assert attach_grip(grip.config, grip.body, grip.members, load) is HoldStatus.NO_BALANCE
