@@ -23,8 +23,7 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.roll_grip import roll_grip
-from isotruss_ros.mujoco_plant import engine
-from isotruss_ros.mujoco_plant.options import PlantError, PlantOptions
+from isotruss_ros.mujoco_plant.options import load_mujoco, PlantError, PlantOptions
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 from mujoco_worlds import needs_mujoco
 import numpy as np
@@ -193,14 +192,24 @@ def test_without_mujoco_a_sentence_says_what_to_install(monkeypatch):
     def missing(name):
         raise ImportError(f'No module named {name!r}')
 
-    engine.load_mujoco.cache_clear()
+    load_mujoco.cache_clear()
     monkeypatch.setattr(importlib, 'import_module', missing)
     with pytest.raises(PlantError, match=r"pip install 'mujoco>=3.11,<4' in"):
         MujocoPlant(load_robot('triangle'))
 
 
 @pytest.mark.parametrize(
-    'values', [{'object_mass': 0.0}, {'friction': -0.1}, {'segments': 0}, {'time_step': np.nan}]
+    'values',
+    [
+        {'object_mass': 0.0},
+        {'friction': -0.1},
+        {'segments': 0},
+        {'time_step': np.nan},
+        {'module_friction': -1.0},
+        {'roller_lag': np.nan},
+        {'roller_force': 0.0},
+        {'gravity': (0.0, np.inf)},
+    ],
 )
 def test_unusable_options_are_refused(values):
     with pytest.raises(PlantError, match='MuJoCo plant'):

@@ -37,15 +37,10 @@ from isotruss_ros.core.holding.contact_statics import (
     SOFTNESS,
     TubeModel,
 )
-from isotruss_ros.core.holding.held_grip import (
-    HeldGrip,
-    HoldStatus,
-    MOST,
-    scaled_wrench,
-    travel_rates,
-)
+from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, scaled_wrench, travel_rates
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths
+from isotruss_ros.core.manipulation.grip import MOST
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np

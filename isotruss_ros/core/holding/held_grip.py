@@ -33,8 +33,6 @@ from isotruss_ros.core.statics.wrinkling import load_sections, SectionLoads, Sec
 import numpy as np
 from scipy.linalg import lapack
 
-#: Most members that hold an object.
-MOST = 3
 #: A motion is expected to go on by at most this many times what it was before.
 LONGEST = 2.0
 #: This share of the squeeze is left of the slip margin where the object stands on its path [-].

@@ -26,9 +26,10 @@ from isotruss_ros.core.holding.build_statics import (
 )
 from isotruss_ros.core.holding.contact_forces import PressedContacts
 from isotruss_ros.core.holding.contact_statics import Closure, ContactStatics, SOFTNESS, unwrapped
-from isotruss_ros.core.holding.held_grip import HeldGrip, MOST, scaled_wrench, travel_rates
+from isotruss_ros.core.holding.held_grip import HeldGrip, scaled_wrench, travel_rates
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths, member_lines
+from isotruss_ros.core.manipulation.grip import MOST
 from isotruss_ros.core.model.convex_object import segment_gaps
 from isotruss_ros.core.model.shapes import Face
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
