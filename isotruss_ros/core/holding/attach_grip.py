@@ -141,16 +141,14 @@ def _find_rest(
 
 
 def _is_like(grip: HeldGrip, statics: ContactStatics) -> bool:
-    """Tell whether an object of the same shape is touched alike, from the same sides."""
+    """Tell whether an object is touched alike, from the same sides."""
     own, contacts = grip.contacts, statics.contacts
-    return grip.body.shape == statics.body.shape and all(
-        np.array_equal(one, other)
-        for one, other in (
-            (own.members, contacts.members),
-            (own.corners, contacts.corners),
-            (grip.statics.sides, statics.sides),
-        )
+    pairs = (
+        (own.members, contacts.members),
+        (own.corners, contacts.corners),
+        (grip.statics.sides, statics.sides),
     )
+    return all(np.array_equal(*pair) for pair in pairs)
 
 
 def _solve_nearby(

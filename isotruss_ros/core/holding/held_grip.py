@@ -280,7 +280,7 @@ class HeldGrip:
             return self
         tubes = self.tubes._replace(pressure=pressures)
         statics = build_statics(self.config, self.body, self.contacts, tubes, self.state.normals)
-        return replace(self, tubes=tubes, statics=replace(statics, given=self.statics.given))
+        return replace(self, tubes=tubes, statics=statics)
 
     def ahead(self, travel: Array) -> Array:
         """
