@@ -77,8 +77,9 @@ class ElasticObject:
         self._floor = FloorFriction((float(ground), float(module)), body.arm)
         self._motion = HeldMotion(self._floor)
         self._rubbing: LoadedParts | None = None
-        self._body, self._friction, self._scale = body, float(mu), float(scale)
-        self._lies = body.pose._replace(angle=math.remainder(body.pose.angle, 2.0 * math.pi))
+        self._friction, self._scale = float(mu), float(scale)
+        angle = math.remainder(body.pose.angle, 2.0 * math.pi)
+        self._body = body.moved_to(body.pose._replace(angle=angle))  # where it lies
         self._grasp: HeldGrip | None = None
         self._wrench = np.zeros(3)
         self._pulled_anew = False
@@ -125,7 +126,7 @@ class ElasticObject:
 
     def pose(self, config: Configuration) -> Pose:
         """Return its pose after the last step; see `SimulatedObject.pose`."""
-        return self._lies if self._grasp is None else self._grasp.pose
+        return self._body.pose if self._grasp is None else self._grasp.pose
 
     @single_threaded
     def follow(self, config: Configuration, elapsed: float = 0.0) -> None:
@@ -140,7 +141,7 @@ class ElasticObject:
             self._move(self._grasp, config, elapsed)
         if self._grasp is None:
             self._stand_still()
-            self._lies = push_out(config, self._lying()).pose
+            self._body = push_out(config, self._body)
 
     def come_to_rest(self, config: Configuration) -> None:
         """Take no note of it; see `SimulatedObject.come_to_rest`."""
@@ -189,7 +190,7 @@ class ElasticObject:
             return
         first = config if before is None else self._first_touch(before, config)
         for there in (first, config):
-            found = attach_grip(there, self._lying(), None, self._wrench, TubeModel(self._scale))
+            found = attach_grip(there, self._body, None, self._wrench, TubeModel(self._scale))
             if not isinstance(found, HoldStatus) and found.hold(self._friction) is HoldStatus.HELD:
                 self._grasp, self.dropped = found, None
                 return
@@ -209,11 +210,7 @@ class ElasticObject:
 
     def _pressed(self, config: Configuration) -> bool:
         """Return whether two members press on the object where it lies, deeper than they push."""
-        return bool(np.sort(member_depths(config, self._lying()))[-2] > TOLERANCE)
-
-    def _lying(self) -> ConvexObject:
-        """Return the object where it lies."""
-        return self._body.moved_to(self._lies)
+        return bool(np.sort(member_depths(config, self._body))[-2] > TOLERANCE)
 
     def _roll(self, before: HeldGrip, config: Configuration, wrench: Array) -> HeldGrip | None:
         """
@@ -240,7 +237,8 @@ class ElasticObject:
                 continue
             part = 0.5 * part
             if part < 1.0 / MAX_PARTS:
-                self._lies, self._grasp, self.dropped = before.pose, None, hold
+                self._body = self._body.moved_to(before.pose)
+                self._grasp, self.dropped = None, hold
                 return None
         self._grasp = before
         return before
