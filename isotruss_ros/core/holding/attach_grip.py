@@ -219,32 +219,17 @@ def rest(statics: ContactStatics, center: complex, angle: float) -> Closure:
             slopes = alike @ forces * SOFTNESS / max(float(np.abs(forces[:count]).sum()), 1e-3)
             left[: len(pairs)], derivative[: len(pairs), pressing] = 0.5 * slopes @ forces, slopes
         if across:
-            number = first - 1
-            left[number] = _along(statics, unknowns, normals, ends, center, derivative[number])
+            # How far the object has moved across the chord of two normals; that turns as the
+            # tubes incline.
+            row, (one, other) = derivative[first - 1], (normals.item(own[0]) for own in ends)
+            chord, away = one - other, complex(unknowns[0], unknowns[1]) - center
+            size = max(abs(chord), 1e-9)
+            along = 1j * chord / size
+            lever = (along.conjugate() * -1j * away).real / size**2
+            left[first - 1], row[:2] = (along.conjugate() * away).real, (along.real, along.imag)
+            bent = row[places.inclinations]
+            bent[ends[0][0]] = (chord.conjugate() * 1j * one).imag * lever
+            bent[ends[1][0]] = -(chord.conjugate() * 1j * other).imag * lever
         return left, derivative
 
     return rows
-
-
-def _along(
-    statics: ContactStatics,
-    unknowns: Array,
-    normals: Points,
-    ends: list[Indices],
-    center: complex,
-    row: Array,
-) -> float:
-    """Return how far the object has moved across the chord of two members' normals [m]."""
-    one, other = int(ends[0][0]), int(ends[1][0])
-    first, second = normals.item(one), normals.item(other)
-    chord = first - second
-    size = max(abs(chord), 1e-9)
-    along = 1j * chord / size
-    away = complex(unknowns[0], unknowns[1]) - center
-    row[0], row[1] = along.real, along.imag
-    lever = (along.conjugate() * -1j * away).real / size**2
-    inclinations = statics.places.inclinations.start
-    # Of the chord, as the tubes incline.
-    row[inclinations + one] = (chord.conjugate() * 1j * first).imag * lever
-    row[inclinations + other] = -(chord.conjugate() * 1j * second).imag * lever
-    return (along.conjugate() * away).real
