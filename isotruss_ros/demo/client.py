@@ -249,15 +249,6 @@ class DemoClient(Node):
         """Return the last result of the analysis in this phase."""
         return self._record.grasps[-1] if self._record.grasps else None
 
-    def wait_until_idle(self, check: Callable[[], None]) -> None:
-        """
-        Wait until the manipulation follows twists, and the object is at rest.
-
-        :param check: raises when a node has ended.
-        :raises DemoError: not in time.
-        """
-        self._wait_for_rest(check, 'a manipulation that is ready')
-
     def play(
         self, phase: Phase, check: Callable[[], None], progress: Callable[[float], None]
     ) -> PhaseRecord:
@@ -293,7 +284,7 @@ class DemoClient(Node):
             progress(min(1.0, (now - start) / phase.duration))
         times = self._status_times
         record.loop_rate = (len(times) - 1) / (times[-1] - times[0]) if len(times) > 1 else 0.0
-        self._wait_for_rest(check, f'rest after {phase.name!r}')
+        self.wait_for_rest(check, f'rest after {phase.name!r}')
         gaps = (after - before for before, after in pairwise(times))
         record.longest_cycle = max((record.longest_cycle, *gaps))
         record.measured[:2] = np.array(self.pose[:2]) - begin
@@ -313,8 +304,14 @@ class DemoClient(Node):
         message.header = make_header(1e-9 * now.nanoseconds, name_object_frame(self.frame_id))
         self._wrenches.publish(message)
 
-    def _wait_for_rest(self, check: Callable[[], None], what: str) -> None:
-        """Publish zero twists until the object is at rest."""
+    def wait_for_rest(self, check: Callable[[], None], what: str) -> None:
+        """
+        Publish zero twists until the manipulation follows them, and the object is at rest.
+
+        :param check: raises when a node has ended.
+        :param what: that is waited for, for the error.
+        :raises DemoError: not in time.
+        """
         self._ended = self._stamp
 
         def stand() -> None:

@@ -197,7 +197,7 @@ def _play(
                 if simulated:
                     slow_down(grasp, SLOWER)
                 records += gripper.approach(grasp, bar('approach and grip'))
-                client.wait_until_idle(check)
+                client.wait_for_rest(check, 'a manipulation that is ready')
                 records += [client.play(phase, check, bar(phase.name)) for phase in figure_9(pull)]
             return records, plan
     finally:
