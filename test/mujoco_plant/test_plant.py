@@ -55,6 +55,12 @@ def test_the_capsules_of_a_member_join_at_any_length():
         ends = [geom.xpos + half for geom, half in zip(geoms, halves, strict=True)]
         starts = [geom.xpos - half for geom, half in zip(geoms, halves, strict=True)]
         np.testing.assert_allclose(ends[:-1], starts[1:], atol=1e-3)
+    # The tube runs through a member evenly: pieces alike far from both ends share their speeds.
+    plant.advance(plant.options.time_step, [0.02, 0.0])
+    for name in robot.module_names:
+        geoms = [plant.model.geom(f'{name}#{piece}').id for piece in ('B', 1, 2, 3, 4, 'E')]
+        speeds = plant.model.geom_surfacevel[geoms, 2]
+        np.testing.assert_allclose(speeds + speeds[::-1], speeds[0] + speeds[-1], atol=1e-12)
 
 
 @needs_mujoco
