@@ -253,7 +253,8 @@ def print_ratio(path: Path) -> None:
     start[grasp.statics.places.normal] *= 0.9
 
     def equations(unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return grasp.statics.equations(unknowns, grasp.wrench, closure)[:2]
+        residual, state = grasp.statics.equations(unknowns, grasp.wrench, closure)
+        return residual, state.jacobian
 
     def solve() -> None:
         assert root(equations, start, jac=True).success

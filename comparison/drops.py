@@ -28,7 +28,6 @@ from isotruss_ros.core import (
 from isotruss_ros.core.errors import ConfigurationError, StructureError
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.held_grip import HeldGrip
-from isotruss_ros.core.holding.loaded_frame import held_utilisation
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
@@ -204,7 +203,7 @@ def _is_worth(case: Case) -> bool:
         return False
     if not isinstance(model, HeldGrip) or model.hold(case.friction) is not HoldStatus.HELD:
         return False
-    wrinkles = float(held_utilisation(model).max()) > 1.0
+    wrinkles = float(model.sections.utilisation.max()) > 1.0
     return model.slip_margin(case.friction) > LEAST and not wrinkles
 
 

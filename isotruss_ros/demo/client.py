@@ -69,6 +69,8 @@ class DemoClient(Node):
 
     :ivar frame_id: of the object's pose.
     :ivar measured: last measured pose of the object.
+    :ivar pose: the last one that was recorded.
+    :ivar rollers: (r,) their last positions, corrected where they are estimated [m].
     :param roller_names: the robot's rollers in its order.
     :param sim_time: go by `/clock`, as with a plant that has masses.
     :param truth: record what is true of robot and object in place of what is measured, and what is
@@ -89,11 +91,11 @@ class DemoClient(Node):
         self._roller_states = RollerStateReader(roller_names)
         self.frame_id = ''
         self.measured: Pose | None = None
-        self._pose: Pose | None = None
+        self.pose: Pose | None = None
         self._turned = 0.0
         self._stamp = self._moved = self._ended = -math.inf
         self._rest: np.ndarray | None = None
-        self._rollers: np.ndarray | None = None
+        self.rollers: np.ndarray | None = None
         self._offsets = np.zeros(len(roller_names))
         self._last_status: ManipulationStatus | None = None
         self._status_times: list[float] = []
@@ -117,16 +119,6 @@ class DemoClient(Node):
         self._own_executor = SingleThreadedExecutor()
         self._own_executor.add_node(self)
 
-    @property
-    def pose(self) -> Pose:
-        """Return the last pose of the object that was recorded."""
-        return self._pose
-
-    @property
-    def rollers(self) -> np.ndarray:
-        """Return the last roller positions (r,) [m], corrected where they are estimated."""
-        return self._rollers
-
     def _take_measured(self, message: PoseStamped) -> None:
         self.frame_id = message.header.frame_id
         self.measured = read_pose('object pose', message.pose)
@@ -143,18 +135,18 @@ class DemoClient(Node):
         self._offsets = np.array(message.offsets)
 
     def _take_pose(self, message: PoseStamped) -> None:
-        before, self._pose = self._pose, read_pose('object pose', message.pose)
+        before, self.pose = self.pose, read_pose('object pose', message.pose)
         if before is not None:
-            self._turned += math.remainder(self._pose.angle - before.angle, 2.0 * math.pi)
+            self._turned += math.remainder(self.pose.angle - before.angle, 2.0 * math.pi)
         self._stamp = read_stamp(message.header)
-        if self._rollers is not None:
-            self._record.snapshots.append(Snapshot(self._stamp, self._rollers, self._pose))
-            here = np.concatenate([self._pose, self._rollers])
+        if self.rollers is not None:
+            self._record.snapshots.append(Snapshot(self._stamp, self.rollers, self.pose))
+            here = np.concatenate([self.pose, self.rollers])
             if self._rest is None or np.abs(here - self._rest).max() > self._rest_distance:
                 self._rest, self._moved = here, self._stamp
 
     def _take_joints(self, message: JointState) -> None:
-        self._rollers = self._roller_states.read(message).positions + self._offsets
+        self.rollers = self._roller_states.read(message).positions + self._offsets
         speed = max(map(abs, message.velocity), default=0.0)
         self._record.max_roller_speed = max(self._record.max_roller_speed, speed)
 
@@ -216,22 +208,15 @@ class DemoClient(Node):
             check()
             if meanwhile is not None:
                 meanwhile()
-            self._spin(PERIOD)
-
-    def _spin(self, duration: float) -> None:
-        end = time.monotonic() + duration
-        while time.monotonic() < end:
-            self._own_executor.spin_once(timeout_sec=WAIT)
+            until = time.monotonic() + PERIOD
+            while time.monotonic() < until:
+                self._own_executor.spin_once(timeout_sec=WAIT)
 
     def _seconds(self) -> float:
         """Return the time by which phases go: that of `/clock`, or the machine's [s]."""
         if self._sim_time:
             return 1e-9 * self.get_clock().now().nanoseconds
         return time.monotonic()
-
-    def _spin_until(self, time_of: float) -> None:
-        while self._seconds() < time_of:
-            self._own_executor.spin_once(timeout_sec=WAIT)
 
     def at_rest(self) -> bool:
         """Return whether the object and the rollers have not moved for `REST_TIME`."""
@@ -264,15 +249,6 @@ class DemoClient(Node):
         """Return the last result of the analysis in this phase."""
         return self._record.grasps[-1] if self._record.grasps else None
 
-    def wait_until_idle(self, check: Callable[[], None]) -> None:
-        """
-        Wait until the manipulation follows twists, and the object is at rest.
-
-        :param check: raises when a node has ended.
-        :raises DemoError: not in time.
-        """
-        self._wait_for_rest(check, 'a manipulation that is ready')
-
     def play(
         self, phase: Phase, check: Callable[[], None], progress: Callable[[float], None]
     ) -> PhaseRecord:
@@ -285,7 +261,7 @@ class DemoClient(Node):
         :raises DemoError: the object did not come to rest.
         """
         record = self.begin(phase.name)
-        begin, turned = np.array(self._pose[:2]), self._turned
+        begin, turned = np.array(self.pose[:2]), self._turned
         start = now = self._seconds()
         tick = 0
         while now - start < phase.duration:
@@ -297,20 +273,21 @@ class DemoClient(Node):
                 record.max_speed, math.hypot(twist[0], twist[1]) + ARM * abs(twist[2])
             )
             tick += 1
-            self._spin_until(start + tick * PERIOD)
+            while self._seconds() < start + tick * PERIOD:
+                self._own_executor.spin_once(timeout_sec=WAIT)
             sent, now = now, self._seconds()
             record.commanded += np.array(twist) * (now - sent)
             record.longest_cycle = max(record.longest_cycle, now - sent)
             if record.pull is not None:
-                away = np.array(self._pose[:2]) - begin - record.accepted[:2]
+                away = np.array(self.pose[:2]) - begin - record.accepted[:2]
                 record.max_shift = max(record.max_shift, float(np.hypot(*away)))
             progress(min(1.0, (now - start) / phase.duration))
         times = self._status_times
         record.loop_rate = (len(times) - 1) / (times[-1] - times[0]) if len(times) > 1 else 0.0
-        self._wait_for_rest(check, f'rest after {phase.name!r}')
+        self.wait_for_rest(check, f'rest after {phase.name!r}')
         gaps = (after - before for before, after in pairwise(times))
         record.longest_cycle = max((record.longest_cycle, *gaps))
-        record.measured[:2] = np.array(self._pose[:2]) - begin
+        record.measured[:2] = np.array(self.pose[:2]) - begin
         record.measured[2] = self._turned - turned
         return record
 
@@ -327,8 +304,14 @@ class DemoClient(Node):
         message.header = make_header(1e-9 * now.nanoseconds, name_object_frame(self.frame_id))
         self._wrenches.publish(message)
 
-    def _wait_for_rest(self, check: Callable[[], None], what: str) -> None:
-        """Publish zero twists until the object is at rest."""
+    def wait_for_rest(self, check: Callable[[], None], what: str) -> None:
+        """
+        Publish zero twists until the manipulation follows them, and the object is at rest.
+
+        :param check: raises when a node has ended.
+        :param what: that is waited for, for the error.
+        :raises DemoError: not in time.
+        """
         self._ended = self._stamp
 
         def stand() -> None:

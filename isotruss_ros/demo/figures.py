@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 from isotruss_ros.core import analyze_grasp, Configuration, ConvexObject, Pose, Robot, settle_grasp
 from isotruss_ros.core.numerics.arrays import Array
@@ -41,38 +40,6 @@ PULL_COLOR, PULL_SCALE = '#d9480f', 0.08
 Box = tuple[Array, Array]
 
 
-class Panel(NamedTuple):
-    """
-    What one panel shows.
-
-    :ivar title: what happens.
-    :ivar snapshot: the state of robot and object.
-    :ivar pull: (fx, fy, m) that pulls at the object [N, N m]; None if nothing does.
-    """
-
-    title: str
-    snapshot: Snapshot
-    pull: Wrench | None = None
-
-
-def make_panels(records: Sequence[PhaseRecord]) -> list[Panel]:
-    """
-    Return a panel for the end of each phase, and before that one for a pull in its middle.
-
-    :param records: of the phases.
-    """
-    panels = []
-    for record in records:
-        begin, end = record.pulled
-        pulled = [snap for snap in record.snapshots if begin <= snap.time <= end]
-        if record.pull is not None and pulled:
-            size = np.hypot(*record.pull[:2])
-            title = f'{record.name}, pulled with {size:g} N'
-            panels.append(Panel(title, pulled[len(pulled) // 2], record.pull))
-        panels.append(Panel(record.name, record.snapshots[-1]))
-    return panels
-
-
 def draw_panels(
     robot: Robot,
     diameter: float,
@@ -89,9 +56,17 @@ def draw_panels(
     :param path: of the picture.
     :param flattening: whether the tubes flatten where they are touched.
     """
-    stops = make_panels(records)
+    stops: list[tuple[str, Snapshot, Wrench | None]] = []
+    for record in records:
+        if record.pull is not None:
+            begin, end = record.pulled
+            pulled = [snap for snap in record.snapshots if begin <= snap.time <= end]
+            title = f'{record.name}, pulled with {np.hypot(*record.pull[:2]):g} N'
+            # One for the middle of the pull, before that for the end of the phase.
+            stops += [(title, snap, record.pull) for snap in pulled[len(pulled) // 2 :][:1]]
+        stops.append((record.name, record.snapshots[-1], None))
     travelled = [snap for record in records for snap in record.snapshots]
-    configs = [robot.configuration(stop.snapshot.rollers) for stop in stops]
+    configs = [robot.configuration(snapshot.rollers) for _, snapshot, _ in stops]
     box = _box(configs)
     count = len(stops)
     columns = -(-count // 2)
@@ -99,18 +74,16 @@ def draw_panels(
     panels = figure.subplots(2, columns, sharex=True, sharey=True).ravel()
     for axes in panels[count:]:
         axes.set_axis_off()
-    for i, stop in enumerate(stops):
-        axes, pose = panels[i], stop.snapshot.pose
+    for i, (title, snapshot, pull) in enumerate(stops):
+        axes, pose = panels[i], snapshot.pose
         plot_robot(configs[i], axes)
-        _draw_path(axes, [snap for snap in travelled if snap.time <= stop.snapshot.time])
+        _draw_path(axes, [snap for snap in travelled if snap.time <= snapshot.time])
         draw_object(axes, pose, diameter)
         cylinder = ConvexObject.disc(pose[:2], diameter)
         analysis = analyze_grasp(configs[i], cylinder, flattening=flattening)
         draw_forces(axes, cylinder, analysis, ARROW_SCALE)
-        wrench = (0.0, 0.0, 0.0)
-        if stop.pull is not None:
-            wrench = stop.pull
-            _draw_pull(axes, pose, wrench)
+        if pull is not None:
+            _draw_pull(axes, pose, pull)
         frame(axes, *box)
         axes.label_outer()
         held = ''
@@ -118,10 +91,10 @@ def draw_panels(
             view = plot_grasp(configs[i], cylinder, analysis, axes.inset_axes(VIEW), ARROW_SCALE)
             view.set_title('')
             grasped = len(analysis.contact_lengths) > 1
-            settled = settle_grasp(configs[i], cylinder, external_wrench=wrench)
+            settled = settle_grasp(configs[i], cylinder, external_wrench=pull or (0.0, 0.0, 0.0))
             held = ', held' if grasped and settled.held else ''
         words = describe_contacts(analysis)
-        axes.set_title(f'({"abcdefgh"[i]}) {stop.title}{held}\n{words}', loc='left')
+        axes.set_title(f'({"abcdefgh"[i]}) {title}{held}\n{words}', loc='left')
     figure.savefig(path, dpi=110)
 
 

@@ -174,17 +174,15 @@ class Gripping:
         client.wait(lambda: len(record.grasps) > count + 1, self._check, 'an analysis at rest')
         progress(1.0)
         if record.squeezes:
-            if record.squeezes[-1] == 0.0:
-                raise DemoError('the object is not held')
+            held, why = record.squeezes[-1] > 0.0, 'by its forces'
         else:
-            self._require_held(client.last_grasp())
+            state = client.last_grasp()
+            held = state.code == GraspState.OK and state.held
+            why = state.message or state.hold_message
+        if not held:
+            raise DemoError(f'the object is not held: {why}')
         touch = next(p for p in grasp.path.points if p.time_from_start == grasp.touch)
         return record.split('grip', np.array(touch.positions))
-
-    def _require_held(self, state: GraspState) -> None:
-        """Check that the object is held by the analysis."""
-        if state.code != GraspState.OK or not state.held:
-            raise DemoError(f'the object is not held: {state.message or state.hold_message}')
 
     def _answer(self, future: Future, what: str, deadline: float = DEADLINE) -> Any:
         self._client.wait(future.done, self._check, what, deadline)

@@ -27,7 +27,7 @@ from isotruss_ros.demo.gripping import Gripping, slow_down
 from isotruss_ros.demo.path import figure_9
 from isotruss_ros.demo.processes import keep_to_this_machine, running_nodes
 from isotruss_ros.demo.record import PhaseRecord
-from isotruss_ros.demo.sensors import PERFECT, REAL, sensor_faults, truth_table
+from isotruss_ros.demo.sensors import PERFECT, REAL, REAL_SENSORS, truth_table
 from isotruss_ros.demo.tables import contact_table, grasp_table, motion_table, plan_table
 from isotruss_ros.mujoco_plant.options import ROUND
 from isotruss_ros.mujoco_plant.rendering import require_egl
@@ -129,9 +129,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
         else:
             animate(robot, OBJECT_DIAMETER, records[1:], options.output / 'demo.gif')
     console.print(f'written: {options.output / "demo.png"}, {options.output / "demo.gif"}')
-    if options.sensors == REAL:
-        return _verdict_of_truth(moved, console)
-    return _verdict(moved, console)
+    return _verdict(moved, options.sensors == REAL, console)
 
 
 def _play(
@@ -157,7 +155,7 @@ def _play(
         lying |= {'ground_friction': GROUND_FRICTION, 'clock_speed': options.clock_speed}
         lying['recording'] = str(output.resolve() / RECORDING)
     started = [
-        ('simulator', gripping | lying | sensor_faults(options.sensors)),
+        ('simulator', gripping | lying | (REAL_SENSORS if real else {})),
         ('manipulation', gripping | regulated),
         ('grasp_analysis', shared | {'flattening': not simulated}),
         ('grasp_planner', common),
@@ -199,7 +197,7 @@ def _play(
                 if simulated:
                     slow_down(grasp, SLOWER)
                 records += gripper.approach(grasp, bar('approach and grip'))
-                client.wait_until_idle(check)
+                client.wait_for_rest(check, 'a manipulation that is ready')
                 records += [client.play(phase, check, bar(phase.name)) for phase in figure_9(pull)]
             return records, plan
     finally:
@@ -220,58 +218,43 @@ def _write_round_robot(output: Path) -> Path:
     return path
 
 
-def _verdict_of_truth(records: Sequence[PhaseRecord], console: Console) -> int:
+def _verdict(records: Sequence[PhaseRecord], real: bool, console: Console) -> int:
     """Return 0 where the object was held and came to its places, and say where not."""
-    faults = []
+    code, limit = 0, MAX_REAL_ERROR if real else MAX_POSITION_ERROR
     for record in records:
-        if min(record.squeezes) <= 0.0:
-            faults.append(f'{record.name}: the object was not held')
-        if record.position_error > MAX_REAL_ERROR + record.delay:
-            faults.append(f'{record.name}: the error is larger than 1 cm')
-        _tell_refused(record, MAX_REAL_ERROR, console)
-    for fault in faults:
-        console.print(fault, style='red')
-    return 1 if faults else 0
-
-
-def _tell_refused(record: PhaseRecord, limit: float, console: Console) -> None:
-    """Say how much of the commanded way was left out, where it is more than a limit [m]."""
-    if record.refused > limit + record.delay:
-        console.print(
-            f'{record.name}: limits left out {1e3 * record.refused:.1f} mm of what was commanded',
-            style='yellow',
-        )
-
-
-def _verdict(records: Sequence[PhaseRecord], console: Console) -> int:
-    code = 0
-    for record in records:
-        odd = {str(status) for status in record.statuses - {Status.OK, Status.IDLE}}
-        codes = {GraspCode(grasp.code) for grasp in record.grasps}
-        odd |= {f'grasp: {code}' for code in codes - {GraspCode.OK}}
-        if odd:
-            console.print(f'{record.name}: {", ".join(sorted(odd))}', style='yellow')
-        if record.pull is not None:
-            size = float(np.hypot(*record.pull[:2]))
-            console.print(
-                f'{record.name}: a pull of {size:g} N moved the object by up to '
-                f'{1e3 * record.max_shift:.1f} mm, and it came back to '
-                f'{1e3 * record.position_error:.2f} mm'
-            )
-        _tell_refused(record, MAX_POSITION_ERROR, console)
+        if not real:
+            _tell_odd(record, console)
+        if record.refused > limit + record.delay:
+            refused = f'{1e3 * record.refused:.1f} mm of what was commanded'
+            console.print(f'{record.name}: limits left out {refused}', style='yellow')
         faults = []
-        if record.held < 1.0:
+        if real and min(record.squeezes) <= 0.0:
+            faults.append('the object was not held')
+        if not real and record.held < 1.0:
             faults.append(f'held in {100.0 * record.held:.1f} % of the analyses only')
         # A command that is held longer than it should moves the object for longer.
-        if (
-            record.position_error > MAX_POSITION_ERROR + record.delay
-            or record.angle_error > MAX_ANGLE_ERROR + record.delay / ARM
-        ):
-            faults.append(
-                f'the error is larger than 1 mm or 0.25 degrees, with cycles of up to '
-                f'{1e3 * record.longest_cycle:.0f} ms'
-            )
+        turned = not real and record.angle_error > MAX_ANGLE_ERROR + record.delay / ARM
+        if turned or record.position_error > limit + record.delay:
+            angle = '' if real else ' or 0.25 degrees'
+            cycles = f'with cycles of up to {1e3 * record.longest_cycle:.0f} ms'
+            faults.append(f'the error is larger than {1e3 * limit:g} mm{angle}, {cycles}')
         for fault in faults:
             console.print(f'{record.name}: {fault}', style='red')
             code = 1
     return code
+
+
+def _tell_odd(record: PhaseRecord, console: Console) -> None:
+    """Say which states were odd, and what a pull did."""
+    odd = {str(status) for status in record.statuses - {Status.OK, Status.IDLE}}
+    codes = {GraspCode(grasp.code) for grasp in record.grasps}
+    odd |= {f'grasp: {code}' for code in codes - {GraspCode.OK}}
+    if odd:
+        console.print(f'{record.name}: {", ".join(sorted(odd))}', style='yellow')
+    if record.pull is not None:
+        size = float(np.hypot(*record.pull[:2]))
+        console.print(
+            f'{record.name}: a pull of {size:g} N moved the object by up to '
+            f'{1e3 * record.max_shift:.1f} mm, and it came back to '
+            f'{1e3 * record.position_error:.2f} mm'
+        )

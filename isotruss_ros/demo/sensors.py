@@ -41,15 +41,6 @@ REAL_SENSORS = {
 }
 
 
-def sensor_faults(kind: str) -> dict[str, object]:
-    """
-    Return the faults of the sensors, as parameters of `simulator`.
-
-    :param kind: of `PERFECT` and `REAL`.
-    """
-    return REAL_SENSORS if kind == REAL else {}
-
-
 def truth_table(records: Sequence[PhaseRecord], robot: Robot, squeeze: float) -> Table:
     """
     Return how far squeeze, joints and pose are off what is true.

@@ -15,23 +15,20 @@ from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
-from isotruss_ros.core.simulation.simulated_robot import RollerDrive, RollerFaults
+from isotruss_ros.core.simulation.simulated_robot import DrivenRollers, RollerFaults
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
-from numpy.typing import ArrayLike
 
 #: Simulated for the tubes to bend around an object that is grasped at the start [s].
 SETTLING = 1.0
 
 
-class DrivenRobot:
+class DrivenRobot(DrivenRollers):
     """
     MuJoCo moves robot and object; encoders measure the rollers.
 
     :ivar plant: the robot in MuJoCo.
-    :ivar roller_positions: (r,) travel since home as the encoders tell it [m].
-    :ivar roller_velocities: (r,) speeds during the last step as the encoders tell them [m/s].
     :ivar lag: time that was not simulated, because more than `longest_step` was due at once [s].
     :param robot: starts at home.
     :param body: the object in its place.
@@ -56,11 +53,9 @@ class DrivenRobot:
         seed: int = 0,
         longest_step: float = float('inf'),
     ) -> None:
-        self._drive = RollerDrive(robot, faults, seed)
+        super().__init__(robot, faults, seed)
         self.plant = MujocoPlant(robot, [body], options)
         self._config = robot.home
-        self.roller_positions = np.zeros(len(robot.roller_names))
-        self.roller_velocities = np.zeros_like(self.roller_positions)
         self.lag = 0.0
         self._longest_step = longest_step
         if not is_free:
@@ -88,28 +83,6 @@ class DrivenRobot:
         self.plant.hold_object(pose)
         self.plant.release_object()
 
-    def pull(self, wrench: ArrayLike) -> None:
-        """
-        Pull at the object from now on.
-
-        :param wrench: (fx, fy, m) about its centre, robot frame [N, N m].
-        :raises PlantError: not three finite numbers.
-        """
-        self.plant.pull(wrench)
-
-    def command(self, velocities: ArrayLike) -> None:
-        """
-        Take a command, which holds until the next.
-
-        :param velocities: (r,) roller speeds [m/s].
-        :raises ConfigurationError: wrong shape or not finite; the command before goes on.
-        """
-        self._drive.command(velocities)
-
-    def stop(self) -> None:
-        """Command all rollers to stand still."""
-        self._drive.stop()
-
     def advance(self, duration: float) -> None:
         """
         Let time pass.
@@ -121,17 +94,17 @@ class DrivenRobot:
         """
         simulated = min(duration, self._longest_step)
         self.lag += duration - simulated
-        speeds = self._drive.speeds()
+        speeds = self._speeds()
         blocked: ConfigurationError | None = None
         try:
             # Rollers have no force limit here: MuJoCo would tear the robot apart.
-            travel = self.plant.travel + simulated * self._drive.grip * speeds
+            travel = self.plant.travel + simulated * self._grips * speeds
             self._config = self._config.moved_to(travel)
         except ConfigurationError as error:
             blocked, speeds = error, np.zeros_like(speeds)
-        self.plant.advance(simulated, self._drive.grip * speeds)
+        self.plant.advance(simulated, self._grips * speeds)
         # From the plant, which advances by whole steps: so the encoders agree with it.
-        self.roller_positions = self.plant.travel / self._drive.grip
-        self.roller_velocities = self.plant.speeds / self._drive.grip
+        self.roller_positions = self.plant.travel / self._grips
+        self.roller_velocities = self.plant.speeds / self._grips
         if blocked is not None:
             raise blocked

@@ -125,33 +125,18 @@ def export_mjcf(
 
 
 def _add_options(root: ET.Element, options: PlantOptions) -> None:
-    ET.SubElement(
-        root,
-        'option',
-        timestep=f'{options.time_step:g}',
-        gravity=_text([*options.gravity, 0.0]),
-        integrator='implicitfast',
-        solver='Newton',
-        cone='elliptic',
-        impratio='100',
-        iterations='50',
-        tolerance='1e-10',
-    )
+    step = {'timestep': f'{options.time_step:g}', 'gravity': _text([*options.gravity, 0.0])}
+    solver = {'integrator': 'implicitfast', 'solver': 'Newton', 'cone': 'elliptic'}
+    accuracy = {'impratio': '100', 'iterations': '50', 'tolerance': '1e-10'}
+    ET.SubElement(root, 'option', **step, **solver, **accuracy)
     default = ET.SubElement(root, 'default')
     # The stiffest equality and contact that the time step allows: the tubes give, not they. An
     # object between two pieces of a coarse mesh chatters where its contact has less damping.
     quick = f'{2.0 * options.time_step:g}'
     stiff = {'solref': f'{quick} {CONTACT_DAMPING:g}', 'solimp': '0.99 0.999 0.0001'}
     ET.SubElement(default, 'equality', solref=f'{quick} 1', solimp='0.999 0.9999 0.0001')
-    ET.SubElement(
-        default,
-        'geom',
-        contype='0',
-        conaffinity='0',
-        condim='3',
-        friction=f'{options.friction:g} 0 0',
-        **stiff,
-    )
+    untouched = {'contype': '0', 'conaffinity': '0', 'condim': '3'}
+    ET.SubElement(default, 'geom', **untouched, friction=f'{options.friction:g} 0 0', **stiff)
 
 
 def _add_joints(world: ET.Element, robot: Robot, options: PlantOptions) -> list[ET.Element]:
@@ -159,20 +144,18 @@ def _add_joints(world: ET.Element, robot: Robot, options: PlantOptions) -> list[
     topology, points = robot.topology, robot.home.points
     held = set(topology.grounded.tolist())
     bodies = []
+    rubs = {
+        'damping': options.joint_drag,
+        'frictionloss': options.module_friction,
+        'solimpfriction': FIRM,
+    }
     for node, name in enumerate(topology.joint_names):
         body = ET.SubElement(world, 'body', name=name, pos=_place(points[node]))
         _inertial(body, JOINT_MASS)
         ET.SubElement(body, 'geom', type='sphere', size=f'{BALL:g}', rgba=MODULE_COLOR)
         for axis, letter in enumerate('xy'):
             if 2 * node + axis not in held:
-                _slide(
-                    body,
-                    f'{name}:{letter}',
-                    axis,
-                    damping=options.joint_drag,
-                    frictionloss=options.module_friction,
-                    solimpfriction=FIRM,
-                )
+                _slide(body, f'{name}:{letter}', axis, **rubs)
         bodies.append(body)
     modules = []
     for i, name in enumerate(topology.module_names):
@@ -267,18 +250,10 @@ def _add_object(
     middle = held.turn * (shape.centroid if own is None else complex(*own))
     body = ET.SubElement(world, 'body', name=name, pos=_place(held.center))
     _inertial(body, mass, middle, mass * shape.gyration**2)
+    drag, rub = options.object_drag, options.ground_friction
     for axis, letter in enumerate('xy'):
-        _slide(
-            body,
-            f'{name}:{letter}',
-            axis,
-            damping=options.object_drag,
-            frictionloss=options.ground_friction,
-        )
-    turning = {
-        'damping': options.object_drag * radius**2,
-        'frictionloss': options.ground_friction * EVEN_DISC * radius,
-    }
+        _slide(body, f'{name}:{letter}', axis, damping=drag, frictionloss=rub)
+    turning = {'damping': drag * radius**2, 'frictionloss': rub * EVEN_DISC * radius}
     _hinge(body, f'{name}:turn', **turning)
     for letter in ('x', 'y', 'turn'):
         hold = {'name': f'{name}:hold_{letter}', 'joint1': f'{name}:{letter}', 'active': 'false'}

@@ -7,12 +7,19 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""What the robot file does not say: masses, damping, mesh and contact of the MuJoCo model."""
+"""
+MuJoCo itself, an optional dependency, and what the robot file does not say of its model.
+
+That is masses, damping, mesh and contact.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+import functools
+import importlib
 import math
+from types import ModuleType
 
 from isotruss_ros.core.errors import IsotrussError
 import numpy as np
@@ -36,6 +43,23 @@ NOT_NEGATIVE = (
 
 class PlantError(IsotrussError, ValueError):
     """The MuJoCo plant cannot be made, or it left what it can simulate."""
+
+
+@functools.cache
+def load_mujoco() -> ModuleType:
+    """
+    Return the module `mujoco`.
+
+    :raises PlantError: it is not installed; the text says how to install it.
+    """
+    try:
+        return importlib.import_module('mujoco')
+    except ImportError as error:
+        raise PlantError(
+            f'plant mujoco: MuJoCo cannot be imported ({error}); install it with '
+            "pip install 'mujoco>=3.11,<4' in the environment of this Python, or take plant "
+            'kinematic or elastic'
+        ) from error
 
 
 @dataclass(frozen=True)

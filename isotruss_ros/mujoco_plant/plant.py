@@ -19,13 +19,16 @@ from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices
-from isotruss_ros.mujoco_plant.engine import load_mujoco
 from isotruss_ros.mujoco_plant.mjcf import ARMATURE, export_mjcf, segment_counts, spring_damping
-from isotruss_ros.mujoco_plant.options import PlantError, PlantOptions
+from isotruss_ros.mujoco_plant.options import load_mujoco, PlantError, PlantOptions
 from isotruss_ros.mujoco_plant.springs import springs_of
 import numpy as np
 from numpy.typing import ArrayLike
 
+#: Rows of the table of stiffnesses: slides along, at an end or not, hinges at the rings; joints
+#: across and in bending by their names.
+END, MIDDLE, RING = 0, 1, 4
+ACROSS = (('y', 2), ('bend', 3))
 #: Steps after which stiffness and geometry follow the lengths of the members.
 REFRESH = 10
 
@@ -36,15 +39,6 @@ class ContactForce(NamedTuple):
     normal: float  #: with which it presses [N]
     friction: float  #: on the object, counter-clockwise positive [N]
     point: complex  #: where the resultant acts, x + iy in the robot frame [m]
-
-
-class Part(NamedTuple):
-    """A contact of one piece of a member with one geom of an object."""
-
-    force: complex  #: on the object, x + iy in the robot frame [N]
-    pressing: complex  #: its normal part, x + iy [N]
-    point: complex  #: where it acts, x + iy [m]
-    normal: float  #: size of the normal part [N]
 
 
 class MujocoPlant:
@@ -237,7 +231,7 @@ class MujocoPlant:
         :param number: of the object.
         """
         mine = self._object_geoms[number]
-        found: dict[str, list[Part]] = {}
+        found: dict[str, list[tuple[complex, complex, complex]]] = {}
         wrench = np.zeros(6)
         for index, contact in enumerate(self.data.contact):
             pair = contact.geom.tolist()
@@ -247,76 +241,56 @@ class MujocoPlant:
                 continue
             self._mj.mj_contactForce(self.model, self.data, index, wrench)
             # The frame's axes are its rows; the first, the normal, is from the first geom on.
-            axes = contact.frame.reshape(3, 3)[:, :2] @ np.array([1.0, 1.0j])
             sign = 1.0 if second else -1.0
-            force = sign * complex(axes @ wrench[:3])
-            part = Part(force, wrench[0] * sign * axes[0], complex(*contact.pos[:2]), wrench[0])
+            axes = sign * contact.frame.reshape(3, 3)[:, :2] @ np.array([1.0, 1.0j])
+            part = axes @ wrench[:3], axes[0] * wrench[0], complex(*contact.pos[:2])
             found.setdefault(self.robot.member_names[member], []).append(part)
         return {name: _resultant(parts) for name, parts in found.items()}
 
     def _find_addresses(self) -> None:
         """Look up where joints, bodies and geoms of all members stand in MuJoCo's arrays."""
         model, topology = self.model, self.robot.topology
-        names = topology.module_names
-        warning = self._mj.mjtWarning
-        self._bad = [
-            int(bad)
-            for bad in (warning.mjWARN_BADQPOS, warning.mjWARN_BADQVEL, warning.mjWARN_BADQACC)
-        ]
+        names, warning = topology.module_names, self._mj.mjtWarning
+        bad = warning.mjWARN_BADQPOS, warning.mjWARN_BADQVEL, warning.mjWARN_BADQACC
+        self._bad = [int(number) for number in bad]
         self._joint_bodies = [self._body(name) for name in topology.joint_names]
         self._b_bodies = [self._body(f'{name}/B') for name in names]
         self._c_sites = [model.site(f'{name}/C').id for name in names]
-        slides, rest, kinds, pieces = [], [], [], []
+        # Rows (joint, member, place in the table of stiffnesses), (geom, member, length, place).
+        springs, pieces = [], []
         for i, (name, count) in enumerate(zip(names, self._counts.tolist(), strict=True)):
-            for k in range(1, count + 2):
-                end = k in (1, count + 1)
-                slides.append((model.joint(f'{name}:x{k}').id, i))
-                rest.append(0.5 if end else 1.0)
-                kinds.append((slides[-1][0], i, 0 if end else 1))
-            for k in range(1, count + 1):
-                kinds.append((model.joint(f'{name}:y{k}').id, i, 2))
-                kinds.append((model.joint(f'{name}:bend{k}').id, i, 3))
-            kinds.append((model.joint(f'{name}:ring').id, i, 4))
-            kinds.append((model.joint(f'{name}:end').id, i, 4))
-            for k in range(count + 1):
-                whole = 1.0 if 0 < k < count else 0.5
-                # A piece's origin has gone along by its share of the member's change of length.
-                share = 0.0 if k == 0 else (k - 0.5) / count
-                pieces.append((model.geom(f'{name}#{k}').id, i, whole, share))
-            pieces.append((model.geom(f'{name}#B').id, i, 0.0, 0.0))
-            pieces.append((model.geom(f'{name}#E').id, i, 0.0, 1.0))
-        joints, self._slide_member = np.array(slides).T
-        self._slide_qpos, self._slide_rest = model.jnt_qposadr[joints], np.array(rest)
+            along = [END, *[MIDDLE] * (count - 1), END]
+            kinds = [(f'x{k}', place) for k, place in enumerate(along, 1)]
+            kinds += [(f'{kind}{k}', place) for k in range(1, count + 1) for kind, place in ACROSS]
+            kinds += [('ring', RING), ('end', RING)]
+            springs += [(model.joint(f'{name}:{joint}').id, i, place) for joint, place in kinds]
+            # A piece's origin has gone along by its share of the member's change of length.
+            whole = [*[1.0] * (count - 1), 0.5]
+            parts = [('B', 0.0, 0.0), ('0', 0.5, 0.0), ('E', 0.0, 1.0)]
+            parts += [(str(k), size, (k - 0.5) / count) for k, size in enumerate(whole, 1)]
+            pieces += [(model.geom(f'{name}#{part}').id, i, *shares) for part, *shares in parts]
+        self._spring_joint, self._spring_member, self._spring_kind = np.array(springs).T
+        self._spring_dof = model.jnt_dofadr[self._spring_joint]
+        along = self._spring_kind <= MIDDLE
+        self._slide_qpos = model.jnt_qposadr[self._spring_joint[along]]
+        self._slide_member = self._spring_member[along]
+        self._slide_rest = np.where(self._spring_kind[along] == END, 0.5, 1.0)
         self._first_joint = np.array([model.joint(f'{name}:x1').id for name in names])
         self._first_slide = model.jnt_qposadr[self._first_joint]
-        self._spring_joint, self._spring_member, self._spring_kind = np.array(kinds).T
-        self._spring_dof = model.jnt_dofadr[self._spring_joint]
-        geoms, members, whole, share = np.array(pieces).T
+        geoms, members, self._piece_whole, self._piece_share = np.array(pieces).T
         self._piece_geom, self._piece_member = geoms.astype(int), members.astype(int)
-        self._piece_whole, self._piece_share = whole, share
         self._member_of_geom = np.full(model.ngeom, -1)
         self._member_of_geom[self._piece_geom] = self._piece_member
+        objects = [f'object{number}' for number in range(len(self._objects))]
         self._object_geoms = [
-            {
-                geom
-                for geom in range(model.ngeom)
-                if model.geom(geom).name.startswith(f'object{number}#')
-            }
-            for number in range(len(self._objects))
+            set(np.flatnonzero(model.geom_bodyid == self._body(name)).tolist()) for name in objects
         ]
-        objects = [
-            [f'object{n}:{c}' for c in ('x', 'y', 'turn')] for n in range(len(self._objects))
-        ]
-        self._object_qpos = [
-            np.array([model.joint(joint).qposadr[0] for joint in row]) for row in objects
-        ]
-        self._object_dofs = [
-            np.array([model.joint(joint).dofadr[0] for joint in row]) for row in objects
-        ]
-        self._object_holds = [
-            np.array([model.equality(joint.replace(':', ':hold_')).id for joint in row])
-            for row in objects
-        ]
+        # The three joints of an object, and what holds them, follow each other.
+        first = [model.joint(f'{name}:x') for name in objects]
+        holds = [model.equality(f'{name}:hold_x').id for name in objects]
+        self._object_qpos = [slice(j.qposadr[0], j.qposadr[0] + 3) for j in first]
+        self._object_dofs = [slice(j.dofadr[0], j.dofadr[0] + 3) for j in first]
+        self._object_holds = [slice(hold, hold + 3) for hold in holds]
 
     def _body(self, name: str) -> int:
         return int(self.model.body(name).id)
@@ -363,7 +337,7 @@ class MujocoPlant:
         self.model.jnt_stiffness[self._spring_joint] = stiffness
         armature = ARMATURE * stiffness * self.options.time_step**2
         self.model.dof_armature[self._spring_dof] = armature
-        along = self._spring_kind < 2
+        along = self._spring_kind <= MIDDLE
         damping = spring_damping(stiffness, along, self.options)
         self.model.dof_damping[self._spring_dof] = damping
         tube = self._piece_whole > 0.0
@@ -374,13 +348,11 @@ class MujocoPlant:
         self.model.geom_rbound[geoms] = half[tube] + self.model.geom_size[geoms, 0]
 
 
-def _resultant(parts: Sequence[Part]) -> ContactForce:
-    """Return the resultant of contacts with the pieces of one member."""
-    total = sum(part.force for part in parts)
-    weight = sum(part.normal for part in parts)
-    if weight <= 0.0:
-        return ContactForce(0.0, 0.0, parts[0].point)
-    at = sum(part.normal * part.point for part in parts) / weight
-    inward = sum(part.pressing for part in parts)
-    along = (inward / abs(inward)).conjugate() * total
-    return ContactForce(along.real, -along.imag, at)
+def _resultant(parts: Sequence[tuple[complex, complex, complex]]) -> ContactForce:
+    """Return the resultant of contacts: forces, their normal parts, and where they act, x + iy."""
+    forces, pressing, points = np.array(parts).T
+    sizes, inward = np.abs(pressing), complex(pressing.sum())
+    if not sizes.any():
+        return ContactForce(0.0, 0.0, complex(points[0]))
+    along = (inward / abs(inward)).conjugate() * complex(forces.sum())
+    return ContactForce(along.real, -along.imag, complex(sizes @ points / sizes.sum()))

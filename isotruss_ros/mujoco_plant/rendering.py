@@ -19,8 +19,7 @@ from types import TracebackType
 from typing import Any
 
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.mujoco_plant.engine import load_mujoco
-from isotruss_ros.mujoco_plant.options import PlantError
+from isotruss_ros.mujoco_plant.options import load_mujoco, PlantError
 from isotruss_ros.mujoco_plant.recording import PlantRecording
 import numpy as np
 from numpy.typing import NDArray

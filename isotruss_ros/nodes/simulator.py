@@ -250,7 +250,7 @@ class Simulator(ManagedNode):
         try:
             wrench = read_external_wrench(message, self.robot.frame)
             if self._driven is not None:
-                self._driven.pull(wrench)
+                self._driven.plant.pull(wrench)
             elif self._elastic is not None:  # no force moves an object fixed in the grasp frame
                 self._elastic.external_wrench = wrench
         except MessageError as error:

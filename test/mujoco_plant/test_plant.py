@@ -23,8 +23,7 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.roll_grip import roll_grip
-from isotruss_ros.mujoco_plant import engine
-from isotruss_ros.mujoco_plant.options import PlantError, PlantOptions
+from isotruss_ros.mujoco_plant.options import load_mujoco, PlantError, PlantOptions
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 from mujoco_worlds import needs_mujoco
 import numpy as np
@@ -56,6 +55,12 @@ def test_the_capsules_of_a_member_join_at_any_length():
         ends = [geom.xpos + half for geom, half in zip(geoms, halves, strict=True)]
         starts = [geom.xpos - half for geom, half in zip(geoms, halves, strict=True)]
         np.testing.assert_allclose(ends[:-1], starts[1:], atol=1e-3)
+    # The tube runs through a member evenly: pieces alike far from both ends share their speeds.
+    plant.advance(plant.options.time_step, [0.02, 0.0])
+    for name in robot.module_names:
+        geoms = [plant.model.geom(f'{name}#{piece}').id for piece in ('B', 1, 2, 3, 4, 'E')]
+        speeds = plant.model.geom_surfacevel[geoms, 2]
+        np.testing.assert_allclose(speeds + speeds[::-1], speeds[0] + speeds[-1], atol=1e-12)
 
 
 @needs_mujoco
@@ -102,10 +107,12 @@ def test_a_grasp_presses_needs_friction_and_gives_as_statics_says():
         assert force.friction == pytest.approx(0.0, abs=0.01)
     release(plant, 0.8)
     start = np.array(plant.object_pose())
-    forces = plant.contact_forces().values()
+    forces = plant.contact_forces()
     settled = settle_grasp(config, cylinder.moved_to(start), 0.8)
-    required = max(abs(force.friction) / force.normal for force in forces)
+    required = max(abs(force.friction) / force.normal for force in forces.values())
     assert required == pytest.approx(settled.required_friction, rel=0.03)
+    for member, force in forces.items():
+        assert force.friction == pytest.approx(settled.friction_forces[member], rel=0.2)
     plant.pull((1.0, 0.0, 0.0))
     plant.settle(3.0)
     gives = np.linalg.solve(settled.stiffness, [1.0, 0.0, 0.0])
@@ -193,14 +200,24 @@ def test_without_mujoco_a_sentence_says_what_to_install(monkeypatch):
     def missing(name):
         raise ImportError(f'No module named {name!r}')
 
-    engine.load_mujoco.cache_clear()
+    load_mujoco.cache_clear()
     monkeypatch.setattr(importlib, 'import_module', missing)
     with pytest.raises(PlantError, match=r"pip install 'mujoco>=3.11,<4' in"):
         MujocoPlant(load_robot('triangle'))
 
 
 @pytest.mark.parametrize(
-    'values', [{'object_mass': 0.0}, {'friction': -0.1}, {'segments': 0}, {'time_step': np.nan}]
+    'values',
+    [
+        {'object_mass': 0.0},
+        {'friction': -0.1},
+        {'segments': 0},
+        {'time_step': np.nan},
+        {'module_friction': -1.0},
+        {'roller_lag': np.nan},
+        {'roller_force': 0.0},
+        {'gravity': (0.0, np.inf)},
+    ],
 )
 def test_unusable_options_are_refused(values):
     with pytest.raises(PlantError, match='MuJoCo plant'):

@@ -13,7 +13,7 @@ import importlib
 import sys
 
 from geometry_msgs.msg import PoseStamped
-from isotruss_ros.mujoco_plant import engine
+from isotruss_ros.mujoco_plant import options
 from isotruss_ros.mujoco_plant.recording import read_recording
 from isotruss_ros.nodes.conversions.messages import read_stamp
 from isotruss_ros.nodes.simulator import Simulator
@@ -157,14 +157,14 @@ def test_rollers_block_before_a_shape_that_the_robot_cannot_take():
 
 def test_without_mujoco_it_is_refused_in_one_sentence(monkeypatch):
     real = importlib.import_module
-    engine.load_mujoco.cache_clear()
+    options.load_mujoco.cache_clear()
 
     def no_mujoco(name, *rest):
         if name == 'mujoco':
             raise ImportError('No module named mujoco')
         return real(name, *rest)
 
-    monkeypatch.setattr(engine.importlib, 'import_module', no_mujoco)
+    monkeypatch.setattr(options.importlib, 'import_module', no_mujoco)
     monkeypatch.delitem(sys.modules, 'mujoco', raising=False)
     check_refused(node(), "pip install 'mujoco>=3.11,<4' in the environment")
-    engine.load_mujoco.cache_clear()
+    options.load_mujoco.cache_clear()

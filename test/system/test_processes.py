@@ -65,7 +65,7 @@ def test_processes_carry_the_object_along_an_arc(w, tmp_path):
             check,
             'an analysis',
         )
-        client.wait_until_idle(check)
+        client.wait_for_rest(check, 'a manipulation that is ready')
         radius, heading, angle = 0.05, 0.5, -0.4
         phase = arc('arc', 2.0, radius, heading, angle)
         record = client.play(phase, check, lambda done: None)

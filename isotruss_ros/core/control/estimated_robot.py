@@ -17,7 +17,6 @@ import math
 from isotruss_ros.core.control.belief import Expectation
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.build_statics import build_statics
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_gradient import held_gradient
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
@@ -133,12 +132,8 @@ class EstimatedRobot:
         if pressures == self.tubes.pressure:
             return
         self.tubes, self._differentiated = self.tubes._replace(pressure=pressures), None
-        held = self.held
-        if held is not None:
-            statics = build_statics(
-                held.config, held.body, held.contacts, self.tubes, held.state.normals
-            )
-            self.held = replace(held, tubes=self.tubes, statics=statics)
+        if self.held is not None:
+            self.held = self.held.with_pressures(pressures)
 
     def release(self) -> None:
         """Hold nothing."""

@@ -138,9 +138,7 @@ class HeldModel:
         :param elapsed: since the last call [s].
         :param pressures: (t,) gauge, by tube [Pa]; those of the robot file if None.
         """
-        before = self.grasp
-        if before.tubes.pressure != pressures:
-            before = replace(before, tubes=before.tubes._replace(pressure=pressures))
+        before = self.grasp.with_pressures(pressures)
         grasp = roll_grip(before, config, self.load.wrench * self._even)
         if grasp is None:
             return HoldStatus.NO_BALANCE

@@ -16,7 +16,6 @@ What a command will use of them is learned from what the travel of the rollers u
 from __future__ import annotations
 
 from isotruss_ros.core.holding.held_grip import HeldGrip
-from isotruss_ros.core.holding.loaded_frame import held_utilisation
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
@@ -85,7 +84,7 @@ class UsageLimits:
 
     def _take(self, grasp: HeldGrip) -> None:
         """Take in which member is nearest to its wrinkling moment, and how near."""
-        used = held_utilisation(grasp)
+        used = grasp.sections.utilisation
         self._member = f'member {grasp.config.robot.member_names[int(used.argmax())]}'
         self._used = min(float(used.max()), FOLDED)
 

@@ -18,8 +18,18 @@ from __future__ import annotations
 
 import itertools
 
-from isotruss_ros.core.holding.build_statics import AS_MODELLED, build_statics, start_at
-from isotruss_ros.core.holding.contact_forces import ANGLE, CENTER, ContactForces, Places
+from isotruss_ros.core.holding.build_statics import (
+    AS_MODELLED,
+    build_statics,
+    find_pressed,
+    start_at,
+)
+from isotruss_ros.core.holding.contact_forces import (
+    ANGLE,
+    CENTER,
+    ContactForces,
+    PressedContacts,
+)
 from isotruss_ros.core.holding.contact_statics import (
     Closure,
     ContactStatics,
@@ -27,16 +37,10 @@ from isotruss_ros.core.holding.contact_statics import (
     SOFTNESS,
     TubeModel,
 )
-from isotruss_ros.core.holding.held_grip import (
-    HeldGrip,
-    HoldStatus,
-    MOST,
-    scaled_wrench,
-    travel_rates,
-)
-from isotruss_ros.core.holding.pressed_contacts import find_pressed, PressedContacts
+from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, scaled_wrench, travel_rates
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths
+from isotruss_ros.core.manipulation.grip import MOST
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
@@ -137,16 +141,14 @@ def _find_rest(
 
 
 def _is_like(grip: HeldGrip, statics: ContactStatics) -> bool:
-    """Tell whether an object of the same shape is touched alike, from the same sides."""
+    """Tell whether an object is touched alike, from the same sides."""
     own, contacts = grip.contacts, statics.contacts
-    return grip.body.shape == statics.body.shape and all(
-        np.array_equal(one, other)
-        for one, other in (
-            (own.members, contacts.members),
-            (own.corners, contacts.corners),
-            (grip.statics.sides, statics.sides),
-        )
+    pairs = (
+        (own.members, contacts.members),
+        (own.corners, contacts.corners),
+        (grip.statics.sides, statics.sides),
     )
+    return all(np.array_equal(*pair) for pair in pairs)
 
 
 def _solve_nearby(
@@ -188,74 +190,46 @@ def rest(statics: ContactStatics, center: complex, angle: float) -> Closure:
     :param center: measured origin of the object's frame, x + iy [m].
     :param angle: measured [rad].
     """
-    owners, places, count = statics.contacts.owners, statics.places, len(statics.sides)
-    ends = statics.contacts.ends
-    alike = [(own[:1], own[1:], -1.0) for own in ends if len(own) == 2]
-    faces, across = bool(alike), len(ends) == 2
+    contacts, places, count = statics.contacts, statics.places, len(statics.sides)
+    ends, pressing = contacts.ends, slice(places.normal.start, None)
+    pairs = [(own[:1], own[1:], -1.0) for own in ends if len(own) == 2]
+    faces, across = bool(pairs), len(ends) == 2
     if faces and across:
-        alike.append((ends[0], ends[1], 1.0))
+        pairs.append((ends[0], ends[1], 1.0))
+    # T_one N_other + sign T_other N_one of the forces (N, T) of contacts that use friction alike.
+    alike = np.zeros((len(pairs), 2 * count, 2 * count))
+    for form, (one, other, sign) in zip(alike, pairs, strict=True):
+        form[np.ix_(count + one, other)] = 1.0
+        form[np.ix_(count + other, one)] = sign
+    alike += alike.transpose(0, 2, 1)
+    first = len(pairs) + across
+    linear, given = np.zeros((count, places.size)), np.zeros(count)
+    if not faces:
+        linear[first, ANGLE], given[first] = statics.body.arm, statics.body.arm * angle
     if not across:
         # The friction of the first members, or their differences, that is to be none.
-        signs = np.eye(len(ends))[: count - len(alike) - (not faces)]
+        signs = np.eye(len(ends))[: count - first - (not faces)]
         signs = signs if faces else signs - np.roll(signs, 1, axis=1)
+        linear[first + (not faces) :, places.friction] = SOFTNESS * signs[:, contacts.owners]
 
     def rows(unknowns: Array, normals: Points) -> tuple[Array, Array]:
-        left, derivative = np.zeros(count), np.zeros((count, places.size))
-        for number, pair in enumerate(alike):
-            left[number] = _use_alike(unknowns, places, *pair, derivative[number])
-        number = len(alike)
+        left, derivative = linear @ unknowns - given, linear.copy()
+        if faces:
+            forces = unknowns[pressing]
+            slopes = alike @ forces * SOFTNESS / max(float(np.abs(forces[:count]).sum()), 1e-3)
+            left[: len(pairs)], derivative[: len(pairs), pressing] = 0.5 * slopes @ forces, slopes
         if across:
-            left[number] = _along(statics, unknowns, normals, ends, center, derivative[number])
-            number += 1
-        if not faces:
-            left[number] = statics.body.arm * (unknowns[ANGLE] - angle)
-            derivative[number, ANGLE] = statics.body.arm
-            number += 1
-        if not across:
-            friction = unknowns[places.friction]
-            sums = np.array([friction[own].sum() for own in ends])
-            left[number:] = SOFTNESS * (signs @ sums)
-            derivative[number:, places.friction] = SOFTNESS * signs[:, owners]
+            # How far the object has moved across the chord of two normals; that turns as the
+            # tubes incline.
+            row, (one, other) = derivative[first - 1], (normals.item(own[0]) for own in ends)
+            chord, away = one - other, complex(unknowns[0], unknowns[1]) - center
+            size = max(abs(chord), 1e-9)
+            along = 1j * chord / size
+            lever = (along.conjugate() * -1j * away).real / size**2
+            left[first - 1], row[:2] = (along.conjugate() * away).real, (along.real, along.imag)
+            bent = row[places.inclinations]
+            bent[ends[0][0]] = (chord.conjugate() * 1j * one).imag * lever
+            bent[ends[1][0]] = -(chord.conjugate() * 1j * other).imag * lever
         return left, derivative
 
     return rows
-
-
-def _use_alike(
-    unknowns: Array, places: Places, one: Indices, other: Indices, sign: float, row: Array
-) -> float:
-    """Return T_one N_other + sign T_other N_one of some contacts, in the row its derivative."""
-    normal, friction = unknowns[places.normal], unknowns[places.friction]
-    scale = SOFTNESS / max(float(np.abs(normal).sum()), 1e-3)
-    rubs, presses, rubs_too, presses_too = (
-        float(values[own].sum()) for own in (one, other) for values in (friction, normal)
-    )
-    row[places.friction.start + one] = scale * presses_too
-    row[places.normal.start + other] = scale * rubs
-    row[places.friction.start + other] = scale * sign * presses
-    row[places.normal.start + one] = scale * sign * rubs_too
-    return scale * (rubs * presses_too + sign * rubs_too * presses)
-
-
-def _along(
-    statics: ContactStatics,
-    unknowns: Array,
-    normals: Points,
-    ends: list[Indices],
-    center: complex,
-    row: Array,
-) -> float:
-    """Return how far the object has moved across the chord of two members' normals [m]."""
-    one, other = int(ends[0][0]), int(ends[1][0])
-    first, second = normals.item(one), normals.item(other)
-    chord = first - second
-    size = max(abs(chord), 1e-9)
-    along = 1j * chord / size
-    away = complex(unknowns[0], unknowns[1]) - center
-    row[0], row[1] = along.real, along.imag
-    lever = (along.conjugate() * -1j * away).real / size**2
-    inclinations = statics.places.inclinations.start
-    # Of the chord, as the tubes incline.
-    row[inclinations + one] = (chord.conjugate() * 1j * first).imag * lever
-    row[inclinations + other] = -(chord.conjugate() * 1j * second).imag * lever
-    return (along.conjugate() * away).real

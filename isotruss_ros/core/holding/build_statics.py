@@ -7,7 +7,11 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""The equations of a held object from what touches it, and where to begin their solution."""
+"""
+The equations of a held object from where it presses into tubes, and a start for their solution.
+
+It presses with one corner, or with both ends of a face.
+"""
 
 from __future__ import annotations
 
@@ -17,21 +21,93 @@ from isotruss_ros.core.contact.dents import (
     skin_indentation,
     SkinIndentation,
 )
+from isotruss_ros.core.holding.contact_forces import PressedContacts
 from isotruss_ros.core.holding.contact_statics import ContactStatics, TubeModel
-from isotruss_ros.core.holding.pressed_contacts import PressedContacts
 from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.numerics.arrays import Array, Points
+from isotruss_ros.core.model.shapes import Face, Shape
+from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.statics.member_compliance import MemberCompliance
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 
+#: Ends of a face that are nearer than this many tube radii along the tube share one dent.
+LEAST_FACE = 1.0
 #: Tubes of the robot file, which flatten.
 AS_MODELLED = TubeModel()
 #: Tables of dents are for normals in steps of this [rad].
 ANGLE_STEP = 0.01
 #: Objects that only touch are taken to be this deep, as a share of their size.
 LEAST_DEPTH = 1e-3
+
+
+def find_pressed(config: Configuration, body: ConvexObject, members: Indices) -> PressedContacts:
+    """
+    Return where members touch an object: with one corner, or both ends of a face.
+
+    :param config: configuration of the robot.
+    :param body: the object in its place.
+    :param members: (m,) numbers of the members, which rise.
+    """
+    if not body.shape.faces_at(0):
+        count = len(members)
+        return PressedContacts(
+            members, np.zeros(count, dtype=np.intp), np.full((count, 2), np.inf)
+        )
+    starts, normals = facing_lines(config, body, members)
+    own = normals * body.turn.conjugate()
+    away = ((starts - body.center) * normals.conj()).real
+    radius = 0.5 * config.robot.description.tube_diameter
+    found: list[tuple[int, int, float, float]] = []
+    for member, normal, distance in zip(
+        members.tolist(), own.tolist(), away.tolist(), strict=True
+    ):
+        corner = body.shape.corners_at(normal, 0.0)[0]
+        face = _deeper_face(body.shape, corner, normal)
+        if face is None or not _is_laid(body.shape, corner, face, normal, distance, radius):
+            found.append((member, corner, np.inf, np.inf))
+            continue
+        one, other = (corner, face.corner)[:: face.step]
+        half = 0.5 * face.length
+        found += [(member, one, np.inf, half), (member, other, half, np.inf)]
+    numbers, corners, before, behind = zip(*found, strict=True)
+    return PressedContacts(np.array(numbers), np.array(corners), np.column_stack([before, behind]))
+
+
+def _is_laid(
+    shape: Shape, corner: int, face: Face, normal: complex, distance: float, radius: float
+) -> bool:
+    """Return whether the other end of a face is in the tube too, and not in the same dent."""
+    back, end = normal.conjugate(), shape.point_at(face.corner, normal)
+    apart = face.step * ((end - shape.point_at(corner, normal)) * back).imag
+    deep = (end * back).real - distance + radius
+    return apart >= LEAST_FACE * radius and deep > 0.0
+
+
+def _deeper_face(shape: Shape, corner: int, normal: complex) -> Face | None:
+    """Return the face at a corner whose other end is farther out along a normal, if it has any."""
+    faces = shape.faces_at(corner)
+    if not faces:
+        return None
+    back = normal.conjugate()
+    return max(faces, key=lambda face: (shape.point_at(face.corner, normal) * back).real)
+
+
+def facing_lines(
+    config: Configuration, body: ConvexObject, members: Indices
+) -> tuple[Points, Points]:
+    """
+    Return where members start, and their normals out of an object, (m,) each, x + iy [m].
+
+    :param config: configuration of the robot.
+    :param body: the object in its place.
+    :param members: (m,) numbers of the members.
+    """
+    starts, ends = member_lines(config)[members].T
+    axes = (ends - starts) / np.abs(ends - starts)
+    aside = (axes.conj() * (body.middle - starts)).imag
+    return starts, -1j * np.where(aside < 0.0, -axes, axes)
 
 
 def build_statics(

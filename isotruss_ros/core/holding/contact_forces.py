@@ -8,7 +8,7 @@
 # language governing permissions and limitations under the License.
 
 """
-Pose, contacts and forces of a held object, and how they answer to small wrenches.
+Contacts, pose and forces of a held object, and how they answer to small wrenches.
 
 Contacts stick; forces redistribute with the tubes. From that follow the slip margin, and what
 happens as members move.
@@ -26,6 +26,42 @@ from scipy.linalg import lapack
 
 #: Places of the pose among the unknowns.
 CENTER, ANGLE, POSE = slice(0, 2), 2, 3
+
+
+@dataclass(frozen=True, eq=False)
+class PressedContacts:
+    """
+    The k contacts of an object with members, which rise.
+
+    :ivar members: (k,) numbers of the members.
+    :ivar corners: (k,) corners of a polygon; zero of other shapes.
+    :ivar cuts: (k, 2) how far the contact reaches before and behind, see `corner_dents` [m].
+    """
+
+    members: Indices
+    corners: Indices
+    cuts: Array
+
+    @functools.cached_property
+    def owners(self) -> Indices:
+        """Return (k,) 0 for the first of the grasping members, 1 for the next one."""
+        return np.cumsum(np.diff(self.members, prepend=self.members[0]) > 0)
+
+    @functools.cached_property
+    def ends(self) -> list[Indices]:
+        """Return which contacts each of the grasping members has: one, or both ends of a face."""
+        return [np.flatnonzero(self.owners == i) for i in range(int(self.owners[-1]) + 1)]
+
+    def without(self, dropped: int) -> PressedContacts:
+        """
+        Return the others; what was one end of a face reaches all along it now.
+
+        :param dropped: number of the contact that lets go.
+        """
+        cuts = self.cuts.copy()
+        cuts[self.owners == self.owners[dropped]] = np.inf
+        every = self.members, self.corners, cuts
+        return PressedContacts(*(np.delete(each, dropped, axis=0) for each in every))
 
 
 class Places(NamedTuple):
@@ -72,11 +108,13 @@ class ContactForces:
         beta_i [rad], normal forces N_i [N], friction forces on the tubes T_i [N],
         counter-clockwise around the object.
     :ivar normals: (k,) from the object toward the tubes.
+    :ivar loads: (k, 3) on the tubes: along and across the members [N] and moments [N m].
     :ivar jacobian: (3 + 4k, 3 + 4k) of the equations there.
     """
 
     unknowns: Array
     normals: Points
+    loads: Array
     jacobian: Array
 
     @functools.cached_property
@@ -115,26 +153,27 @@ class GripResponse:
     """
     What a small wrench (fx, fy, m / arm) [N] does to an object at k contacts that stick.
 
-    :ivar pose: (3, 3) displacement of (x, y, angle) [m/N, rad/N].
-    :ivar normal: (k, 3) change of the normal forces [-].
-    :ivar friction: (k, 3) change of the friction forces [-].
-    :ivar owners: (k,) to which member of the grip each contact belongs.
+    :ivar change: (3 + 4k, 3) of the unknowns, see `ContactForces`.
+    :ivar squeeze: (3,) change of the mean normal force of the members [-].
     :ivar arm: by which moments compare with forces: of a disc its radius [m].
     :ivar squeeze_stiffness: change of the mean normal force of the members as they move apart
         [N/m].
     """
 
-    pose: Array
-    normal: Array
-    friction: Array
-    owners: Indices
+    change: Array
+    squeeze: Array
     arm: float
     squeeze_stiffness: float
 
     @property
+    def pose(self) -> Array:
+        """Return the displacement of (x, y, angle), (3, 3) [m/N, rad/N]."""
+        return self.change[:POSE]
+
+    @property
     def forces(self) -> Array:
         """Return the change of normal and of friction forces, (2k, 3) [-]."""
-        return np.concatenate([self.normal, self.friction])
+        return self.change[(POSE + len(self.change)) // 2 :]
 
     @property
     def stiffness(self) -> Array:
@@ -148,11 +187,6 @@ class GripResponse:
         """Return whether every displacement takes work."""
         even = self.pose * np.array([[1.0], [1.0], [self.arm]])
         return not lapack.dpotrf(0.5 * (even + even.T))[1]
-
-    @property
-    def squeeze(self) -> Array:
-        """Return the change of the mean normal force of the members, (3,) [-]."""
-        return self.normal.sum(axis=0) / (int(self.owners[-1]) + 1)
 
 
 def slip_conditions(owners: Indices, friction: float) -> Array:

@@ -30,14 +30,18 @@ import cmath
 from collections.abc import Callable
 from dataclasses import dataclass
 import functools
-import math
 from typing import NamedTuple
 
 from isotruss_ros.core.contact.dents import Indentation
-from isotruss_ros.core.holding.contact_forces import ANGLE, ContactForces, Places, POSE
-from isotruss_ros.core.holding.pressed_contacts import PressedContacts
+from isotruss_ros.core.holding.contact_forces import (
+    ANGLE,
+    ContactForces,
+    Places,
+    POSE,
+    PressedContacts,
+)
 from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.statics.member_compliance import MemberCompliance
 from isotruss_ros.core.statics.section import Pressure
 import numpy as np
@@ -71,6 +75,18 @@ class TubeModel(NamedTuple):
     pressure: Pressure | None = None
 
 
+class _Pushes(NamedTuple):
+    """What presses and rubs on the tubes at k contacts."""
+
+    local: Points  #: (k,) normals along and across the members
+    skin: Array  #: (k,) distance of the dented skin from the centre line [m]
+    softs: Array  #: (k,) derivatives of the dents by the normal forces [m/N]
+    force: Points  #: (k,) on the tubes along and across [N]
+    changes: Points  #: (3, k) of the forces by inclination, normal and friction force
+    loads: Array  #: (k, 3) forces along and across [N] and moments [N m]
+    rates: Array  #: (3, 3, k) of these by the same
+
+
 @dataclass(frozen=True, eq=False)
 class ContactStatics:
     """
@@ -101,101 +117,97 @@ class ContactStatics:
         """Return where what is among the unknowns."""
         return Places.of(len(self.contacts.owners))
 
+    @functools.cached_property
+    def _aside(self) -> Points:
+        """Return the normals of the straight tubes along and across the members, (k,)."""
+        return 1j * self.sides
+
     @property
     def straight_normals(self) -> Points:
         """Return the normals of the tubes as long as they are straight, from the object (k,)."""
-        return 1j * self.sides * self.compliance.axis
+        return self._aside * self.compliance.axis
 
-    def loads(self, unknowns: Array) -> Array:
+    def load_rates(self, unknowns: Array, change: Array) -> Array:
         """
-        Return forces along and across the members [N] and moments [N m] of the contacts, (k, 3).
-
-        :param unknowns: see `ContactForces`.
-        """
-        begin = self.places.normal.start
-        return self.loads_of(unknowns, unknowns[begin:, None])[..., 0]
-
-    def loads_of(self, unknowns: Array, forces: Array) -> Array:
-        """
-        Return the same of c cases of other forces, where and along which those act, (k, 3, c).
+        Return how the loads on the tubes change with the unknowns, (k, 3, c).
 
         :param unknowns: see `ContactForces`.
-        :param forces: (2k, c) normal, then friction [N].
+        :param change: (3 + 4k, c) of the unknowns.
         """
-        places = self.places
-        normal, friction = np.split(forces, 2)
-        local = 1j * self.sides * np.exp(1j * unknowns[places.inclinations])
-        force = (normal + 1j * friction) * local[:, None]
+        bending = change[self.places.inclinations.start :].reshape(3, len(self.sides), -1)
+        return np.einsum('lnk,nkc->klc', self._push(unknowns).rates, bending)
+
+    def _push(self, unknowns: Array) -> _Pushes:
+        """Return what presses and rubs on the tubes."""
+        turned, normal, friction = unknowns[self.places.inclinations.start :].reshape(3, -1)
+        local = self._aside * np.exp(1j * turned)
+        along = 1j * local
+        depths, softs = self.indentation(normal)
         # Friction acts at the skin of a tube, so that it turns the tube as well.
-        skin = self.tube_radius - self.indentation(unknowns[places.normal])[0]
-        return np.stack([force.real, force.imag, -skin[:, None] * friction], axis=1)
+        skin = self.tube_radius - depths
+        force = normal * local + friction * along
+        changes = np.array([1j * force, local, along])
+        moments = np.array([np.zeros(len(skin)), softs * friction, -skin])
+        loads = np.array([force.real, force.imag, -skin * friction]).T
+        rates = np.array([changes.real, changes.imag, moments])
+        return _Pushes(local, skin, softs, force, changes, loads, rates)
 
     def equations(
         self, unknowns: Array, wrench: Array, closure: Closure
-    ) -> tuple[Array, Array, Points]:
+    ) -> tuple[Array, ContactForces]:
         """
-        Return residual (3 + 4k,), its Jacobian and normals (k,).
+        Return the residual (3 + 4k,), and the state with its Jacobian.
 
         :param unknowns: see `ContactForces`.
         :param wrench: (fx, fy, m / arm) on the object [N].
         :param closure: the remaining equations, of friction or of rolling.
         """
-        places, count = self.places, len(self.sides)
+        places, count, arm = self.places, len(self.sides), self.body.arm
+        axis, bent = self.compliance.axis, places.inclinations.start
         center, turn = complex(unknowns[0], unknowns[1]), cmath.rect(1.0, unknowns[ANGLE])
-        feet, turned, normal, friction = unknowns[POSE:].reshape(4, count)
-        local = 1j * self.sides * np.exp(1j * turned)  # normals along and across the members
-        normals = self.compliance.axis * local
+        feet, slopes = unknowns[places.feet], np.tan(unknowns[places.inclinations])
+        local, skin, softs, force, changes, loads, rates = self._push(unknowns)
+        normals, back = axis * local, axis.conj()
         points, radii = self.body.shape.surface_at(
             self.contacts.corners, normals * turn.conjugate()
         )
-        depths, softs = self.indentation(normal)
-        gaps, loads, touch, pushes, balance = [], [], [], [], []
-        total, turning, swing, unit = 0j, 0.0, 0.0, self.body.arm
-        # Single numbers of Python are several times quicker than arrays over a few contacts.
-        of_tubes = self.compliance.axis, self.compliance.start, local, turned, depths, softs
-        of_contacts = *of_tubes, points, radii, feet, normal, friction
-        for axis, start, own, bent, depth, soft, point, radius, foot, presses, rubs in zip(
-            *(values.tolist() for values in of_contacts), strict=True
-        ):
-            arm, skin, force = turn * point, self.tube_radius - depth, complex(presses, rubs) * own
-            back, lever, slope = axis.conjugate(), arm.conjugate() / unit, math.tan(bent)
-            total, turning = total + axis * force, turning + (lever * axis * force).imag
-            gap = back * (start - center - arm) + foot - skin * own
-            gaps.append((gap.real, gap.imag, -slope))
-            loads.append((force.real, force.imag, -skin * rubs))
-            # As the object turns under a tube, the point that touches moves back on its surface.
-            swung = 1j * (arm - radius * axis * own)
-            swing += (swung.conjugate() * 1j * axis * force).real / unit
-            inclined = -1j * (radius + skin) * own
-            moved = (-back, -1j * back, -back * swung, 1.0 + 0j, inclined, soft * own)
-            touch.append((*(z.real for z in moved), *(z.imag for z in moved), -1.0 - slope**2))
-            # By inclination, normal force and friction force.
-            for change, moment, less in (
-                (1j * force, 0.0, radius * presses / unit),
-                (own, soft * rubs, 0.0),
-                (1j * own, -skin, 0.0),
-            ):
-                pushed = axis * change
-                pushes.append((change.real, change.imag, moment))
-                balance.append((-pushed.real, -pushed.imag, less - (lever * pushed).imag))
-
+        arms = turn * points
+        # As the object turns under a tube, the point that touches moves back on its surface.
+        swung = 1j * (arms - radii * normals)
         residual, jacobian = np.empty(places.size), np.zeros((places.size, places.size))
-        contact, acting = self.compliance.at(feet), np.array(loads)
-        touching = (contact.matrix.reshape(3 * count, -1) @ acting.ravel()).reshape(count, 3)
-        residual[: 3 * count] = (touching + gaps + self.given).T.ravel()
-        residual[places.balance] = wrench - (total.real, total.imag, turning)
-        bending = slice(places.inclinations.start, None)  # inclinations and forces
+
+        contact = self.compliance.at(feet)
+        gaps = back * (self.compliance.start - center - arms) + feet - skin * local
+        touch = residual[: 3 * count].reshape(3, count)
+        bent_by = contact.matrix.reshape(3 * count, -1) @ loads.ravel()
+        touch[:] = (bent_by.reshape(-1, 3) + self.given).T
+        touch[0] += gaps.real
+        touch[1] += gaps.imag
+        touch[2] -= slopes
         rows = jacobian[: 3 * count].reshape(3, count, -1)  # response, contact
-        rows[:, :, places.feet] = contact.rates(acting).transpose(1, 0, 2)
-        changes = np.reshape(pushes, (count, 3, 3))
-        bends = np.einsum('raic,inc->arni', contact.matrix, changes)
-        rows[:, :, bending] = bends.reshape(3, count, -1)
-        jacobian.ravel()[_touch_places(count)] += touch
-        of_balance = np.reshape(balance, (count, 3, 3)).transpose(2, 1, 0)
-        jacobian[places.balance, bending] = of_balance.reshape(3, -1)
-        jacobian[places.balance.start + 2, ANGLE] = swing
+        moved = -np.array([back, 1j * back, back * swung]).T
+        rows[0, :, :POSE], rows[1, :, :POSE] = moved.real, moved.imag
+        rows[:, :, places.feet] = contact.rates(loads).transpose(1, 0, 2)
+        bends = np.einsum('raic,cni->arni', contact.matrix, rates)
+        rows[:, :, bent:] = bends.reshape(3, count, -1)
+        # Of each contact by its own foot, inclination and normal force.
+        own = np.einsum('rana->rna', rows[:, :, POSE:].reshape(3, count, 4, count))
+        turned = np.array([-1j * (radii + skin) * local, softs * local])
+        own[0, 0] += 1.0
+        own[0, 1:3] += turned.real
+        own[1, 1:3] += turned.imag
+        own[2, 1] -= 1.0 + slopes**2
+
+        push, pushes = axis * force, axis * changes
+        turning = (arms.conj() * pushes).imag
+        turning[0] -= radii * unknowns[places.normal]
+        balance = np.array([pushes.real, pushes.imag, turning / arm])
+        jacobian[places.balance, bent:] = -balance.reshape(3, -1)
+        jacobian[places.balance.start + 2, ANGLE] = -np.vdot(swung, push).imag / arm
+        total, moment = sum(push.tolist()), np.vdot(arms, push).imag
+        residual[places.balance] = wrench - np.array([total.real, total.imag, moment / arm])
         residual[places.closure], jacobian[places.closure] = closure(unknowns, normals)
-        return residual, jacobian, normals
+        return residual, ContactForces(unknowns, normals, loads, jacobian)
 
     def rolling_rows(self, unknowns: Array, normals: Points) -> Array:
         """
@@ -240,16 +252,18 @@ class ContactStatics:
         :param steps: most states that are looked at.
         """
         places, unknowns = self.places, start.copy()
-        longest = _longest_step(len(self.sides), self.body.arm)
+        longest = np.full(places.size, MAX_MOVE * self.body.arm)
+        longest[ANGLE] = longest[places.inclinations] = MAX_TURN
+        longest[places.normal.start :] = np.inf
         for _ in range(steps):
-            residual, jacobian, normals = self.equations(unknowns, wrench, closure)
+            residual, state = self.equations(unknowns, wrench, closure)
             least = np.full(places.size, LENGTH_TOLERANCE)
             least[places.balance] = FORCE_TOLERANCE * np.abs(unknowns[places.normal]).sum()
             # What is no number is no solution either.
             if (np.abs(residual) <= least).all():
                 folded = np.abs(unknowns[places.inclinations]).max() > MAX_INCLINATION
-                return None if folded else ContactForces(unknowns, normals, jacobian)
-            _, _, step, singular = lapack.dgesv(jacobian, -residual)
+                return None if folded else state
+            _, _, step, singular = lapack.dgesv(state.jacobian, -residual)
             size = np.abs(step)
             if singular or not size.max() < np.inf:
                 return None
@@ -267,28 +281,3 @@ def unwrapped(unknowns: Array, normals: Points, angles: Array) -> Array:
     """
     own = normals * np.exp(-1j * unknowns[ANGLE])
     return angles + np.angle(own * np.exp(-1j * angles))
-
-
-@functools.lru_cache(maxsize=16)
-def _longest_step(count: int, arm: float) -> Array:
-    """Return by how much the unknowns (3 + 4k,) of k contacts change in one step at most."""
-    places = Places.of(count)
-    longest = np.full(places.size, MAX_MOVE * arm)
-    longest[ANGLE], longest[places.inclinations] = MAX_TURN, MAX_TURN
-    longest[places.normal] = longest[places.friction] = np.inf
-    longest.flags.writeable = False
-    return longest
-
-
-@functools.lru_cache(maxsize=16)
-def _touch_places(count: int) -> Indices:
-    """Return where in the flat Jacobian derivatives of touch and inclination are, (k, 13)."""
-    # Rows: along and across the members; columns: x, y, the angle, and foot, inclination and
-    # normal force of the contact itself. The last is that of the inclination by itself.
-    places, own = Places.of(count), np.arange(count)
-    pose = np.broadcast_to(np.arange(POSE)[:, None], (POSE, count))
-    each = [place.start + own for place in (places.feet, places.inclinations, places.normal)]
-    columns = np.concatenate([pose, each])
-    along = own * places.size + columns
-    inclined = (own + 2 * count) * places.size + places.inclinations.start + own
-    return np.concatenate([along, along + count * places.size, inclined[None]]).T

@@ -11,24 +11,28 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import enum
 import functools
 import math
 
-from isotruss_ros.core.holding.contact_forces import ContactForces, GripResponse, slip_conditions
+from isotruss_ros.core.holding.build_statics import build_statics
+from isotruss_ros.core.holding.contact_forces import (
+    ContactForces,
+    GripResponse,
+    PressedContacts,
+    slip_conditions,
+)
 from isotruss_ros.core.holding.contact_statics import ContactStatics, TubeModel
-from isotruss_ros.core.holding.pressed_contacts import PressedContacts
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+from isotruss_ros.core.statics.section import Pressure
 from isotruss_ros.core.statics.wrinkling import load_sections, SectionLoads
 import numpy as np
 from scipy.linalg import lapack
 
-#: Most members that hold an object.
-MOST = 3
 #: A motion is expected to go on by at most this many times what it was before.
 LONGEST = 2.0
 #: This share of the squeeze is left of the slip margin where the object stands on its path [-].
@@ -181,7 +185,7 @@ class HeldGrip:
         :return: besides, the slopes (c, 3) and their sizes (c,).
         """
         if friction not in self._reserves:
-            rows = slip_conditions(self.response.owners, friction)
+            rows = slip_conditions(self.contacts.owners, friction)
             slope = rows @ self.response.forces
             # Of any friction, squares may overflow.
             size = np.hypot.reduce(slope, axis=1)
@@ -203,7 +207,7 @@ class HeldGrip:
     def sections(self) -> SectionLoads:
         """Return what the sections of the tubes bear under the forces of the object."""
         compliance, feet = self.statics.compliance, self.state.feet
-        structure, loads = compliance.structure, self.statics.loads(self.state.unknowns)
+        structure, loads = compliance.structure, self.state.loads
         at_feet = compliance.at(feet)
         return load_sections(
             structure,
@@ -240,7 +244,7 @@ class HeldGrip:
     @functools.cached_property
     def response(self) -> GripResponse | None:
         """Return how pose and forces answer to a wrench; None where that is indifferent."""
-        owners, places, count = self.contacts.owners, self.state.places, len(self.anchors)
+        places, count, members = self.state.places, len(self.anchors), len(self.members)
         apart = self.statics.compliance.axis.conj() * _opening(self.statics, self.state)
         right = np.zeros((places.size, 4))
         right[places.balance, :3] = -np.eye(3)
@@ -248,15 +252,8 @@ class HeldGrip:
         _, _, change, singular = lapack.dgesv(self.tangent, right)
         if singular or lapack.dgetrf(change[:3, :3])[2]:
             return None
-        normal, friction = change[places.normal], change[places.friction]
-        return GripResponse(
-            pose=change[:3, :3],
-            normal=normal[:, :3],
-            friction=friction[:, :3],
-            owners=owners,
-            arm=self.arm,
-            squeeze_stiffness=float(normal[:, 3].sum()) / (int(owners[-1]) + 1),
-        )
+        squeeze = change[places.normal].sum(axis=0) / members
+        return GripResponse(change[:, :3], squeeze[:3], self.arm, float(squeeze[3]))
 
     def squeeze_stiffness(self) -> float:
         """
@@ -267,6 +264,22 @@ class HeldGrip:
         """
         response = self.response
         return -0.0 if response is None else response.squeeze_stiffness
+
+    def with_pressures(self, pressures: Pressure | None) -> HeldGrip:
+        """
+        Return the grip with tubes of other pressures, in equilibrium once it rolls on.
+
+        Dents are made anew, which takes longer than a cycle of a control loop may: a loop is to
+        take small changes for noise, as `steady_pressures` does.
+
+        :param pressures: gauge [Pa], see `tube_pressures`; those of the robot file if None.
+        :raises StructureError: see `structure_of`.
+        """
+        if pressures == self.tubes.pressure:
+            return self
+        tubes = self.tubes._replace(pressure=pressures)
+        statics = build_statics(self.config, self.body, self.contacts, tubes, self.state.normals)
+        return replace(self, tubes=tubes, statics=statics)
 
     def ahead(self, travel: Array) -> Array:
         """

@@ -7,89 +7,83 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Forces on the joints of a robot that holds an object, such as the floor's friction."""
+"""Loads on a held object and on the joints of the robot, such as the floor's friction."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.loaded_frame import displace_nodes, held_joints
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 
 
-@dataclass(frozen=True, eq=False)
-class JointCompliance:
+class LoadedParts(NamedTuple):
     """
-    How the j joints of a robot give; x and y of joint after joint.
+    What bears loads: the object, and joint after joint where these do. Contacts stick.
 
-    By Betti, contacts give under forces on joints as joints do under loads on contacts.
-
-    :ivar own: (2j, 2j) displacement by forces on joints where nothing is held [m/N].
-    :ivar by_contacts: (2j, 3k) by loads on the contacts, along and across the members and moments
-        [m/N], [1/N].
+    :ivar places: (n,) x, y and arm times the angle of the object, x and y of each joint [m].
+    :ivar compliance: (n, n) displacement by loads (fx, fy, m / arm), and (fx, fy) [m/N].
+    :ivar by_contacts: (2j, 3k) displacement of the joints by loads on the contacts, along and
+        across the members and moments [m/N], [1/N]; None where joints bear none. By Betti, the
+        contacts give likewise under forces on the joints.
     """
 
-    own: Array
-    by_contacts: Array
+    places: Array
+    compliance: Array
+    by_contacts: Array | None
 
-    def load(self, grip: HeldGrip, forces: Array) -> HeldGrip:
+    @classmethod
+    def find(cls, grip: HeldGrip, with_joints: bool, loads: Array | None = None) -> LoadedParts:
         """
-        Return a grip that is not in equilibrium yet: the forces act when it rolls on.
+        Return them for a held object.
+
+        :param grip: how it is held, in equilibrium with the loads, and with a `response`.
+        :param with_joints: whether the joints bear loads.
+        :param loads: (n,) [N]; none if None.
+        """
+        even, change = np.array([1.0, 1.0, grip.arm]), grip.response.change
+        place = even * np.array(grip.pose)
+        if not with_joints:
+            return cls(place, even[:, None] * change[:3], None)
+        own, by_contacts = joint_compliance(grip)
+        size, count = len(own), len(grip.anchors)
+        right = np.zeros((len(change), size))
+        given = by_contacts.T.reshape(count, 3, size)
+        right[: 3 * count] = -given.transpose(1, 0, 2).reshape(3 * count, size)
+        change = np.hstack([change, np.linalg.solve(grip.tangent, right)])
+        pushed = grip.statics.load_rates(grip.state.unknowns, change)
+        moved = by_contacts @ pushed.reshape(3 * count, -1)
+        moved[:, 3:] += own
+        compliance = np.vstack([even[:, None] * change[:3], moved])
+        joints = held_joints(grip).ravel()
+        if loads is not None:
+            joints = joints + own @ loads[3:]
+        return cls(np.append(place, joints), 0.5 * (compliance + compliance.T), by_contacts)
+
+    def load(self, grip: HeldGrip, loads: Array) -> HeldGrip:
+        """
+        Return a grip that is not in equilibrium yet: loads on joints act when it rolls on.
 
         :param grip: how the object is held.
-        :param forces: (2j,) on the joints [N].
+        :param loads: (n,) [N].
         """
-        given = (self.by_contacts.T @ forces).reshape(-1, 3)
+        if self.by_contacts is None:
+            return grip
+        given = (self.by_contacts.T @ loads[3:]).reshape(-1, 3)
         return replace(grip, statics=replace(grip.statics, given=given))
 
-    def joints(self, grip: HeldGrip, forces: Array) -> Array:
-        """
-        Return where the joints are, (2j,) [m].
 
-        :param grip: how the object is held, in equilibrium with the forces.
-        :param forces: (2j,) on the joints [N].
-        """
-        return held_joints(grip).ravel() + self.own @ forces
-
-    def response(self, grip: HeldGrip) -> Array:
-        """
-        Return the displacements (3 + 2j, 3 + 2j) of object and joints by loads on them [m/N].
-
-        Of the object (fx, fy, m / arm) and (x, y, arm times the angle). Contacts stick.
-
-        :param grip: how the object is held.
-        """
-        statics, state, places = grip.statics, grip.state, grip.state.places
-        count, size = len(grip.anchors), len(self.own)
-        right = np.zeros((places.size, 3 + size))
-        right[places.balance, :3] = -np.eye(3)
-        given = self.by_contacts.T.reshape(count, 3, size)
-        right[: 3 * count, 3:] = -given.transpose(1, 0, 2).reshape(3 * count, size)
-        change = np.linalg.solve(grip.tangent, right)
-        normal, friction = state.normal_forces[:, None], state.friction_forces[:, None]
-        local = (statics.compliance.axis.conj() * state.normals)[:, None]
-        force = (change[places.normal] + 1j * change[places.friction]) * local
-        force += 1j * (normal + 1j * friction) * local * change[places.inclinations]
-        depth, soft = statics.indentation(state.normal_forces)
-        moment = soft[:, None] * friction * change[places.normal]
-        moment -= (statics.tube_radius - depth)[:, None] * change[places.friction]
-        loads = np.stack([force.real, force.imag, moment], axis=1).reshape(3 * count, -1)
-        moved = self.by_contacts @ loads
-        moved[:, 3:] += self.own
-        return np.vstack([change[:2], grip.arm * change[2], moved])
-
-
-def joint_compliance(grip: HeldGrip) -> JointCompliance:
+def joint_compliance(grip: HeldGrip) -> tuple[Array, Array]:
     """
-    Return how the joints of a robot give.
+    Return how the j joints of a robot give, x and y of joint after joint.
 
     :param grip: how it holds an object.
-    :raises StructureError: see `structure_of`.
+    :return: (2j, 2j) by forces on joints where nothing is held [m/N]; and `by_contacts`.
     """
-    frame = structure_of(grip.config, grip.tubes.pressure).frame
+    frame = grip.statics.compliance.structure.frame
     count = len(grip.config.robot.topology.joint_names)
     # A force on a joint is one on the end of a member that is there.
     ends = np.concatenate([frame.members.start, frame.members.end])
@@ -101,7 +95,7 @@ def joint_compliance(grip: HeldGrip) -> JointCompliance:
     own_moved = frame.displacements(member, loads.reshape(6 * count, 2 * count))
     size = 3 * len(grip.anchors)
     moved = displace_nodes(grip, np.eye(size).reshape(-1, 3, size))
-    return JointCompliance(
+    return (
         own_moved[:count, :2].reshape(2 * count, -1) / grip.tubes.stiffness_scale,
         moved[:count, :2].reshape(2 * count, -1),
     )

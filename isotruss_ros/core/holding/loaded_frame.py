@@ -8,7 +8,7 @@
 # language governing permissions and limitations under the License.
 
 """
-The frame of a robot under the forces of an object that it holds: joints, wrinkling, oscillation.
+The frame of a robot under the forces of an object that it holds: joints and oscillation.
 
 A wrench on the object moves it, and the modules with it. Of the oscillation the lowest natural
 frequency is looked for among the three motions that three independent wrenches cause (Rayleigh and
@@ -23,7 +23,6 @@ lower it.
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 from isotruss_ros.core.holding.held_grip import HeldGrip
@@ -43,18 +42,9 @@ def held_joints(grip: HeldGrip) -> Array:
 
     :param grip: how the object is held.
     """
-    moved = displace_nodes(grip, grip.statics.loads(grip.state.unknowns)[..., None])
+    moved = displace_nodes(grip, grip.state.loads[..., None])
     count = len(grip.config.robot.topology.joint_names)
     return grip.config.nodes[:count] + moved[:count, :2, 0]
-
-
-def held_utilisation(grip: HeldGrip) -> Array:
-    """
-    Return the largest |M| / M_w of each member under the forces of a held object, (m,) [-].
-
-    :param grip: how the object is held.
-    """
-    return grip.sections.utilisation
 
 
 def displace_nodes(grip: HeldGrip, loads: Array) -> Array:
@@ -110,17 +100,13 @@ def natural_modes(grip: HeldGrip) -> NaturalModes | None:
     body, response = grip.body, grip.response
     if grip.config.robot.description.module.mass is None or body.mass is None or response is None:
         return None
-    arm = grip.arm
     moved = response.pose
     own = body.shape.centroid if body.center_of_mass is None else complex(*body.center_of_mass)
-    lever = own * complex(math.cos(grip.pose.angle), math.sin(grip.pose.angle))
-    of_middle = moved[0] + 1j * moved[1] + 1j * lever * moved[2]
-    inertia = body.mass * (
-        np.outer(of_middle.conj(), of_middle).real
-        + body.shape.gyration**2 * np.outer(moved[2], moved[2])
-    )
-    compliance = moved * np.array([[1.0], [1.0], [arm]])
+    of_middle = moved[0] + 1j * (moved[1] + body.turn * own * moved[2])
+    inertia = body.mass * np.outer(of_middle.conj(), of_middle).real
+    inertia += body.mass * body.shape.gyration**2 * np.outer(moved[2], moved[2])
     inertia += _inertia_of_robot(grip)
+    compliance = moved * np.array([[1.0], [1.0], [grip.arm]])
     squares, wrenches = scipy.linalg.eigh(
         0.5 * (compliance + compliance.T), inertia, check_finite=False
     )
@@ -130,15 +116,13 @@ def natural_modes(grip: HeldGrip) -> NaturalModes | None:
 def _inertia_of_robot(grip: HeldGrip) -> Array:
     """Return what the masses of modules and tubes are under each pair of unit wrenches (3, 3)."""
     description, topology = grip.config.robot.description, grip.config.robot.topology
-    loads = grip.statics.loads_of(grip.state.unknowns, grip.response.forces)
+    loads = grip.statics.load_rates(grip.state.unknowns, grip.response.change)
     moved = displace_nodes(grip, loads)
     nodes, first = moved[:, 0] + 1j * moved[:, 1], frame_layout(grip.config.robot).b
     b, c = nodes[first], nodes[first + 1]
-    middle = 0.5 * (b + c)
     half = 0.5 * description.tube_mass * grip.config.member_lengths
-    at_c = half[topology.previous]
-    return (
-        description.module.mass * (middle.conj().T @ middle)
-        + b.conj().T @ (half[:, None] * b)
-        + c.conj().T @ (at_c[:, None] * c)
-    ).real
+    masses = np.concatenate(
+        [np.full(len(b), description.module.mass), half, half[topology.previous]]
+    )
+    moving = np.concatenate([0.5 * (b + c), b, c])
+    return ((moving.conj().T * masses) @ moving).real

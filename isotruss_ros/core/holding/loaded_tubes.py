@@ -131,7 +131,7 @@ class LoadedTubes:
         normals, scale = state.normals[:, None], grip.tubes.stiffness_scale
         zero = np.zeros_like(spins)
         give, slope, *_ = self.respond(ContactRates(zero, spins, zero + 0j, self.dents))
-        own = statics.compliance.at(state.feet).respond(statics.loads(state.unknowns))
+        own = statics.compliance.at(state.feet).respond(state.loads)
         points, radii = body.shape.surface_at(statics.contacts.corners, state.normals / body.turn)
         # Points of the surface whose normals turn with the members.
         arms, swept = (body.turn * points)[:, None], 1j * radii[:, None] * spins * normals

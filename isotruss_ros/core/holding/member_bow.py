@@ -55,7 +55,7 @@ def bend_members(grip: HeldGrip) -> BentMembers:
     """
     state, compliance = grip.state, grip.statics.compliance
     feet, structure = state.feet, compliance.structure
-    loads, piece = grip.statics.loads(state.unknowns), compliance.at(feet).pieces
+    loads, piece = state.loads, compliance.at(feet).pieces
     ends = structure.frame.end_forces(piece, compliance.at(feet).carried(loads))
     bent = _bend_from_chords(grip, loads)
     # A force across puts a kink into the line; the slope is the mean of both sides.

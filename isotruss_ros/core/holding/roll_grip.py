@@ -17,18 +17,19 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from isotruss_ros.core.holding.build_statics import build_statics, start_at
-from isotruss_ros.core.holding.contact_statics import (
-    Closure,
-    ContactStatics,
-    SOFTNESS,
-    TubeModel,
-    unwrapped,
+from isotruss_ros.core.holding.build_statics import (
+    build_statics,
+    facing_lines,
+    find_pressed,
+    LEAST_FACE,
+    start_at,
 )
-from isotruss_ros.core.holding.held_grip import HeldGrip, MOST, scaled_wrench, travel_rates
-from isotruss_ros.core.holding.pressed_contacts import find_pressed, LEAST_FACE, PressedContacts
+from isotruss_ros.core.holding.contact_forces import PressedContacts
+from isotruss_ros.core.holding.contact_statics import Closure, ContactStatics, SOFTNESS, unwrapped
+from isotruss_ros.core.holding.held_grip import HeldGrip, scaled_wrench, travel_rates
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.kinematics.depths import member_depths
+from isotruss_ros.core.kinematics.depths import member_depths, member_lines
+from isotruss_ros.core.manipulation.grip import MOST
 from isotruss_ros.core.model.convex_object import segment_gaps
 from isotruss_ros.core.model.shapes import Face
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
@@ -201,48 +202,65 @@ def _join(grip: HeldGrip) -> HeldGrip:
     near = NEAR * grip.config.robot.description.tube_diameter
     if depths[number] <= -near or _depth_in(grip, number, float(depths[number])) <= 0.0:
         return grip
-    others = find_pressed(grip.config, grip.body, np.array([number]))
-    contacts, order = grip.contacts.with_others(others)
-    fresh = np.flatnonzero(order >= len(grip.anchors))
-    count = len(others.members)
-    statics = build_statics(grip.config, grip.body, others, TubeModel(flattening=False))
-    facing = statics.straight_normals * grip.body.turn.conjugate()
-    anchors = np.append(grip.anchors, np.zeros(count))[order]
-    angles = np.append(grip.angles, np.angle(facing))[order]
-    found = roll_contacts(grip, grip.config, contacts, anchors, angles, grip.wrench, fresh)
-    if found is None or found.state.normal_forces[fresh].min() <= 0.0:
+    member = np.array([number])
+    others = find_pressed(grip.config, grip.body, member)
+    normal = facing_lines(grip.config, grip.body, member)[1] * grip.body.turn.conjugate()
+    found = _add(grip, grip.contacts, others, np.repeat(np.angle(normal), len(others.members)))
+    if found is None:
         return grip
-    return found
+    presses = found.state.normal_forces[found.contacts.members == number].min() > 0.0
+    return found if presses else grip
 
 
 def _lay(grip: HeldGrip, k: int, face: Face, short: bool) -> HeldGrip | None:
     """Return the equilibrium with the other end of a face as well, or of a short one instead."""
-    contacts, anchors, angles, fresh = grip.contacts, grip.anchors, grip.angles, NOTHING
+    contacts, half = grip.contacts, 0.5 * face.length
     if short:
         corners = contacts.corners.copy()
         corners[k] = face.corner
-        contacts = replace(contacts, corners=corners)
-    else:
-        contacts, place = contacts.with_face(k, face)
-        anchors = np.insert(anchors, place, 0.0)
-        angles = np.insert(angles, place, angles[k])
-        fresh = np.array([place])
-    return roll_contacts(grip, grip.config, contacts, anchors, angles, grip.wrench, fresh)
+        turned = replace(contacts, corners=corners)
+        return roll_contacts(grip, grip.config, turned, grip.anchors, grip.angles, grip.wrench)
+    cuts = contacts.cuts.copy()
+    cuts[k], cut = ((np.inf, half), (half, np.inf))[:: face.step]
+    other = PressedContacts(contacts.members[[k]], np.array([face.corner]), np.array([cut]))
+    return _add(grip, replace(contacts, cuts=cuts), other, grip.angles[[k]], 0.5 * face.step)
+
+
+def _add(
+    grip: HeldGrip,
+    contacts: PressedContacts,
+    others: PressedContacts,
+    angles: Array,
+    after: float = 0.0,
+) -> HeldGrip | None:
+    """Return the equilibrium with other contacts as well, behind those with the same member."""
+    order = np.argsort(np.append(contacts.members, others.members + after), kind='stable')
+    pairs = (
+        (contacts.members, others.members),
+        (contacts.corners, others.corners),
+        (contacts.cuts, others.cuts),
+    )
+    return roll_contacts(
+        grip,
+        grip.config,
+        PressedContacts(*(np.concatenate(pair)[order] for pair in pairs)),
+        np.append(grip.anchors, np.zeros(len(angles)))[order],
+        np.append(grip.angles, angles)[order],
+        grip.wrench,
+        np.flatnonzero(order >= len(grip.anchors)),
+    )
 
 
 def _depth_in(grip: HeldGrip, number: int, depth: float) -> float:
     """Return how deep the object is in another member, so deep as long as no tube bends [m]."""
-    topology, points = grip.config.robot.topology, grip.config.points
-    start, end = points[topology.b[number]], points[topology.c[topology.following[number]]]
-    share = segment_gaps(grip.body, np.array([start]), np.array([end])).shares[0]
+    start, end = member_lines(grip.config)[[number]].T
+    near, statics = segment_gaps(grip.body, start, end), grip.statics
+    members = [*grip.contacts.members.tolist(), number]
     compliance = MemberCompliance(
-        grip.statics.compliance.structure,
-        [*grip.contacts.members.tolist(), number],
-        grip.tubes.stiffness_scale,
+        statics.compliance.structure, members, grip.tubes.stiffness_scale
     )
-    loads = np.vstack([grip.statics.loads(grip.state.unknowns), np.zeros(3)])
-    feet = np.append(grip.state.feet, share * abs(end - start))
-    give = compliance.at(feet).respond(loads)[-1, 1]
-    aside = ((grip.body.middle - start) / (end - start)).imag
-    # A member with the object on its left is deeper in it where it moves left.
-    return depth + float(give if aside > 0.0 else -give)
+    loads = np.vstack([grip.state.loads, np.zeros(3)])
+    feet = np.append(grip.state.feet, near.shares * abs(end - start))
+    along, across, _ = compliance.at(feet).respond(loads)[-1].tolist()
+    moved = complex(along, across) * compliance.axis[-1]
+    return depth - float((near.normals[0].conjugate() * moved).real)

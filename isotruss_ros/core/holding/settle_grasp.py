@@ -17,15 +17,15 @@ from functools import cached_property
 import math
 
 from isotruss_ros.core.contact.analyze_grasp import check_load
-from isotruss_ros.core.errors import GraspError, quote
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_statics import TubeModel
-from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, MOST
+from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths
+from isotruss_ros.core.manipulation.grip import find_members, Grip
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
-from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.statics.section import Pressure
 import numpy as np
@@ -174,23 +174,12 @@ def settle_grasp(
         laws are contradictory.
     """
     mu, wrench = check_load(body, friction, external_wrench)
-    numbers = None if members is None else _numbers(config, members)
+    numbers = None
+    if members is not None:
+        numbers = find_members(config.robot, Grip(members, body).members).members
     before = None if previous is None else previous.equilibrium
     found = attach_grip(config, body, numbers, wrench, TubeModel(pressure=pressure), before)
     return assess_equilibrium(body.pose, found, mu)
-
-
-def _numbers(config: Configuration, members: Sequence[str]) -> Indices:
-    """Return the numbers of members by their names."""
-    names = (members,) if isinstance(members, str) else tuple(members)
-    known = config.robot.member_names
-    unknown = [name for name in names if name not in known]
-    if unknown or not 2 <= len(set(names)) == len(names) <= MOST:
-        raise GraspError(
-            f'members {quote(", ".join(map(str, names)))}: must be two or three different ones '
-            f'of {", ".join(known)}'
-        )
-    return np.array([known.index(name) for name in names])
 
 
 def assess_equilibrium(given: Pose, found: HeldGrip | HoldStatus, friction: float) -> SettledGrasp:

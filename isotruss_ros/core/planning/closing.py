@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from isotruss_ros.core.holding.pressed_contacts import member_lines
+from isotruss_ros.core.holding.build_statics import facing_lines
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.rigidity import Modes, rigidity_index
 from isotruss_ros.core.manipulation.limits import Limit
@@ -50,7 +50,7 @@ class Closing:
 
         :param config: configuration of the robot.
         """
-        return member_lines(config, self.body, np.array(self.members))[1]
+        return facing_lines(config, self.body, np.array(self.members))[1]
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,7 +24,6 @@ from isotruss_ros.core.contact.analyze_grasp import analyze_grasp
 from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
-from isotruss_ros.core.holding.loaded_frame import held_utilisation
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.pose import pose_difference
@@ -101,7 +100,7 @@ def _judge(grasp: HeldGrip, closing: Closing, needs: GraspRequirements) -> Close
     moved = pose_difference(grasp.pose, closing.body.pose) * (1.0, 1.0, grasp.arm)
     body = closing.body if np.abs(moved).max() < SAME_PLACE else grasp.body
     analysis = analyze_grasp(grasp.config, body, needs.friction, needs.external_wrench)
-    loads = needs.find_loads(analysis, grasp.normal_forces, held_utilisation(grasp))
+    loads = needs.find_loads(analysis, grasp.normal_forces, grasp.sections.utilisation)
     margin = None
     if needs.squeeze is None or _reached(grasp, needs.squeeze):
         with closing.tally.recording():

@@ -17,6 +17,7 @@ from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
+from isotruss_ros.core.holding.joint_loads import LoadedParts
 from isotruss_ros.core.holding.loaded_frame import held_joints
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -27,7 +28,6 @@ from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.simulation.floor_friction import FloorFriction
 from isotruss_ros.core.simulation.held_motion import has_masses, HeldMotion
-from isotruss_ros.core.simulation.rubbing import Rubbing
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -76,9 +76,10 @@ class ElasticObject:
             )
         self._floor = FloorFriction((float(ground), float(module)), body.arm)
         self._motion = HeldMotion(self._floor)
-        self._rubbing: Rubbing | None = None
-        self._body, self._friction, self._scale = body, float(mu), float(scale)
-        self._lies = body.pose._replace(angle=math.remainder(body.pose.angle, 2.0 * math.pi))
+        self._rubbing: LoadedParts | None = None
+        self._friction, self._scale = float(mu), float(scale)
+        angle = math.remainder(body.pose.angle, 2.0 * math.pi)
+        self._body = body.moved_to(body.pose._replace(angle=angle))  # where it lies
         self._grasp: HeldGrip | None = None
         self._wrench = np.zeros(3)
         self._pulled_anew = False
@@ -119,13 +120,13 @@ class ElasticObject:
         grasp, rubbing = self._grasp, self._rubbing
         if grasp is None:
             return config.nodes[: len(config.robot.topology.joint_names)]
-        if rubbing is None or rubbing.joints is None:
+        if rubbing is None or rubbing.by_contacts is None:
             return held_joints(grasp)
         return rubbing.places[3:].reshape(-1, 2)
 
     def pose(self, config: Configuration) -> Pose:
         """Return its pose after the last step; see `SimulatedObject.pose`."""
-        return self._lies if self._grasp is None else self._grasp.pose
+        return self._body.pose if self._grasp is None else self._grasp.pose
 
     @single_threaded
     def follow(self, config: Configuration, elapsed: float = 0.0) -> None:
@@ -140,7 +141,7 @@ class ElasticObject:
             self._move(self._grasp, config, elapsed)
         if self._grasp is None:
             self._stand_still()
-            self._lies = self._pushed(config)
+            self._body = push_out(config, self._body)
 
     def come_to_rest(self, config: Configuration) -> None:
         """Take no note of it; see `SimulatedObject.come_to_rest`."""
@@ -154,12 +155,12 @@ class ElasticObject:
             self._roll(before, config, pull)
             return
         if rubbing is None:
-            rubbing = Rubbing.find(before, floor.joints_rub)
+            rubbing = LoadedParts.find(before, floor.joints_rub)
             floor.stand(rubbing.places)
         led = self._roll(before, config, before.wrench)
         if led is None or led.response is None:
             return
-        there = Rubbing.find(led, floor.joints_rub, floor.loads)
+        there = LoadedParts.find(led, floor.joints_rub, floor.loads)
         wrench = None
         if swings:
             moved = there.places - rubbing.places
@@ -171,7 +172,7 @@ class ElasticObject:
             led = self._roll(there.load(led, floor.loads), config, borne)
             if led is None or led.response is None:
                 return
-            self._rubbing = there = Rubbing.find(led, floor.joints_rub, floor.loads)
+            self._rubbing = there = LoadedParts.find(led, floor.joints_rub, floor.loads)
             free = there.places - there.compliance @ floor.loads
             if wrench is not None or not floor.hold_back(free, there.compliance):
                 break
@@ -189,8 +190,9 @@ class ElasticObject:
             return
         first = config if before is None else self._first_touch(before, config)
         for there in (first, config):
-            self._try_to_hold(there)
-            if self._grasp is not None:
+            found = attach_grip(there, self._body, None, self._wrench, TubeModel(self._scale))
+            if not isinstance(found, HoldStatus) and found.hold(self._friction) is HoldStatus.HELD:
+                self._grasp, self.dropped = found, None
                 return
 
     def _first_touch(self, before: Configuration, config: Configuration) -> Configuration:
@@ -208,21 +210,7 @@ class ElasticObject:
 
     def _pressed(self, config: Configuration) -> bool:
         """Return whether two members press on the object where it lies, deeper than they push."""
-        return bool(np.sort(member_depths(config, self._lying()))[-2] > TOLERANCE)
-
-    def _lying(self) -> ConvexObject:
-        """Return the object where it lies."""
-        return self._body.moved_to(self._lies)
-
-    def _pushed(self, config: Configuration) -> Pose:
-        """Return where the members push it."""
-        return push_out(config, self._lying()).pose
-
-    def _try_to_hold(self, config: Configuration) -> None:
-        """Be held if the members press so that friction holds."""
-        found = attach_grip(config, self._lying(), None, self._wrench, TubeModel(self._scale))
-        if not isinstance(found, HoldStatus) and found.hold(self._friction) is HoldStatus.HELD:
-            self._grasp, self.dropped = found, None
+        return bool(np.sort(member_depths(config, self._body))[-2] > TOLERANCE)
 
     def _roll(self, before: HeldGrip, config: Configuration, wrench: Array) -> HeldGrip | None:
         """
@@ -249,7 +237,8 @@ class ElasticObject:
                 continue
             part = 0.5 * part
             if part < 1.0 / MAX_PARTS:
-                self._lies, self._grasp, self.dropped = before.pose, None, hold
+                self._body = self._body.moved_to(before.pose)
+                self._grasp, self.dropped = None, hold
                 return None
         self._grasp = before
         return before

@@ -24,10 +24,10 @@ from __future__ import annotations
 import math
 
 from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding.joint_loads import LoadedParts
 from isotruss_ros.core.holding.loaded_frame import natural_modes
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.simulation.floor_friction import FloorFriction
-from isotruss_ros.core.simulation.rubbing import Rubbing
 import numpy as np
 
 #: Longest step [s].
@@ -63,7 +63,7 @@ class HeldMotion:
         self.rests, self._velocity = True, np.zeros(3)
 
     def swing(
-        self, grip: HeldGrip, rubbing: Rubbing, led: Array, pull: Array, elapsed: float
+        self, grip: HeldGrip, rubbing: LoadedParts, led: Array, pull: Array, elapsed: float
     ) -> Array | None:
         """
         Let time pass for the floor, and return the wrench that deflects the object then, (3,) [N].
@@ -72,7 +72,7 @@ class HeldMotion:
 
         :param grip: how it is held where the robot is now, under the loads before.
         :param rubbing: what rubs on the floor there.
-        :param led: (n,) by how much the rollers moved that, see `Rubbing` [m].
+        :param led: (n,) by how much the rollers moved that, see `LoadedParts` [m].
         :param pull: (3,) what pulls at the object, (fx, fy, m / arm) [N].
         :param elapsed: positive [s].
         :return: None where the equilibrium is indifferent.

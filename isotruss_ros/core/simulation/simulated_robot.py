@@ -49,11 +49,12 @@ class RollerFaults:
     slip: float = 0.0
 
 
-class RollerDrive:
+class DrivenRollers:
     """
-    The speeds of all rollers, step by step.
+    Rollers that follow commands, with their faults; where they go is of a robot that has them.
 
-    :ivar grip: (r,) share of each roller's travel that its tube follows [-].
+    :ivar roller_positions: (r,) travel as the encoders tell it [m].
+    :ivar roller_velocities: (r,) speeds during the last step as the encoders tell them [m/s].
     :param robot: whose rollers they are.
     :param faults: how the rollers differ from perfect ones.
     :param seed: of the noise and the slip.
@@ -71,8 +72,9 @@ class RollerDrive:
         self._random = np.random.default_rng(seed)
         # From a stream of its own: with or without slip, the noise of a seed is the same.
         shares = np.random.default_rng([seed, 1]).uniform(0.5, 1.5, len(names))
-        self.grip = 1.0 - faults.slip * shares
-        self._command = np.zeros(len(names))
+        # What share of each roller's travel its tube follows [-].
+        self._grips = 1.0 - faults.slip * shares
+        self._command, self.roller_positions, self.roller_velocities = np.zeros((3, len(names)))
 
     def command(self, velocities: ArrayLike) -> None:
         """
@@ -87,7 +89,7 @@ class RollerDrive:
         """Command all rollers to stand still."""
         self._command = np.zeros_like(self._command)
 
-    def speeds(self) -> Array:
+    def _speeds(self) -> Array:
         """Return the (r,) speeds of the rollers in the next step, zero where one rests [m/s]."""
         limit = self._faults.speed_limit
         speeds = np.clip(self._command, -limit, limit)
@@ -124,13 +126,11 @@ class SimulatedObject(Protocol):
         """
 
 
-class SimulatedRobot:
+class SimulatedRobot(DrivenRollers):
     """
     Integrates roller speeds; nodes and object follow by forward kinematics, so nothing drifts.
 
-    :ivar config: where the robot is.
-    :ivar roller_positions: (r,) travel as the encoders tell it; that of `config` without slip [m].
-    :ivar roller_velocities: (r,) speeds during the last step as the encoders tell them [m/s].
+    :ivar config: where the robot is: without slip `roller_positions` are those of it.
     :param simulated: the object: `RigidObject`, `ElasticObject` or one's own.
     :param faults: how the rollers differ from perfect ones.
     :param seed: of the noise.
@@ -145,10 +145,9 @@ class SimulatedRobot:
         faults: RollerFaults,
         seed: int = 0,
     ) -> None:
-        self._drive = RollerDrive(config.robot, faults, seed)
+        super().__init__(config.robot, faults, seed)
         self.config = self._factored = config
         self.roller_positions = config.roller_positions.copy()
-        self.roller_velocities = np.zeros_like(self.roller_positions)
         self._object = simulated
         self._rests = False
 
@@ -165,19 +164,6 @@ class SimulatedRobot:
         """
         self._object, self._rests = simulated, False
 
-    def command(self, velocities: ArrayLike) -> None:
-        """
-        Take a command, which holds until the next.
-
-        :param velocities: (r,) roller speeds [m/s].
-        :raises ConfigurationError: wrong shape or not finite; the command before goes on.
-        """
-        self._drive.command(velocities)
-
-    def stop(self) -> None:
-        """Command all rollers to stand still."""
-        self._drive.stop()
-
     def advance(self, duration: float) -> None:
         """
         Let time pass.
@@ -186,12 +172,12 @@ class SimulatedRobot:
         :raises ConfigurationError: the rollers would force the robot into a shape that it cannot
             take; they block, and it stays where it is.
         """
-        speeds = self._drive.speeds()
+        speeds = self._speeds()
         moving = bool(speeds.any())
         self.roller_velocities = np.zeros_like(speeds)
         if duration > 0.0 and moving:
             travel = duration * speeds
-            goal = self.config.roller_positions + self._drive.grip * travel
+            goal = self.config.roller_positions + self._grips * travel
             if not self._factored.has_factor_for(goal):
                 self._factored = self.config
             self.config = self.config.moved_to(goal, self._factored.factor)

@@ -30,7 +30,6 @@ from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSet
 from isotruss_ros.core.control.state_estimate import EstimatedTravel
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_statics import TubeModel
-from isotruss_ros.core.holding.loaded_frame import held_utilisation
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.status import RollerCommand
@@ -217,7 +216,7 @@ def test_noise_of_the_measured_pose_is_not_followed():
 def test_commands_that_use_too_much_of_the_tubes_are_slowed():
     loop = Loop(force=40.0, max_utilisation=1.0)
     loop.run((0.0, 0.0, 0.0), 4.0)
-    used = held_utilisation(loop.object.grasp).max()
+    used = loop.object.grasp.sections.utilisation.max()
     assert used == pytest.approx(1.0, abs=5e-3)
     assert used < 1.0 + 1e-9
     assert loop.statuses[-1] is Status.SLOWED_UTILISATION
@@ -277,7 +276,7 @@ def close_near_the_bound(model, bound, rate, scale=1.0):
 
 def test_the_scale_of_a_slowed_command_is_that_of_limits_and_utilisation():
     model = attach_grip(CONFIG, CYLINDER)
-    bound = 1.02 * held_utilisation(model).max()
+    bound = 1.02 * model.sections.utilisation.max()
     whole, half = (close_near_the_bound(model, bound, 4.0, scale)[1][2] for scale in (1.0, 0.5))
     assert whole.status is Status.SLOWED_UTILISATION
     assert whole.scale < 0.9
@@ -286,12 +285,12 @@ def test_the_scale_of_a_slowed_command_is_that_of_limits_and_utilisation():
 
 def test_a_slowed_command_uses_its_share_of_what_is_left():
     model = attach_grip(CONFIG, CYLINDER)
-    bound, rate = 1.02 * held_utilisation(model).max(), 4.0
+    bound, rate = 1.02 * model.sections.utilisation.max(), 4.0
     _, (before, grip, command), (after, _, _) = close_near_the_bound(model, bound, rate)
     assert command.status is Status.SLOWED_UTILISATION
     rows = grip_jacobian(before.config, grip)[:3]
     assert command.achieved_twist == pytest.approx(rows @ command.roller_velocities, abs=1e-9)
-    used, more = (held_utilisation(grasp).max() for grasp in (before, after))
+    used, more = (grasp.sections.utilisation.max() for grasp in (before, after))
     # By what the cycle before did, but for the curvature of the utilisation.
     assert more - used == pytest.approx(PERIOD * rate * (bound - used), rel=0.1)
 
@@ -396,11 +395,11 @@ def test_the_model_has_the_pressures_that_are_measured_from_the_start_and_in_fli
     model = attach_grip(CONFIG, CYLINDER, tubes=TubeModel(pressure=softer), quick=True)
     assert held_by(softer).grasp.squeeze == pytest.approx(model.squeeze, rel=1e-6)
     control = held_by(None)
-    before = control.grasp.squeeze
+    assert control.grasp.squeeze > 1.01 * model.squeeze
     held_by(softer, control)
     assert control.grasp.tubes.pressure == softer
-    # Softer, it presses less; its contacts stay, with the dents that they had.
-    assert 0.0 < before - control.grasp.squeeze < before - model.squeeze
+    # Softer, it presses less; its contacts stay.
+    assert control.grasp.squeeze == pytest.approx(model.squeeze, rel=2e-3)
 
 
 def test_noise_of_the_pressures_does_not_move_the_model():

@@ -11,7 +11,7 @@
 
 from types import SimpleNamespace
 
-from isotruss_ros.core.holding.contact_forces import ANGLE, CENTER, Places
+from isotruss_ros.core.holding.contact_forces import ANGLE, CENTER, ContactForces, Places
 from isotruss_ros.core.holding.contact_statics import ContactStatics, MAX_STEPS, MAX_TURN
 import numpy as np
 import pytest
@@ -33,7 +33,7 @@ def linear(goal, matrix, tried):
 
     def equations(unknowns):
         tried.append(unknowns)
-        return matrix @ (unknowns - goal), matrix, np.ones(1, dtype=complex)
+        return matrix @ (unknowns - goal), ContactForces(unknowns, None, None, matrix)
 
     return equations
 
@@ -70,7 +70,7 @@ def test_what_has_no_solution_or_a_folded_one_gives_none():
     for matrix in (singular, infinite):
 
         def equations(unknowns, matrix=matrix):
-            return np.ones(PLACES.size), matrix, np.ones(1, dtype=complex)
+            return np.ones(PLACES.size), ContactForces(unknowns, None, None, matrix)
 
         assert solve_balance(equations, ARM) is None
     for inclination in (0.51, -0.51):

@@ -13,7 +13,6 @@ import frames
 from grips import gripped
 from held_grips import BOX, held
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.loaded_frame import held_utilisation
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
@@ -40,5 +39,5 @@ def test_tubes_bear_what_a_frame_under_the_same_loads_does(grasp):
     *_, ahead = structure.locate(grasp.contacts.members, state.feet)
     assert grasp.sections.moment == pytest.approx(ahead * before, rel=1e-6)
     expected = tubes.largest_utilisation(structure, frame, ends)
-    assert held_utilisation(grasp) == pytest.approx(expected, rel=1e-6, abs=1e-9)
+    assert grasp.sections.utilisation == pytest.approx(expected, rel=1e-6, abs=1e-9)
     assert expected.max() > 0.1

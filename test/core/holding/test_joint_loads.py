@@ -7,27 +7,25 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Forces on the joints of a robot that holds an object."""
+"""Loads on a held object and on the joints of the robot that holds it."""
 
 from boxes import box_between, SIDES
 from grips import gripped
+from held_grips import numbers
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.joint_loads import joint_compliance
+from isotruss_ros.core.holding.joint_loads import joint_compliance, LoadedParts
 from isotruss_ros.core.holding.roll_grip import roll_grip
-from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
 
 CONFIG, CYLINDER = gripped(35.0, squeeze=0.1)
 BOX = box_between(depth=0.02).body
-HOME = CONFIG.robot.home
-SIDE_NUMBERS = np.array([HOME.robot.member_names.index(name) for name in SIDES])
-GRIPS = [attach_grip(CONFIG, CYLINDER), attach_grip(HOME, BOX, SIDE_NUMBERS)]
+GRIPS = [attach_grip(CONFIG, CYLINDER), attach_grip(CONFIG.robot.home, BOX, numbers(SIDES))]
 
 
 @pytest.mark.parametrize('grip', GRIPS)
 def test_joints_give_as_the_frame_does_under_forces_on_its_nodes(grip):
-    frame, found = structure_of(grip.config).frame, joint_compliance(grip).own
+    frame, found = grip.statics.compliance.structure.frame, joint_compliance(grip)[0]
     for i in range(len(found)):
         loads = np.zeros((len(frame.points), 3))
         loads[i // 2, i % 2] = 1.0
@@ -36,20 +34,23 @@ def test_joints_give_as_the_frame_does_under_forces_on_its_nodes(grip):
 
 
 @pytest.mark.parametrize('grip', GRIPS)
-def test_object_and_joints_move_as_the_response_says(grip):
-    joints, even = joint_compliance(grip), np.array([1.0, 1.0, grip.arm])
-    forces = 1e-3 * np.random.default_rng(0).normal(size=len(joints.own))
-    loaded = roll_grip(joints.load(grip, forces), grip.config)
-
-    def places(held, of_joints):
-        return np.append(even * np.array(held.pose), joints.joints(held, of_joints))
-
-    moved = places(loaded, forces) - places(grip, 0.0 * forces)
-    expected = joints.response(grip)[:, 3:] @ forces
+@pytest.mark.parametrize('loaded', ['object', 'joints'])
+def test_object_and_joints_move_by_their_compliance(grip, loaded):
+    parts = LoadedParts.find(grip, True)
+    loads = 1e-3 * np.random.default_rng(0).normal(size=len(parts.places))
+    loads[slice(3, None) if loaded == 'object' else slice(3)] = 0.0
+    ahead, behind = (
+        LoadedParts.find(
+            roll_grip(parts.load(grip, way), grip.config, way[:3] * (1.0, 1.0, grip.arm)),
+            True,
+            way,
+        )
+        for way in (loads, -loads)
+    )
+    expected = 2.0 * parts.compliance @ loads
+    # Follower forces: what the object does to a joint is nearly what that does to the object.
+    moved = ahead.places - behind.places
     assert moved == pytest.approx(expected, abs=0.01 * np.abs(expected).max())
-
-
-@pytest.mark.parametrize('grip', GRIPS)
-def test_what_a_force_on_a_joint_does_to_the_object_the_object_does_to_the_joint(grip):
-    response = joint_compliance(grip).response(grip)
-    assert response == pytest.approx(response.T, abs=0.02 * np.abs(response).max())
+    alone = LoadedParts.find(grip, False)
+    assert alone.places == pytest.approx(parts.places[:3])
+    assert alone.compliance == pytest.approx(parts.compliance[:3, :3], abs=1e-5)

@@ -72,7 +72,7 @@ def test_members_are_shorter_by_what_the_frame_bends_them(name):
     grip = held(name)
     state, count = grip.state, len(grip.anchors)
     loads = np.zeros((count + 1, 3))
-    loads[:count] = grip.statics.loads(state.unknowns)
+    loads[:count] = state.loads
     bow = bend_members(grip).shorter
     for member in grip.members:
         structure = grip.statics.compliance.structure

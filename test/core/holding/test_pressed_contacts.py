@@ -15,8 +15,7 @@ from isotruss_ros.core import (
     Disc,
     Polygon,
 )
-from isotruss_ros.core.holding.build_statics import build_statics
-from isotruss_ros.core.holding.pressed_contacts import find_pressed
+from isotruss_ros.core.holding.build_statics import build_statics, find_pressed
 import numpy as np
 import pytest
 from shapes import regular_polygon

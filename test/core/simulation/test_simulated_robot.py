@@ -49,16 +49,6 @@ def test_travel_is_speed_times_time_however_it_is_cut():
     assert tuple(cut.object_pose) == pytest.approx(tuple(whole.object_pose), abs=1e-9)
 
 
-def test_stops_when_told():
-    robot = simulated()
-    robot.command(SPEEDS)
-    robot.advance(0.1)
-    robot.stop()
-    robot.advance(1.0)
-    assert robot.config.roller_positions == pytest.approx(0.1 * SPEEDS)
-    assert not robot.roller_velocities.any()
-
-
 def test_faults():
     robot = simulated(speed_limit=0.01, stuck=frozenset({ROBOT.roller_names[0]}))
     robot.command(10.0 * SPEEDS)
