@@ -156,7 +156,7 @@ class SqueezeControl:
             self.reference = self.reference + elapsed * self._velocity
         if self.model is None:
             return self._start(config, grip)
-        hold = self.model.follow(config, grip, elapsed, self._pressures)
+        hold = self.model.follow(config, elapsed, self._pressures)
         if hold is HoldStatus.HELD:
             self._choose_gains(self.model.grasp)
             seen = self.model.observe(grip, elapsed, self.gains)

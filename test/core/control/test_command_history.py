@@ -13,7 +13,6 @@ from hypothesis import given
 from isotruss_ros.core.control.inputs import (
     CommandHistory,
     limit_stamps,
-    LOT,
     RejectedInput,
     StampedInput,
 )
@@ -64,7 +63,6 @@ def test_stamps_are_at_most_the_present():
     rejected = RejectedInput('no number')
     given = (ahead, near, old, rejected, None)
     assert limit_stamps(7.0, *given) == (ahead, StampedInput('it', 7.0), old, rejected, None)
-    assert limit_stamps(7.0, *given, clock_skew=0.03)[0].time == 7.0
 
 
 @pytest.mark.parametrize('now', [9.9, 10.9])
@@ -89,4 +87,4 @@ def test_remembers_as_long_as_is_wanted_and_grows_no_further():
         begin = max(now - 0.2, 5.0)
         expected = everything.travel(begin, now, np.zeros(COUNT))
         assert sent.travel(begin, now, np.ones(COUNT)) == pytest.approx(expected, abs=1e-12)
-    assert len(sent._times) <= 200 + 2 * LOT
+    assert len(sent._travel.values) <= 202

@@ -28,6 +28,8 @@ HOME = load_robot('nine_member').home
 #: At home three members of three tubes close next to nothing around a disc.
 OBLIQUE = HOME.moved_to(HOME.roller_positions + np.array([0.1, -0.1, 0.0, 0.1, -0.1, 0.05]))
 APART = ('south/P-Q', 'north/R-P')  # sides of two tubes
+#: The two that meet at a module.
+CORNER = ('north/Z-R', 'north/P-Z')
 AROUND = ('south/P-Q', 'east/Q-R', 'north/R-P')
 BOX = Polygon([(-0.25, -0.2), (0.25, -0.2), (0.25, 0.2), (-0.25, 0.2)], corner_radius=0.02)
 FRICTION = 1.2
@@ -51,6 +53,18 @@ def test_pose_and_squeeze_of_a_grip_stay_as_they_should(shape, angle, members):
     assert max(loop.errors) < 2e-4
     assert max(loop.turned) < math.radians(0.1)
     assert loop.object.grasp.squeeze == pytest.approx(loop.target, rel=5e-3)
+
+
+@pytest.mark.parametrize('noise', [0.0, 2e-3])
+def test_a_box_that_lies_on_a_face_stays_held(noise):
+    """Its rows are not those of the corner on which it would be between straight members."""
+    shape = Polygon([(-0.08, -0.06), (0.08, -0.06), (0.08, 0.06), (-0.08, 0.06)], 0.02)
+    loop = loop_of(shape, 2.1, CORNER, 1.05)
+    assert len(loop.object.grasp.contacts.members) == 3
+    loop.noise = noise
+    loop.run((0.01, 0.01, 0.05), 2.0)
+    assert loop.object.grasp.squeeze == pytest.approx(loop.target, rel=0.02)
+    assert loop.errors[-1] < 1e-3 + noise
 
 
 @pytest.mark.parametrize(
