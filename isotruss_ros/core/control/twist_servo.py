@@ -286,7 +286,11 @@ class TwistServo:
         else:
             offsets = rollers.value.offsets
             command = self._regulate(self.squeeze, config, grip, twist, solve, now, offsets)
-        return command if watch is None else watch.keep(command, last, self.period)
+        if watch is not None:
+            command = watch.keep(command, last, self.period)
+        if grip is not None and self.squeeze is not None:
+            self.squeeze.advance(twist, command)
+        return command
 
     def _solve_joint(
         self,
@@ -328,6 +332,4 @@ class TwistServo:
         if squeeze.grasp is None or (hold is not HoldStatus.HELD and squeeze.fault is None):
             why = f'the object is not held: {hold.value}'
             raise HaltError(Status.HALT_NOT_HELD, '; '.join(filter(None, (why, squeeze.note()))))
-        command = squeeze.solve(twist, self.period, partial(solve, squeeze.model.grip))
-        squeeze.advance(twist, command)
-        return command
+        return squeeze.solve(twist, self.period, partial(solve, squeeze.model.grip))
