@@ -149,11 +149,11 @@ def test_smooth_path_along_a_line_is_that_line():
 
 def test_smooth_path_of_three_poses_is_a_parabola():
     poses = np.array([(0.0, 0.0, 0.0), (0.3, 0.1, 0.2), (0.4, -0.2, 0.5)])
-    path = ObjectPath(poses, SPEED, TURN_RATE, smooth=True, piece=0.01, piece_turn=0.1)
-    # Of the roots of the times from pose to pose, in pieces of about 1 cm: 32 of them.
+    path = ObjectPath(poses, SPEED, TURN_RATE, smooth=True)
+    # Of the roots of the times from pose to pose, in pieces of about 5 mm: 64 of them.
     lengths = np.hypot(*np.diff(poses[:, :2], axis=0).T)
     first, second = np.sqrt(lengths / SPEED)
-    at = np.concatenate([np.linspace(0.0, first, 33)[:-1], np.linspace(first, first + second, 33)])
+    at = np.concatenate([np.linspace(0.0, first, 65)[:-1], np.linspace(first, first + second, 65)])
     parabola = np.polyfit([0.0, first, first + second], poses, 2)
     wanted = np.column_stack([np.polyval(parabola[:, i], at) for i in range(3)])
     assert path.poses == pytest.approx(wanted, abs=1e-9)

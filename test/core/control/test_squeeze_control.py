@@ -242,9 +242,9 @@ def still(rollers, asked):
 
 @pytest.mark.parametrize('wrench', [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.5, -0.5, 0.1)])
 def test_the_squeeze_that_is_regulated_is_that_under_the_estimated_load(wrench):
-    force, gain, asked = 30.0, 5.0, []
-    settings = SqueezeSettings(force, FRICTION, max_force_rate=math.inf, **MASSLESS)
-    control, model = SqueezeControl(settings), attach_grip(CONFIG, CYLINDER)
+    gain, asked, model = 5.0, [], attach_grip(CONFIG, CYLINDER)
+    force = model.squeeze + 1.0
+    control = SqueezeControl(SqueezeSettings(force, FRICTION, **MASSLESS))
     for measured in (model.pose, roll_grip(model, CONFIG, np.array(wrench)).pose):
         # After so long the load that is most probable is the estimated one.
         assert control.follow(CONFIG, measured_at(measured), 100.0) is HoldStatus.HELD
@@ -254,11 +254,9 @@ def test_the_squeeze_that_is_regulated_is_that_under_the_estimated_load(wrench):
         assert regulated == pytest.approx(loaded.squeeze, abs=0.05 * abs(wrench[0]) + 0.01)
 
 
-def close_near_the_bound(model, bound, rate, scale=1.0):
+def close_near_the_bound(bound, scale=1.0):
     """Return what is commanded, and where, in the cycles in which a grip closes near a bound."""
-    control = SqueezeControl(
-        SqueezeSettings(100.0, FRICTION, max_utilisation=bound, utilisation_rate=rate, **MASSLESS)
-    )
+    control = SqueezeControl(SqueezeSettings(100.0, FRICTION, max_utilisation=bound, **MASSLESS))
     config, object_of_plant, found = CONFIG, ElasticObject(CYLINDER, FRICTION), []
     for _ in range(3):
         object_of_plant.follow(config)
@@ -277,8 +275,8 @@ def close_near_the_bound(model, bound, rate, scale=1.0):
 
 def test_the_scale_of_a_slowed_command_is_that_of_limits_and_utilisation():
     model = attach_grip(CONFIG, CYLINDER)
-    bound = 1.02 * held_utilisation(model).max()
-    whole, half = (close_near_the_bound(model, bound, 4.0, scale)[1][2] for scale in (1.0, 0.5))
+    bound = 1.015 * held_utilisation(model).max()
+    whole, half = (close_near_the_bound(bound, scale)[1][2] for scale in (1.0, 0.5))
     assert whole.status is Status.SLOWED_UTILISATION
     assert whole.scale < 0.9
     assert half.scale == pytest.approx(0.5 * whole.scale, rel=1e-2)
@@ -286,14 +284,14 @@ def test_the_scale_of_a_slowed_command_is_that_of_limits_and_utilisation():
 
 def test_a_slowed_command_uses_its_share_of_what_is_left():
     model = attach_grip(CONFIG, CYLINDER)
-    bound, rate = 1.02 * held_utilisation(model).max(), 4.0
-    _, (before, grip, command), (after, _, _) = close_near_the_bound(model, bound, rate)
+    bound = 1.015 * held_utilisation(model).max()
+    _, (before, grip, command), (after, _, _) = close_near_the_bound(bound)
     assert command.status is Status.SLOWED_UTILISATION
     rows = grip_jacobian(before.config, grip)[:3]
     assert command.achieved_twist == pytest.approx(rows @ command.roller_velocities, abs=1e-9)
     used, more = (held_utilisation(grasp).max() for grasp in (before, after))
-    # By what the cycle before did, but for the curvature of the utilisation.
-    assert more - used == pytest.approx(PERIOD * rate * (bound - used), rel=0.1)
+    # Five times in a second; by what the cycle before did, but for the curvature.
+    assert more - used == pytest.approx(5.0 * PERIOD * (bound - used), rel=0.1)
 
 
 def test_the_slope_by_the_opening_is_near_to_what_a_small_change_does():
