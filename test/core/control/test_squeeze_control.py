@@ -54,24 +54,15 @@ Loop = partial(SqueezeLoop, CONFIG, replace(measured_at(CYLINDER.pose), friction
 @pytest.mark.parametrize(
     'twist', some_now([[0.02, 0.02, -0.2], [0.04, -0.03, 0.0], [0.0, 0.0, 0.3]])
 )
-def test_pose_and_squeeze_stay_as_they_should(twist):
-    loop, rigid = Loop(), Loop(regulated=False)
-    for each in (loop, rigid):
-        each.run(twist, 2.0)
-    assert max(loop.errors) < 1e-4
+@pytest.mark.parametrize(('period', 'bound'), [(PERIOD, 1e-4), (0.005, 1e-5)])
+def test_pose_and_squeeze_stay_as_they_should(twist, period, bound):
+    loop, rigid = Loop(period=period), Loop(regulated=False)
+    loop.run(twist, 1.0 if period < PERIOD else 2.0)
+    rigid.run(twist, 2.0)
+    assert max(loop.errors) < bound
     assert max(loop.errors) < 0.1 * max(rigid.errors)
     assert loop.squeeze == pytest.approx(loop.target, rel=1e-3)
     assert np.degrees(abs(loop.error()[2])) < 0.02
-
-
-@pytest.mark.parametrize(
-    'twist', some_now([[0.02, 0.02, -0.2], [0.04, -0.03, 0.0], [0.0, 0.0, 0.0]])
-)
-def test_a_quick_loop_is_as_exact(twist):
-    loop = Loop(period=0.005)
-    loop.run(twist, 1.0)
-    assert max(loop.errors) < 1e-5
-    assert loop.squeeze == pytest.approx(loop.target, rel=1e-4)
 
 
 def test_the_model_of_each_cycle_is_the_plant_in_its_configuration():
@@ -292,17 +283,6 @@ def test_a_slowed_command_uses_its_share_of_what_is_left():
     used, more = (held_utilisation(grasp).max() for grasp in (before, after))
     # Five times in a second; by what the cycle before did, but for the curvature.
     assert more - used == pytest.approx(5.0 * PERIOD * (bound - used), rel=0.1)
-
-
-def test_the_slope_by_the_opening_is_near_to_what_a_small_change_does():
-    grasp = attach_grip(CONFIG, CYLINDER)
-    grip = measured_at(grasp.pose)
-    rate = 1e-4
-    command = solve_twist(CONFIG, grip, (0.0, 0.0, 0.0), opening_rate=rate)
-    there = CONFIG.moved_to(CONFIG.roller_positions + command.roller_velocities)
-    found = (roll_grip(grasp, there).squeeze - grasp.squeeze) / rate
-    assert grasp.squeeze_stiffness() == pytest.approx(found, rel=0.35)
-    assert found < 0.0
 
 
 def test_without_an_object_nothing_is_held_and_the_model_starts_again():
