@@ -13,7 +13,6 @@ from dataclasses import replace
 from functools import partial
 import math
 
-from comparison.wedge import opening
 from grips import gripped, MASSLESS
 from isotruss_ros.core import (
     ElasticObject,
@@ -75,17 +74,6 @@ def test_the_model_of_each_cycle_is_the_plant_in_its_configuration():
     there = roll_grip(loop.object.grasp, last)
     assert model.pose == pytest.approx(there.pose, abs=1e-7)
     assert model.squeeze == pytest.approx(there.squeeze, rel=1e-5)
-
-
-def test_a_rising_target_closes_in_place():
-    loop = Loop(force=30.0)
-    before, start = opening(CONFIG), loop.squeeze
-    assert start < 25.0
-    loop.run((0.0, 0.0, 0.0), 3.0)
-    assert loop.squeeze == pytest.approx(30.0, rel=1e-3)
-    assert opening(loop.plant.config) < before - np.radians(0.5)
-    assert loop.errors[-1] < 1e-4
-    assert max(loop.errors) < 1.5e-3
 
 
 def test_an_unknown_load_is_found_and_costs_little_squeeze_and_no_pose():

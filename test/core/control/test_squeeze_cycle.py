@@ -95,17 +95,6 @@ def solve_at_rest(twist, opening_rate):
     return solve_twist(CONFIG, AT_REST, twist, opening_rate=opening_rate)
 
 
-@pytest.mark.parametrize('missing', [2.0, -2.0])
-def test_the_squeeze_is_the_one_of_the_model_where_the_rollers_have_come_to(missing):
-    # No load is estimated.
-    control, period = at_rest(missing, load=LoadSettings(size=1e-9)), 0.02
-    command = control.solve(np.zeros(3), period, solve_at_rest)
-    there = CONFIG.moved_to(CONFIG.roller_positions + 2.0 * period * command.roller_velocities)
-    truth = roll_grip(MODEL, there)
-    control.follow(there, replace(AT_REST, body=truth.body), period)
-    assert control.model.squeeze == pytest.approx(truth.squeeze, rel=1e-6)
-
-
 def test_a_load_that_comes_later_is_estimated_as_one_that_is_there_at_once():
     control, once = at_rest(), at_rest()
     loaded = replace(AT_REST, body=roll_grip(MODEL, CONFIG, np.array([0.5, -1.0, 0.1])).body)

@@ -76,15 +76,3 @@ def test_a_rising_target_closes_in_place(shape, angle, members, config):
     loop.run((0.0, 0.0, 0.0), 1.5)
     assert loop.object.grasp.squeeze == pytest.approx(loop.target, rel=5e-3)
     assert loop.errors[-1] < 2e-4
-
-
-def test_an_unknown_load_is_found():
-    loop = loop_of(BOX, 0.2, APART)
-    margin = loop.object.slip_margin
-    assert margin > 0.5
-    load = 0.4 * margin * np.array([0.6, 0.8, 0.0])
-    loop.object.external_wrench = load
-    loop.run((0.0, 0.0, 0.0), 2.0)
-    assert loop.errors[-1] < 2e-4
-    assert loop.control.model.load.wrench == pytest.approx(load, abs=0.1 * np.hypot(*load[:2]))
-    assert loop.control.slip_margin == pytest.approx(loop.object.slip_margin, rel=0.05)
