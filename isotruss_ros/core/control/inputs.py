@@ -219,7 +219,7 @@ class CommandHistory:
         :param end: the travel is negative where that is earlier [s].
         :param before: (r,) speeds at times before the first entry [m/s].
         """
-        if self.last is None:
+        if self.last is None or begin == end:
             return (end - begin) * before
         return self._until(end, before) - self._until(begin, before)
 

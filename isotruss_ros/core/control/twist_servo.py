@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import lru_cache, partial
 import importlib
 
 from isotruss_ros.core.control.decision import Decision, describe, halt_for, HaltError
@@ -174,7 +174,7 @@ class TwistServo:
         :raises GraspError: the robot has no such members or module; or the pose is out of range.
         """
         members = self.members or members_at(self.robot, self.grip_module)
-        body = self.body or ConvexObject(Disc(self.object_diameter))
+        body = self.body or _make_disc(self.object_diameter)
         if self.object_mass is not None:
             body = replace(body, mass=self.object_mass)
         return Grip(members, body.moved_to(pose), self.friction)
@@ -333,3 +333,9 @@ class TwistServo:
             why = f'the object is not held: {hold.value}'
             raise HaltError(Status.HALT_NOT_HELD, '; '.join(filter(None, (why, squeeze.note()))))
         return squeeze.solve(twist, self.period, partial(solve, squeeze.model.grip))
+
+
+@lru_cache(maxsize=1)
+def _make_disc(diameter: float) -> ConvexObject:
+    """Return a disc anywhere; what its shape has computed is kept from cycle to cycle."""
+    return ConvexObject(Disc(diameter))
