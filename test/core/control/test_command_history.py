@@ -16,6 +16,7 @@ from isotruss_ros.core.control.inputs import (
     RejectedInput,
     StampedInput,
 )
+from isotruss_ros.core.control.timeline import Timeline
 import numpy as np
 import pytest
 import robots
@@ -88,3 +89,12 @@ def test_remembers_as_long_as_is_wanted_and_grows_no_further():
         expected = everything.travel(begin, now, np.zeros(COUNT))
         assert sent.travel(begin, now, np.ones(COUNT)) == pytest.approx(expected, abs=1e-12)
     assert len(sent._travel.values) <= 202
+
+
+def test_a_timeline_is_even_between_its_times_and_a_later_word_counts():
+    known = Timeline()
+    for time, value in ((0.0, 0.0), (1.0, 1.0), (2.0, 5.0), (3.0, 9.0), (2.0, 3.0)):
+        known.add(time, value)
+    assert [known.at(time) for time in (-1.0, 0.5, 1.5, 2.0, 9.0)] == [0.0, 0.5, 2.0, 3.0, 3.0]
+    known.discard_before(1.2)
+    assert (known.first, known.last, known.values) == ((1.0, 1.0), (2.0, 3.0), [1.0, 3.0])

@@ -17,6 +17,7 @@ from isotruss_ros.core import Grip, HoldStatus, Pose, solve_twist, Status
 from isotruss_ros.core.control.grip_watch import GripFault
 from isotruss_ros.core.control.load_estimate import LoadSettings
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
+from isotruss_ros.core.control.usage_limits import UsageLimits
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
@@ -263,3 +264,15 @@ def test_limits_slow_the_twist_before_the_squeeze():
     assert command.status is Status.SLOWED_ROLLER_SPEED
     assert command.scale < 0.5
     assert rows[3] @ command.roller_velocities == pytest.approx(opening, rel=0.02)
+
+
+def test_a_path_uses_twice_what_is_free_of_the_margin_in_a_second():
+    usage, travel, period = UsageLimits(MODEL), np.full(len(CONFIG.roller_positions), 1e-3), 0.02
+    usage.learn(MODEL, -0.1, travel)
+    ahead, back = (
+        RollerCommand(way / period, np.zeros(3), 1.0, Status.OK) for way in (travel, -travel)
+    )
+    # As much as the last travel used, of 0.04 N.
+    assert usage.margin_share(ahead, period, 1.0) == pytest.approx(0.4, rel=0.01)
+    assert usage.margin_share(ahead, period, -1.0) == 0.0
+    assert usage.margin_share(back, period, 1.0) == 1.0
