@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 
-from isotruss_ros.core.control.timeline import Timeline
+from isotruss_ros.core.control.inputs import Timeline
 
 #: Measurements are no older than this [s].
 MEMORY = 1.0

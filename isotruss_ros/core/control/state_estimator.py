@@ -26,12 +26,11 @@ from dataclasses import replace
 import math
 
 from isotruss_ros.core.control.first_contact import FirstContact, Seen
-from isotruss_ros.core.control.inputs import steady_pressures
+from isotruss_ros.core.control.inputs import steady_pressures, Timeline
 from isotruss_ros.core.control.marker_gate import fits, judge_markers
 from isotruss_ros.core.control.slip_watch import SlipWatch
 from isotruss_ros.core.control.state_estimate import EstimatorSettings, StateEstimate
 from isotruss_ros.core.control.state_filter import StateFilter
-from isotruss_ros.core.control.timeline import Timeline
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import find_members, Grip

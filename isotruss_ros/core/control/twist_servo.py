@@ -29,6 +29,7 @@ from isotruss_ros.core.control.inputs import (
     CommandHistory,
     fresh_pressures,
     Input,
+    InputError,
     limit_stamps,
     PRESSURE_TIMEOUT,
     require_fresh,
@@ -173,11 +174,10 @@ class TwistServo:
         :param pose: of the object.
         :raises GraspError: the robot has no such members or module; or the pose is out of range.
         """
-        members = self.members or members_at(self.robot, self.grip_module)
-        body = self.body or _make_disc(self.object_diameter)
-        if self.object_mass is not None:
-            body = replace(body, mass=self.object_mass)
-        return Grip(members, body.moved_to(pose), self.friction)
+        module, diameter = self.grip_module, self.object_diameter
+        mass, body, friction = self.object_mass, self.body, self.friction
+        grip = _make_grip(self.robot, self.members, module, body, diameter, mass, friction)
+        return grip.moved_to(pose)
 
     @single_threaded
     def decide(self, now: float) -> Decision:
@@ -194,16 +194,21 @@ class TwistServo:
         self._history.discard_old(now, self.timeout + 2.0 * self.period)
         self._detect()
         twist, failed, squeeze = np.zeros(3), self.failed, self.squeeze
+        inputs = {'twist': self.twist, 'joint_states': self.rollers}
+        if self._joint is None:
+            inputs['object_pose'] = self.pose
         try:
             if self.stopped is not None:
                 raise HaltError(*self.stopped)
-            (given,) = require_fresh(now, self.timeout, twist=self.twist)
+            given, rollers, *pose = require_fresh(now, self.timeout, **inputs)
             twist = np.asarray(given.value)
-            command = self._solve(twist, now, failed)
-            notes = describe(command, self._joint is None), squeeze and squeeze.note()
-            message = '; '.join(filter(None, notes))
+            command = self._solve(twist, rollers, pose, now, failed)
+            told = '' if command.status is Status.OK else describe(command, self._joint is None)
+            message = '; '.join(filter(None, (told, squeeze and squeeze.note())))
         except IsotrussError as error:
             status, message = halt_for(error), str(error)
+            if isinstance(error, InputError) and error.name != 'twist':  # which comes first
+                twist = np.asarray(self.twist.value)
             if squeeze is not None and status is Status.HALT_NO_GRASP:
                 squeeze.lose()
             elif squeeze is not None:
@@ -252,16 +257,19 @@ class TwistServo:
         # Zeros that are corrected are no travel.
         self.detector.update(state.positions - state.offsets, time, commanded)
 
-    def _solve(self, twist: Array, now: float, failed: frozenset[str]) -> RollerCommand:
+    def _solve(
+        self,
+        twist: Array,
+        rollers: StampedInput,
+        pose: Sequence[StampedInput],
+        now: float,
+        failed: frozenset[str],
+    ) -> RollerCommand:
         """
         Solve for the configuration in the middle of the cycle that the command is for.
 
         A command for the measured configuration, which is older, would have a first-order error.
         """
-        inputs = {'joint_states': self.rollers}
-        if self._joint is None:
-            inputs['object_pose'] = self.pose
-        rollers, *pose = require_fresh(now, self.timeout, **inputs)
         still = np.array([name in failed for name in self.robot.roller_names])
         before, travel, last = self._history.expected_travel(
             rollers, (pose or [rollers])[0].time, now, 0.5 * self.period, still
@@ -335,7 +343,17 @@ class TwistServo:
         return squeeze.solve(twist, self.period, partial(solve, squeeze.model.grip))
 
 
-@lru_cache(maxsize=1)
-def _make_disc(diameter: float) -> ConvexObject:
-    """Return a disc anywhere; what its shape has computed is kept from cycle to cycle."""
-    return ConvexObject(Disc(diameter))
+@lru_cache(maxsize=8)
+def _make_grip(
+    robot: Robot,
+    members: tuple[str, ...],
+    module: str,
+    body: ConvexObject | None,
+    diameter: float,
+    mass: float | None,
+    friction: float,
+) -> Grip:
+    """Return the grip of these settings with the object anywhere; the last few are kept."""
+    names = members or members_at(robot, module)
+    body = body or ConvexObject(Disc(diameter))
+    return Grip(names, body if mass is None else replace(body, mass=mass), friction)

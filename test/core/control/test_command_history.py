@@ -15,8 +15,8 @@ from isotruss_ros.core.control.inputs import (
     limit_stamps,
     RejectedInput,
     StampedInput,
+    Timeline,
 )
-from isotruss_ros.core.control.timeline import Timeline
 import numpy as np
 import pytest
 import robots
