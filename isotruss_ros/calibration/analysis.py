@@ -23,7 +23,6 @@ from isotruss_ros.calibration.measurements import (
     Measurements,
     MODES,
     Presses,
-    Unused,
 )
 import numpy as np
 
@@ -42,7 +41,7 @@ class Analysis:
     local_refusal: str  #: why there is none; empty if there is one, or no such points
     laws: Mapping[str, FittedLaw]  #: Table I: power laws by mode, each on its own
     missing: Mapping[str, str]  #: by mode, why there is no power law
-    unused: Unused  #: all rows that no slope rests on
+    unused: Mapping[str, Sequence[int]]  #: lines of the rows that no slope rests on, by why
 
     def points(self, mode: str) -> int:
         """
@@ -70,11 +69,12 @@ def analyse(
     """
     ranges = max_displacements or {}
     slopes: dict[str, list[Slope]] = {mode: [] for mode in MODES}
-    unused = Unused({reason: list(lines) for reason, lines in measurements.unused.lines.items()})
+    unused = {reason: list(lines) for reason, lines in measurements.unused.items()}
     for group in measurements.groups:
         slope = fit_slope(group, tolerance, ranges.get(group.mode))
         for reason in sorted(set(slope.reasons) - {''}):
-            unused.add(reason, group.lines[np.array(slope.reasons) == reason])
+            lines = group.lines[np.array(slope.reasons) == reason]
+            unused.setdefault(reason, []).extend(lines.tolist())
         if slope.used.any():
             slopes[group.mode].append(slope)
     fitted, refusal = None, ''

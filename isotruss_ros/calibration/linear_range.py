@@ -21,7 +21,7 @@ from dataclasses import dataclass
 
 from isotruss_ros.calibration.measurements import Group
 from isotruss_ros.core.model.stiffness_law import MAX_STIFFNESS, MIN_STIFFNESS
-from isotruss_ros.core.numerics.arrays import Array, Flags, Indices
+from isotruss_ros.core.numerics.arrays import Array, Flags
 import numpy as np
 from scipy.stats import f as f_distribution
 
@@ -80,18 +80,15 @@ def _slope(group: Group, inside: Flags, limit: float) -> Slope:
             group,
             f'{group.name}: no trial has two displacements in the linear range; a slope needs two',
         )
-    stiffness = _fit(group, used, 1)[0]
+    stiffness, offsets = _fit(group, used, 1)[:2]
     if not MIN_STIFFNESS <= stiffness <= MAX_STIFFNESS:
         return _no_slope(
             group,
             f'{group.name}: slope {stiffness:.3g}: must be positive and that of a tube; '
             'displacement and load count in the same direction',
         )
-    offset = np.zeros(group.trials.max() + 1)
-    rest = group.loads[used] - stiffness * group.displacements[used]
-    means = _means(rest, group.trials[used])
-    offset[: len(means)] = means
-    return Slope(group, stiffness, offset[group.trials], limit, used, tuple(map(str, reasons)))
+    reasons = tuple(map(str, reasons))
+    return Slope(group, stiffness, offsets[group.trials], limit, used, reasons)
 
 
 def _no_slope(group: Group, reason: str) -> Slope:
@@ -112,8 +109,8 @@ def _is_linear(group: Group, inside: Flags, tolerance: float) -> bool:
     used = inside & _spread(group, inside)
     if not used.any():
         return True  # there is no slope either
-    slope, line_rest, line_freedom = _fit(group, used, 1)
-    _, cubic_rest, freedom = _fit(group, used, 3)
+    slope, _, line_rest, line_freedom = _fit(group, used, 1)
+    _, _, cubic_rest, freedom = _fit(group, used, 3)
     rise = abs(slope) * np.ptp(group.displacements[used])
     if freedom < 1 or np.abs(line_rest - cubic_rest).max() <= tolerance * rise:
         return True
@@ -126,24 +123,18 @@ def _is_linear(group: Group, inside: Flags, tolerance: float) -> bool:
     return float(f_distribution.sf(ratio, extra, freedom)) > SIGNIFICANCE
 
 
-def _fit(group: Group, used: Flags, degree: int) -> tuple[float, Array, int]:
+def _fit(group: Group, used: Flags, degree: int) -> tuple[float, Array, Array, int]:
     """
     Fit a polynomial with an offset for each trial.
 
-    :return: slope at zero, residuals of the points used, degrees of freedom.
+    :return: slope at zero, offsets of the trials (t,), zero for one without a point, residuals of
+        the points used, degrees of freedom.
     """
-    x, y, trials = group.displacements[used], group.loads[used], group.trials[used]
+    x, y, trials = group.displacements[used], group.loads[used], group.trials
     unit = np.abs(x).max()
     powers = (x / unit)[:, None] ** np.arange(1, degree + 1)
-    # What is left of both once each trial has its mean taken off is free of the offsets.
-    matrix = np.column_stack([column - _means(column, trials)[trials] for column in powers.T])
-    target = y - _means(y, trials)[trials]
-    solution, _, rank, _ = np.linalg.lstsq(matrix, target, rcond=None)
-    freedom = len(y) - len(np.unique(trials)) - int(rank)
+    matrix = np.hstack([powers, trials[used][:, None] == np.arange(trials.max() + 1)])
+    solution, _, rank, _ = np.linalg.lstsq(matrix, y, rcond=None)
     with np.errstate(over='ignore'):
-        return float(solution[0] / unit), target - matrix @ solution, freedom
-
-
-def _means(values: Array, trials: Indices) -> Array:
-    """Return the mean of each trial; zero for a trial without a point."""
-    return np.bincount(trials, values) / np.maximum(np.bincount(trials), 1)
+        slope = float(solution[0] / unit)
+    return slope, solution[degree:], y - matrix @ solution, len(y) - int(rank)

@@ -11,9 +11,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 import csv
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 import io
 from pathlib import Path
 
@@ -67,35 +67,13 @@ class Presses:
     loads: Array  #: (n,) positive [N]
 
 
-@dataclass
-class Unused:
-    """The rows that were not used: line numbers by reason."""
-
-    lines: dict[str, list[int]] = field(default_factory=dict)  #: numbers of the lines by reason
-
-    def add(self, reason: str, lines: Sequence[int]) -> None:
-        """
-        Add lines that are not used.
-
-        :param reason: why they are not.
-        :param lines: their numbers in the file.
-        """
-        if len(lines):
-            self.lines.setdefault(reason, []).extend(map(int, lines))
-
-    @property
-    def count(self) -> int:
-        """Return the number of rows that are not used."""
-        return sum(map(len, self.lines.values()))
-
-
 @dataclass(frozen=True)
 class Measurements:
     """The contents of a file of measured points."""
 
     groups: tuple[Group, ...]  #: of the modes of a beam, ordered by mode, pressure and length
     presses: Presses  #: the points of the mode interference
-    unused: Unused  #: the rows that are in no group
+    unused: Mapping[str, list[int]]  #: lines of the rows in no group, by why they are not
     rows: int  #: number of rows in the file, the header aside
     ignored_columns: tuple[str, ...]  #: columns of other names
 
@@ -109,7 +87,7 @@ def read_measurements(path: Path) -> Measurements:
     :param path: of the file.
     :raises MeasurementError: the file cannot be read, or has other columns.
     """
-    unused = Unused()
+    unused: dict[str, list[int]] = {}
     points: dict[tuple[int, float, float], list[tuple[int, str, float, float]]] = {}
     presses: list[tuple[float, ...]] = []
     rows = 0
@@ -124,7 +102,7 @@ def read_measurements(path: Path) -> Measurements:
             cells = [cell.strip() for cell in row]
             complaint = '; '.join(_complaints(header, cells))
             if complaint:
-                unused.add(complaint, [reader.line_num])
+                unused.setdefault(complaint, []).append(reader.line_num)
                 continue
             values = dict(zip(header, cells, strict=True))
             pressure, length, displacement, load = (float(values[name]) for name in NUMBERS)

@@ -11,13 +11,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 import itertools
 
 from isotruss_ros.calibration.analysis import Analysis
 from isotruss_ros.calibration.beam_fit import FittedBeam
 from isotruss_ros.calibration.local_fit import FittedLocalStiffness
-from isotruss_ros.calibration.measurements import Unused
 import numpy as np
 from rich.table import Table
 
@@ -34,27 +33,23 @@ SYMBOLS = {
 MISSED = 0.05
 
 
-def unused_rows(unused: Unused, rows: int) -> Iterator[str]:
+def unused_rows(unused: Mapping[str, Sequence[int]], rows: int) -> Iterator[str]:
     """
     Yield lines that name and count the rows that were not used.
 
     :param unused: line numbers by reason.
     :param rows: number of rows in the file.
     """
-    if not unused.count:
+    if not unused:
         yield f'all {rows} rows used'
         return
-    yield f'{unused.count} of {rows} rows not used:'
-    for reason, lines in unused.lines.items():
-        yield f'  {reason}: {len(lines)}, line {stretches(sorted(lines))}'
+    yield f'{sum(map(len, unused.values()))} of {rows} rows not used:'
+    for reason, lines in unused.items():
+        yield f'  {reason}: {len(lines)}, line {_stretches(sorted(lines))}'
 
 
-def stretches(lines: Sequence[int]) -> str:
-    """
-    Return line numbers as 3-7, 9, 12-14.
-
-    :param lines: sorted numbers.
-    """
+def _stretches(lines: Sequence[int]) -> str:
+    """Return sorted line numbers as 3-7, 9, 12-14."""
     names = []
     for _, run in itertools.groupby(enumerate(lines), lambda pair: pair[1] - pair[0]):
         numbers = [line for _, line in run]

@@ -12,7 +12,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
 
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -20,43 +19,6 @@ import numpy as np
 
 #: A roller whose travel is off by more than this share is not right.
 LARGEST_ERROR = 0.2
-
-
-class RollerMotion(NamedTuple):
-    """What moved the joints."""
-
-    roller: str  #: the roller whose motion explains them best
-    travel: float  #: of the tube through it [m]
-    rest: float  #: what that leaves of the displacements, root mean square [m]
-
-
-def identify_roller(
-    config: Configuration, moved: Mapping[str, tuple[float, float]]
-) -> RollerMotion:
-    """
-    Find the one roller that moved the joints of the empty robot, to first order by (12).
-
-    :param config: where the robot was in between.
-    :param moved: (dx, dy) of measured joints, by name [m].
-    :raises MeasurementError: a joint is unknown, or none of them moves with any roller.
-    """
-    robot = config.robot
-    names = robot.topology.joint_names
-    unknown = [name for name in moved if name not in names]
-    if unknown or not moved:
-        raise MeasurementError(
-            f'joints {", ".join(unknown) or "none"}: must be some of {", ".join(names)}'
-        )
-    places = [names.index(name) for name in moved]
-    count = len(robot.roller_names)
-    rows = config.node_jacobian.reshape(-1, 2, count)[places].reshape(-1, count)
-    displaced = np.array(list(moved.values())).ravel()
-    sizes = (rows**2).sum(axis=0)
-    travels = np.divide(rows.T @ displaced, sizes, out=np.zeros(count), where=sizes > 0.0)
-    left = displaced[:, None] - rows * travels
-    best = int((left**2).sum(axis=0).argmin())
-    rest = float(np.sqrt((left[:, best] ** 2).mean()))
-    return RollerMotion(robot.roller_names[best], float(travels[best]), rest)
 
 
 def judge_roller(
@@ -74,18 +36,46 @@ def judge_roller(
     :param travel: commanded [m].
     :param moved: (dx, dy) of measured joints, by name [m].
     :param deviation: standard deviation of a measured coordinate [m].
-    :raises MeasurementError: see `identify_roller`.
+    :raises MeasurementError: a joint is unknown, or there is none.
     """
-    found = identify_roller(config, moved)
+    found, turned, rest = _identify_roller(config, moved)
     farthest = max(np.hypot(*each) for each in moved.values())
     if farthest < 5.0 * deviation:
         return f'no measured joint moves: {1e3 * farthest:.1g} mm'
-    if found.roller != roller:
-        return f'{found.roller} turned in its place, by {1e3 * found.travel:+.1f} mm'
-    if found.rest > 5.0 * deviation + LARGEST_ERROR * abs(travel):
-        return f'the joints do not move as with any roller: {1e3 * found.rest:.0f} mm are left'
-    if found.travel * travel < 0.0:
-        return f'it turned the other way, by {1e3 * found.travel:+.1f} mm'
-    if abs(found.travel - travel) > LARGEST_ERROR * abs(travel):
-        return f'it turned by {1e3 * found.travel:+.1f} mm in place of {1e3 * travel:+.1f} mm'
+    if found != roller:
+        return f'{found} turned in its place, by {1e3 * turned:+.1f} mm'
+    if rest > 5.0 * deviation + LARGEST_ERROR * abs(travel):
+        return f'the joints do not move as with any roller: {1e3 * rest:.0f} mm are left'
+    if turned * travel < 0.0:
+        return f'it turned the other way, by {1e3 * turned:+.1f} mm'
+    if abs(turned - travel) > LARGEST_ERROR * abs(travel):
+        return f'it turned by {1e3 * turned:+.1f} mm in place of {1e3 * travel:+.1f} mm'
     return ''
+
+
+def _identify_roller(
+    config: Configuration, moved: Mapping[str, tuple[float, float]]
+) -> tuple[str, float, float]:
+    """
+    Find the one roller that moved the joints of the empty robot, to first order by (12).
+
+    :return: its name, its travel [m], and what that leaves of the displacements, root mean
+        square [m].
+    """
+    robot = config.robot
+    names = robot.topology.joint_names
+    unknown = [name for name in moved if name not in names]
+    if unknown or not moved:
+        raise MeasurementError(
+            f'joints {", ".join(unknown) or "none"}: must be some of {", ".join(names)}'
+        )
+    places = [names.index(name) for name in moved]
+    count = len(robot.roller_names)
+    rows = config.node_jacobian.reshape(-1, 2, count)[places].reshape(-1, count)
+    displaced = np.array(list(moved.values())).ravel()
+    sizes = (rows**2).sum(axis=0)
+    travels = np.divide(rows.T @ displaced, sizes, out=np.zeros(count), where=sizes > 0.0)
+    left = displaced[:, None] - rows * travels
+    best = int((left**2).sum(axis=0).argmin())
+    rest = float(np.sqrt((left[:, best] ** 2).mean()))
+    return robot.roller_names[best], float(travels[best]), rest

@@ -26,7 +26,7 @@ from isotruss_ros.calibration.measurements import (
     MODES,
     read_measurements,
 )
-from isotruss_ros.calibration.report import stretches
+from isotruss_ros.calibration.report import unused_rows
 from isotruss_ros.cli.fit_tube_stiffness import main
 from isotruss_ros.core.model.robot_file import read_robot_file
 from isotruss_ros.core.model.stiffness_law import Law
@@ -229,7 +229,7 @@ def test_points_out_of_the_linear_range_are_named(softer, bend, tmp_path, capsys
 
 def test_noise_alone_is_no_end_of_the_linear_range(tmp_path):
     measurements = read_measurements(write(tmp_path, points(noise=0.03, trials=3, seed=4)))
-    assert analyse(measurements).unused.count <= 0.02 * measurements.rows
+    assert sum(map(len, analyse(measurements).unused.values())) <= 0.02 * measurements.rows
 
 
 def test_max_displacement_takes_the_place_of_the_test(tmp_path, capsys):
@@ -312,7 +312,7 @@ def test_group_that_is_nowhere_linear_is_named(tmp_path):
     slope = fit_slope(measurements.groups[0])
     assert np.isnan(slope.stiffness)
     assert not slope.used.any()
-    assert analyse(measurements).unused.count == 400
+    assert sum(map(len, analyse(measurements).unused.values())) == 400
 
 
 MISSING = {
@@ -521,11 +521,12 @@ def test_mutated_file_is_fitted_or_refused(data):
         measurements = read_measurements(write(Path(folder), [header, *rows]))
         analysis = analyse(measurements)
     used = sum(analysis.points(mode) for mode in MODES)
-    assert used + analysis.unused.count == measurements.rows == len(rows)
+    assert used + sum(map(len, analysis.unused.values())) == measurements.rows == len(rows)
     if analysis.fitted is not None:
         assert np.isfinite(analysis.fitted.constants).all()
         assert min(analysis.fitted.constants) > 0.0
 
 
-def test_stretches():
-    assert stretches([3, 4, 5, 9, 11, 12]) == '3-5, 9, 11-12'
+def test_rows_that_are_not_used_are_counted_and_named():
+    lines = unused_rows({'wrong': [12, 3, 4, 5, 9, 11]}, 20)
+    assert list(lines) == ['6 of 20 rows not used:', '  wrong: 6, line 3-5, 9, 11-12']

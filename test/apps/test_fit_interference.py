@@ -150,11 +150,11 @@ def test_without_a_beam_there_is_no_local_stiffness(tmp_path):
 def test_rows_that_cannot_be_are_named(row, complaint, tmp_path):
     found = read_measurements(write(tmp_path, [[*HEADER, 'diameter'], row]))
     assert len(found.presses.loads) == 0
-    (reason,) = found.unused.lines
+    (reason,) = found.unused
     assert complaint in reason
 
 
 def test_interference_needs_the_column_of_the_diameter(tmp_path):
     found = read_measurements(write(tmp_path, [HEADER, ['interference', 3e4, 0.5, 0.01, 1.0]]))
-    (reason,) = found.unused.lines
+    (reason,) = found.unused
     assert 'needs a column diameter' in reason

@@ -12,7 +12,7 @@
 import re
 
 from isotruss_ros.calibration.measurements import MeasurementError
-from isotruss_ros.calibration.roller_check import identify_roller, judge_roller
+from isotruss_ros.calibration.roller_check import judge_roller
 from isotruss_ros.core import load_robot
 import numpy as np
 import pytest
@@ -32,9 +32,6 @@ def turn(roller, travel, joints=('P', 'R', 'Z'), seed=0):
 
 @pytest.mark.parametrize('roller', ROLLERS)
 def test_every_roller_is_told_from_the_others_by_three_joints(roller):
-    found = identify_roller(ROBOT.home, turn(roller, 0.02))
-    assert found.roller == roller
-    assert found.travel == pytest.approx(0.02, rel=0.15)
     assert judge_roller(ROBOT.home, roller, 0.02, turn(roller, 0.02), NOISE) == ''
 
 
@@ -43,7 +40,7 @@ def test_every_roller_is_told_from_the_others_by_three_joints(roller):
     ('travel', 'words'),
     [
         (-0.02, 'turned the other way'),
-        (0.03, r'turned by \+.* in place of \+20'),
+        (0.03, r'turned by \+(2[7-9]|3[0-3])\..* in place of \+20'),
         (0.0, 'no meas'),
     ],
 )
@@ -58,10 +55,10 @@ def test_rollers_that_are_swapped_are_named():
 
 def test_joints_that_no_single_roller_moves_so_are_told():
     moved = {'P': (0.05, 0.0), 'R': (-0.05, 0.0), 'Z': (0.0, 0.05)}
-    best = identify_roller(ROBOT.home, moved).roller
-    assert 'do not move as with any roller' in judge_roller(ROBOT.home, best, 0.02, moved, NOISE)
+    told = [judge_roller(ROBOT.home, roller, 0.02, moved, NOISE) for roller in ROLLERS]
+    assert any('do not move as with any roller' in each for each in told)
 
 
 def test_an_unknown_joint_is_refused():
     with pytest.raises(MeasurementError, match='joints W: must be some of P, Q'):
-        identify_roller(ROBOT.home, {'W': (0.0, 0.0)})
+        judge_roller(ROBOT.home, 'south/P', 0.02, {'W': (0.0, 0.0)}, NOISE)

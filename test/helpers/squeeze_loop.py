@@ -83,7 +83,8 @@ class SqueezeLoop:
             grip = self.grip.moved_to(pose)
 
             def solve(twist, opening_rate, config=config, grip=grip):
-                return solve_twist(config, grip, twist, opening_rate=opening_rate)
+                held = self.control.model.grip if self.regulated else grip
+                return solve_twist(config, held, twist, opening_rate=opening_rate)
 
             if self.told is not None:
                 self.control.take_estimate(self.told(), np.zeros(6))

@@ -14,9 +14,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from isotruss_ros.core.control.inputs import InputError
-from isotruss_ros.core.errors import IsotrussError
+from isotruss_ros.core.errors import GainError, GraspError, IsotrussError
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
 from isotruss_ros.core.numerics.arrays import Array
+
+#: The status for each error of the solution; the last is that of any other.
+HALTS = (
+    (GainError, Status.HALT_GAIN),
+    (GraspError, Status.HALT_NO_GRASP),
+    (IsotrussError, Status.HALT_KINEMATICS),
+)
 
 
 @dataclass(frozen=True)
@@ -58,11 +65,42 @@ class HaltError(IsotrussError):
         self.status = status
 
 
-def halt_for(error: InputError) -> Status:
+def halt_for(error: IsotrussError) -> Status:
     """
-    Return the status where an input cannot be used.
+    Return the status where an error stops the rollers.
 
     :param error: why.
     """
-    # A twist that is too old is none: whoever sent it has stopped.
-    return Status['HALT_' + error.code.replace('STALE_TWIST', 'NO_TWIST')]
+    if isinstance(error, HaltError):
+        return error.status
+    if isinstance(error, InputError):
+        # A twist that is too old is none: whoever sent it has stopped.
+        return Status['HALT_' + error.code.replace('STALE_TWIST', 'NO_TWIST')]
+    return next(status for kind, status in HALTS if isinstance(error, kind))
+
+
+def describe(command: RollerCommand, keeps_contacts: bool) -> str:
+    """
+    Return how a command differs from the twist; empty where it does not, or halts.
+
+    :param command: the command.
+    :param keeps_contacts: whether it moves an object, and not a joint.
+    """
+    parts: list[str] = []
+    if command.status >= Status.HALT_NO_TWIST:
+        return ''
+    why, which = 'is unreachable', 'reachable one'
+    if keeps_contacts:
+        why, which = 'is unreachable or would leave the contacts', 'one that keeps them'
+    if command.status is Status.UNREACHABLE:
+        vx, vy, omega = command.achieved_twist
+        parts.append(
+            f'the twist {why}; the closest {which} is ({vx:.4g}, {vy:.4g}) m/s, {omega:.4g} rad/s'
+        )
+    if command.scale < 1.0:
+        how = 'sliding with' if command.status is Status.SLIDING else 'slowed to'
+        why = ': the rest would take too much roller speed'
+        if command.limiting:
+            why = f' by the limits of {", ".join(command.limiting)}'
+        parts.append(f'{how} {100 * command.scale:.3g} %{why}')
+    return '; '.join(parts)

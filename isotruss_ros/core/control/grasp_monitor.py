@@ -202,7 +202,7 @@ def _analyze(
         code = next(code for kind, code in ERRORS if isinstance(error, kind))
         return GraspReport(code, str(error), 0.0)
     duration = time.perf_counter() - begin
-    grasp = AnalyzedGrasp(config, query.body, query.spacing, analysis, settled, duration)
+    grasp = AnalyzedGrasp(config, query.body, analysis, settled, duration)
     code, message = _judge(grasp)
     return GraspReport(code, message, 0.0, grasp)
 

@@ -78,7 +78,6 @@ class AnalyzedGrasp:
 
     :ivar config: configuration of the robot.
     :ivar body: the object.
-    :ivar spacing: of the contact points along the tubes [m].
     :ivar analysis: of the object held fast at the measured pose.
     :ivar settled: the equilibrium of the free object near to it.
     :ivar computing_time: of configuration and analysis [s].
@@ -86,7 +85,6 @@ class AnalyzedGrasp:
 
     config: Configuration
     body: ConvexObject
-    spacing: float
     analysis: GraspAnalysis
     settled: SettledGrasp
     computing_time: float

@@ -42,7 +42,7 @@ SLOWEST, SWING_TIME = 2.0, 0.5
 #: So many half-swings, each at least so large against the one before it, do not decay.
 SWINGS, NO_DECAY = 3, 0.95
 #: Low-pass on what is measured; for swings, 1 / omega where that is known [s].
-FILTER_TIME = 0.02
+FILTER_TIME = 0.05
 
 
 class GripFault(enum.Enum):
@@ -73,11 +73,11 @@ class GripWatch:
 
     def __init__(self, frequency: float | None = None) -> None:
         self._frequency = frequency
-        self._apart, self._unexplained, self._error = np.zeros((3, 3))
+        self._apart, self._unexplained, self._aside, self._error = np.zeros((4, 3))
         self._slipped_for = 0.0
         self._asked, self._measured, self._travelled = np.zeros(3), np.zeros(3), 0.0
-        # Where twists led and the measured pose went, and how far that was off the model.
-        self._places: deque[tuple[Array, Array, Array]] = deque(maxlen=STEPS)
+        # Where the measured pose went, and how far off the model and off where twists led.
+        self._places: deque[Array] = deque(maxlen=STEPS)
         # Noise is quicker than what grows, which is the lowest mode and slower.
         self._swing_filter = 1.0 / frequency if frequency else FILTER_TIME
         self.forget_swings()
@@ -104,10 +104,12 @@ class GripWatch:
         self._unexplained = self._unexplained + passed * (seen.unexplained - self._unexplained)
         followed = -math.expm1(-elapsed / self._swing_filter)
         self._error = self._error + followed * (error - self._error)
+        self._asked, self._measured = self._asked + asked, self._measured + moved
+        self._aside = self._aside + passed * (self._measured - self._asked - self._aside)
         away = math.hypot(*self._unexplained)
         self._slipped_for = self._slipped_for + elapsed if away > SLIP else 0.0
         explained = math.hypot(*(seen.apart - seen.unexplained))
-        if self._departs(asked, moved, explained):
+        if self._departs(asked, explained):
             return GripFault.POSE_DISAGREES
         if self._slipped_for > (SLIP_TIME if seen.borne else 0.0):
             return GripFault.SLIPPED
@@ -117,21 +119,19 @@ class GripWatch:
         ]
         return GripFault.OSCILLATES if any(grown) else None
 
-    def _departs(self, asked: Array, moved: Array, explained: float) -> bool:
+    def _departs(self, asked: Array, explained: float) -> bool:
         """Return whether the pose departs from the model, and stands still or goes as asked."""
+        here = np.array((self._measured, self._apart, self._aside))
         if self._travelled == 0.0 and asked.any():
-            self._places.append((self._asked, self._measured, self._apart))
-        self._asked, self._measured = self._asked + asked, self._measured + moved
+            self._places.append(here)
         self._travelled += math.hypot(*asked)
         if self._travelled < STEP:
             return False
         self._travelled = 0.0
-        here = np.array((self._asked, self._measured, self._apart))
-        since = here - np.array(self._places)[::-1]
-        _, stayed, apart = np.linalg.norm(since, axis=2).T
+        since = np.linalg.norm(here - np.array(self._places)[::-1], axis=2)
+        stayed, apart, aside = since.T
         stuck = np.logical_and.accumulate(stayed < STUCK)
-        off_path = np.linalg.norm(since[:, 1] - since[:, 0], axis=1)
-        led = np.logical_and.accumulate(off_path < LED)
+        led = np.logical_and.accumulate(aside < LED)
         way = STEP * np.arange(1, len(since) + 1)
         stands = stuck & (np.minimum(way, apart) > MOVED)
         return bool((stands | led & (apart > LIE + explained)).any())

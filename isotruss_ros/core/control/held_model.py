@@ -30,6 +30,7 @@ from isotruss_ros.core.holding.held_grip import (
     LEFT_MARGIN,
     travel_rates,
 )
+from isotruss_ros.core.holding.laid_grip import laid_grip
 from isotruss_ros.core.holding.roll_grip import roll_contacts, roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import find_members, Grip
@@ -66,6 +67,7 @@ class HeldModel:
     How the robot holds an object, under the load that follows from its measured pose.
 
     :ivar grasp: the equilibrium where the robot is.
+    :ivar grip: whose rows tell how the object moves, see `laid_grip`.
     :ivar load: the wrench on the object.
     :ivar pose: (x, y, angle) of the object, with the load that came last [m, rad].
     :ivar squeeze: mean normal force of the members, the same [N].
@@ -87,8 +89,7 @@ class HeldModel:
         self._even = np.array([1.0, 1.0, grasp.arm])
         self._begun = self._even * (offset, left)
         self._first, self._averaged, self._noise = [offset], 0.0, UNKNOWN_NOISE
-        self._rows, self.drift = grip_jacobian(grasp.config, grip), np.zeros(4)
-        self.usage = UsageLimits(grasp)
+        self.drift, self.usage = np.zeros(4), UsageLimits(grasp)
         self._take(grasp, np.zeros(3))
 
     @property
@@ -124,17 +125,12 @@ class HeldModel:
         return found is not None
 
     def follow(
-        self,
-        config: Configuration,
-        grip: Grip,
-        elapsed: float,
-        pressures: tuple[float, ...] | None,
+        self, config: Configuration, elapsed: float, pressures: tuple[float, ...] | None
     ) -> HoldStatus:
         """
         Roll to where the robot is; return whether the object is still held, or why not.
 
         :param config: where the robot is.
-        :param grip: its object is where it was measured.
         :param elapsed: since the last call [s].
         :param pressures: (t,) gauge, by tube [Pa]; those of the robot file if None.
         """
@@ -147,7 +143,6 @@ class HeldModel:
             return HoldStatus.UNSTABLE
         if hold is HoldStatus.HELD:
             self._learn(before, grasp, elapsed)
-            self._rows = grip_jacobian(config, grip)
             self._take(grasp, np.zeros(3))
         return hold
 
@@ -182,14 +177,15 @@ class HeldModel:
 
     def _take(self, grasp: HeldGrip, loaded: Array) -> None:
         """Go on with an equilibrium, and a load (3,) that came since [N]."""
-        self.grasp = grasp
+        self.grasp, self.grip = grasp, laid_grip(grasp, self._friction)
         self.pose = np.array(grasp.pose) + grasp.response.pose @ loaded
         self.squeeze = grasp.squeeze + float(grasp.response.squeeze @ loaded)
 
     def _learn(self, before: HeldGrip, grasp: HeldGrip, elapsed: float) -> None:
         """Take in what the last travel did beyond the rows of (19) and loads, and to the tubes."""
         travel = grasp.config.roller_positions - before.config.roller_positions
-        moved, loaded = self._rows @ travel, grasp.wrench - before.wrench
+        moved = grip_jacobian(before.config, self.grip) @ travel
+        loaded = grasp.wrench - before.wrench
         change = pose_difference(grasp.pose, before.pose)
         pressed = grasp.squeeze - before.squeeze - before.squeeze_stiffness() * moved[3]
         expected = np.append(grasp.response.pose @ loaded, grasp.response.squeeze @ loaded)

@@ -16,20 +16,20 @@ And the commands that were sent since: with them the travel since an old measure
 from __future__ import annotations
 
 from bisect import bisect_right
+from collections import deque
+from operator import itemgetter
 from typing import Any, NamedTuple
 
 from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
-#: By default stamps may be this far ahead, since clocks are never exactly synchronous [s].
+#: Stamps may be this far ahead, since clocks are never exactly synchronous [s].
 CLOCK_SKEW = 0.01
 #: Pressures change slowly, and are measured now and then [s].
 PRESSURE_TIMEOUT = 2.0
 #: Share of a pressure that is taken for noise, and changes the squeeze by 0.1 %.
 PRESSURE_CHANGE = 0.02
-#: Old commands are dropped in lots of about this many.
-LOT = 64
 
 
 class StampedInput(NamedTuple):
@@ -91,18 +91,13 @@ class InputError(IsotrussError):
 
 
 def require_fresh(
-    now: float,
-    timeout: float,
-    clock_skew: float = CLOCK_SKEW,
-    setting: str = 'command_timeout',
-    **inputs: Input,
+    now: float, timeout: float, setting: str = 'command_timeout', **inputs: Input
 ) -> tuple[StampedInput, ...]:
     """
     Return inputs that can be used.
 
     :param now: time on the clock of the inputs [s].
     :param timeout: largest age [s].
-    :param clock_skew: stamps may be this far in the future [s].
     :param setting: name of the timeout, for the error.
     :param inputs: the inputs by name, with underscores for spaces.
     :raises InputError: the first of them that is missing, rejected, timed out, or stamped in the
@@ -122,33 +117,28 @@ def require_fresh(
                 f'{words}: {age:.3f} s old; must be at most {timeout} s ({setting}: set it '
                 'higher where the machine is busy)',
             )
-        if age < -clock_skew:
+        if age < -CLOCK_SKEW:
             raise InputError(
                 'INVALID',
                 name,
-                f'{words}: stamped {-age:.3f} s in the future; must be at most {clock_skew:g} s: '
+                f'{words}: stamped {-age:.3f} s in the future; must be at most {CLOCK_SKEW:g} s: '
                 'synchronise the clocks',
             )
     return tuple(inputs.values())
 
 
-def fresh_pressures(
-    now: float, timeout: float, pressures: Input, clock_skew: float = CLOCK_SKEW
-) -> tuple[float, ...] | None:
+def fresh_pressures(now: float, timeout: float, pressures: Input) -> tuple[float, ...] | None:
     """
     Return the measured gauge pressures of the tubes (t,) [Pa]; None where none ever came.
 
     :param now: time on the clock of the input [s].
     :param timeout: largest age [s].
     :param pressures: input of them.
-    :param clock_skew: stamps may be this far in the future [s].
     :raises InputError: rejected, timed out, or stamped in the future.
     """
     if pressures is None:
         return None
-    (found,) = require_fresh(
-        now, timeout, clock_skew, 'pressure_timeout', tube_pressures=pressures
-    )
+    (found,) = require_fresh(now, timeout, 'pressure_timeout', tube_pressures=pressures)
     return found.value
 
 
@@ -167,7 +157,7 @@ def steady_pressures(
     return kept if near else pressures
 
 
-def limit_stamps(now: float, *inputs: Input, clock_skew: float = CLOCK_SKEW) -> tuple[Input, ...]:
+def limit_stamps(now: float, *inputs: Input) -> tuple[Input, ...]:
     """
     Return inputs, those stamped ahead by no more than the skew with the present time instead.
 
@@ -175,16 +165,71 @@ def limit_stamps(now: float, *inputs: Input, clock_skew: float = CLOCK_SKEW) -> 
 
     :param now: time on the clock of the inputs [s].
     :param inputs: as received.
-    :param clock_skew: stamps may be this far in the future [s].
     """
     return tuple(
-        [
-            given._replace(time=now)
-            if isinstance(given, StampedInput) and 0.0 < given.time - now <= clock_skew
-            else given
-            for given in inputs
-        ]
+        given._replace(time=now)
+        if isinstance(given, StampedInput) and 0.0 < given.time - now <= CLOCK_SKEW
+        else given
+        for given in inputs
     )
+
+
+class Timeline:
+    """A quantity, a number or an array, that changes evenly from each known time to the next."""
+
+    def __init__(self) -> None:
+        self._known: deque[tuple[float, float | Array]] = deque()
+
+    def __bool__(self) -> bool:
+        """Return whether a value is known."""
+        return bool(self._known)
+
+    @property
+    def first(self) -> tuple[float, float | Array]:
+        """Return the first time that is kept [s] and the value then."""
+        return self._known[0]
+
+    @property
+    def last(self) -> tuple[float, float | Array]:
+        """Return the last time [s] and the value then."""
+        return self._known[-1]
+
+    @property
+    def values(self) -> list[float | Array]:
+        """Return the values that are kept, in order."""
+        return [value for _, value in self._known]
+
+    def add(self, time: float, value: float | Array) -> None:
+        """
+        Add a value, which takes the place of those at that time and later.
+
+        :param time: [s].
+        :param value: then.
+        """
+        while self._known and self._known[-1][0] >= time:
+            self._known.pop()
+        self._known.append((time, value))
+
+    def discard_before(self, time: float) -> None:
+        """
+        Drop what tells nothing of a time and later.
+
+        :param time: [s].
+        """
+        while len(self._known) > 1 and self._known[1][0] <= time:
+            self._known.popleft()
+
+    def at(self, time: float) -> float | Array:
+        """
+        Return the value at a time; before the first it is the first, and after the last the last.
+
+        :param time: [s].
+        """
+        after = bisect_right(self._known, time, key=itemgetter(0))
+        if after in (0, len(self._known)):
+            return self._known[min(after, len(self._known) - 1)][1]
+        (start, value), (end, following) = self._known[after - 1], self._known[after]
+        return value + (time - start) / (end - start) * (following - value)
 
 
 class CommandHistory:
@@ -202,9 +247,7 @@ class CommandHistory:
     def clear(self) -> None:
         """Drop all entries."""
         self.last: Array | None = None
-        self._times: list[float] = []
-        self._speeds: list[Array] = []
-        self._travel: list[Array] = []  # commanded until each of the times, from any start [m]
+        self._travel = Timeline()  # commanded until each time, from any start [m]
 
     def discard_old(self, now: float, span: float) -> None:
         """
@@ -213,14 +256,9 @@ class CommandHistory:
         :param now: time on the clock of the entries [s].
         :param span: how far back entries are needed [s].
         """
-        if not self._times:
-            return
-        if not 0.0 <= now - self._times[-1] <= span:
+        if self.last is not None and not 0.0 <= now - self._travel.last[0] <= span:
             self.clear()
-        elif len(self._times) > LOT:
-            old = bisect_right(self._times, now - span) - 1
-            if old >= LOT:
-                del self._times[:old], self._speeds[:old], self._travel[:old]
+        self._travel.discard_before(now - span)
 
     def record(self, now: float, speeds: Array) -> None:
         """
@@ -229,11 +267,9 @@ class CommandHistory:
         :param now: not before that of the last entry [s].
         :param speeds: (r,) [m/s].
         """
-        travel = self._until(now) if self._times else np.zeros(self._count)
+        none = np.zeros(self._count)
+        self._travel.add(now, none if self.last is None else self._until(now, none))
         self.last = speeds
-        self._times.append(now)
-        self._speeds.append(speeds)
-        self._travel.append(travel)
 
     def travel(self, begin: float, end: float, before: Array) -> Array:
         """
@@ -243,13 +279,9 @@ class CommandHistory:
         :param end: the travel is negative where that is earlier [s].
         :param before: (r,) speeds at times before the first entry [m/s].
         """
-        if not self._times:
+        if self.last is None or begin == end:
             return (end - begin) * before
-        first = self._times[0]
-        if begin >= first and end >= first:
-            return self._until(end) - self._until(begin)
-        unknown = min(end, first) - min(begin, first)
-        return self._until(max(end, first)) - self._until(max(begin, first)) + unknown * before
+        return self._until(end, before) - self._until(begin, before)
 
     def expected_travel(
         self, rollers: StampedInput, then: float, now: float, ahead: float, still: Array
@@ -270,12 +302,14 @@ class CommandHistory:
         """
         measured = rollers.value.velocities
         last = np.where(still, 0.0, measured if self.last is None else self.last)
-        before = np.zeros(self._count)
-        if then != rollers.time:
-            before = np.where(still, 0.0, self.travel(rollers.time, then, measured))
-        travel = np.where(still, 0.0, self.travel(rollers.time, now, measured))
+        before, travel = (
+            np.where(still, 0.0, self.travel(rollers.time, end, measured)) for end in (then, now)
+        )
         return before, travel + ahead * last, last
 
-    def _until(self, time: float) -> Array:
-        place = bisect_right(self._times, time) - 1
-        return self._travel[place] + (time - self._times[place]) * self._speeds[place]
+    def _until(self, time: float, before: Array) -> Array:
+        """Return the travel until a time (r,), where the speeds before the first are known [m]."""
+        (first, _), (last, travel) = self._travel.first, self._travel.last
+        if time > last:
+            return travel + (time - last) * self.last
+        return self._travel.at(time) + min(time - first, 0.0) * before

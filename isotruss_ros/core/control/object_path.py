@@ -36,6 +36,8 @@ MAX_SPEED, MAX_TURN_RATE = 10.0, 100.0
 HALF_TURN_MARGIN = 1e-6
 #: Poses nearer to each other than this are one [m, rad].
 SAME = 1e-9
+#: The pieces of a smooth path are about so long [m], or turn about so far [rad].
+PIECE, PIECE_TURN = 0.005, 0.02
 MAX_PIECES_OF_A_SPAN = 200
 #: More of them in all would take long to compute, and fill the memory.
 MAX_PIECES = 100_000
@@ -54,8 +56,6 @@ class ObjectPath:
     :param speed: of the centre along the path [m/s].
     :param turn_rate: largest rate of turn [rad/s].
     :param smooth: whether the path rounds its corners; straight from pose to pose if not.
-    :param piece: the pieces of a smooth path are about this long [m] ...
-    :param piece_turn: ... or turn about this far [rad].
     :param first: number of the first pose in errors.
     :raises PathError: names what cannot be followed and what would be right.
     """
@@ -66,15 +66,13 @@ class ObjectPath:
         speed: float,
         turn_rate: float,
         smooth: bool = False,
-        piece: float = 0.005,
-        piece_turn: float = 0.02,
         first: int = 0,
     ) -> None:
         self.speed = _limit('speed', speed, MAX_SPEED, 'm/s')
         self.turn_rate = _limit('turn rate', turn_rate, MAX_TURN_RATE, 'rad/s')
         self.poses = _distinct(_unwrapped(_checked(poses, first), first))
         if smooth:
-            self.poses = _distinct(_smoothed(self.poses, self._durations(), piece, piece_turn))
+            self.poses = _distinct(_smoothed(self.poses, self._durations()))
         self.times = np.concatenate([[0.0], np.cumsum(self._durations())])
 
     def _durations(self) -> Array:
@@ -167,7 +165,7 @@ def _distinct(poses: Array) -> Array:
     return poses[np.concatenate([[True], differs])]
 
 
-def _smoothed(poses: Array, durations: Array, piece: float, piece_turn: float) -> Array:
+def _smoothed(poses: Array, durations: Array) -> Array:
     """
     Cut the splines through poses into short pieces.
 
@@ -184,14 +182,12 @@ def _smoothed(poses: Array, durations: Array, piece: float, piece_turn: float) -
     first, last = (tangents[1], tangents[-2]) if len(poses) > 2 else (chords[0], chords[-1])
     tangents[0], tangents[-1] = 2.0 * chords[0] - first, 2.0 * chords[-1] - last
     steps = np.diff(poses, axis=0)
-    wanted = np.maximum(
-        np.hypot(steps[:, 0], steps[:, 1]) / piece, np.abs(steps[:, 2]) / piece_turn
-    )
+    wanted = np.maximum(np.hypot(*steps[:, :2].T) / PIECE, np.abs(steps[:, 2]) / PIECE_TURN)
     counts = np.clip(np.ceil(wanted), 1, MAX_PIECES_OF_A_SPAN).astype(int)
     total = int(counts.sum())
     if total > MAX_PIECES:
         raise PathError(
-            f'the smooth path has {total} pieces of about {piece:g} m or {piece_turn:g} rad; '
+            f'the smooth path has {total} pieces of about {PIECE:g} m or {PIECE_TURN:g} rad; '
             f'must be at most {MAX_PIECES}: give fewer poses, or do not smooth it'
         )
     span = np.repeat(np.arange(len(counts)), counts)

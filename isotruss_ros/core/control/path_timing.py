@@ -11,11 +11,11 @@
 
 from __future__ import annotations
 
-from bisect import bisect_right
-from collections import deque
 import math
 
-#: Measurements that are older than this are taken as so old [s].
+from isotruss_ros.core.control.inputs import Timeline
+
+#: Measurements are no older than this [s].
 MEMORY = 1.0
 #: Limits of the robot do not slow below this rate: the rest of the path may lead away from them.
 MIN_RATE = 0.1
@@ -46,7 +46,8 @@ class PathClock:
         self._least_progress = STANDSTILL * progress_timeout
         self._mark = self._now = 0.0
         self.period = period
-        self._known = deque([(0.0, 0.0)])
+        self._known = Timeline()
+        self._known.add(0.0, 0.0)
 
     @property
     def at_end(self) -> bool:
@@ -68,15 +69,7 @@ class PathClock:
         :param elapsed: since the last call of `advance` [s].
         :param age: how long ago [s].
         """
-        then = self._now + elapsed - age
-        known = self._known
-        after = bisect_right(known, (then, math.inf))
-        if after == 0:
-            return known[0][1]
-        if after == len(known):
-            return known[-1][1]
-        (start, first), (end, last) = known[after - 1], known[after]
-        return first + (last - first) * (then - start) / (end - start)
+        return self._known.at(self._now + elapsed - age)
 
     def step(self, elapsed: float) -> float:
         """
@@ -97,10 +90,9 @@ class PathClock:
         :param held: whether the robot is stopped.
         """
         self._now += max(elapsed, 0.0)
-        if self._now > self._known[-1][0]:
-            self._known.append((self._now, self.time))
-        while self._known[0][0] < self._now - MEMORY:
-            self._known.popleft()
+        if self._now > self._known.last[0]:
+            self._known.add(self._now, self.time)
+        self._known.discard_before(self._now - MEMORY)
         step = self.step(elapsed)
         wanted = 1.0 if scale >= 1.0 else max(self.rate * scale, MIN_RATE)
         most = step / self.ramp_time
@@ -108,10 +100,7 @@ class PathClock:
         left = self._duration - self.time
         self.rate = 0.0 if held else min(rate, room, math.sqrt(2.0 * left / self.ramp_time))
         self.time = min(self.time + self.rate * step, self._duration)
-        due = self._now + self.period
-        if due < self._known[-1][0]:
-            self._known.pop()  # the cycle before was to take longer
-        self._known.append((due, self.time))
+        self._known.add(self._now + self.period, self.time)
         self.waited += max(elapsed, 0.0)
         if self.time - self._mark > self._least_progress:
             self.waited, self._mark = 0.0, self.time

@@ -38,6 +38,8 @@ import numpy as np
 
 #: After an oscillation the rollers stand still for as long as this [s], and the gain is halved.
 REST_TIME = 1.0
+#: The squeeze changes no quicker than this [N/s].
+MAX_FORCE_RATE = 10.0
 #: Zeros that are corrected by more than this begin the model anew [m].
 RESTART = 2e-3
 #: Faults in which the rollers stand still; in the others the squeeze is regulated on.
@@ -156,7 +158,7 @@ class SqueezeControl:
             self.reference = self.reference + elapsed * self._velocity
         if self.model is None:
             return self._start(config, grip)
-        hold = self.model.follow(config, grip, elapsed, self._pressures)
+        hold = self.model.follow(config, elapsed, self._pressures)
         if hold is HoldStatus.HELD:
             self._choose_gains(self.model.grasp)
             seen = self.model.observe(grip, elapsed, self.gains)
@@ -187,8 +189,8 @@ class SqueezeControl:
             still = np.zeros(len(model.grasp.config.roller_positions))
             return RollerCommand(still, np.zeros(3), 0.0, self.fault.halt)
         missing = self.gains.squeeze * (self.settings.force + self._trim.force - model.squeeze)
-        most = self.settings.max_force_rate
-        opening = (max(-most, min(missing, most)) - model.drift[3]) / model.slope
+        rate = max(-MAX_FORCE_RATE, min(missing, MAX_FORCE_RATE))
+        opening = (rate - model.drift[3]) / model.slope
         if self.fault is not None:
             held = solve(np.zeros(3), opening)
             return replace(held, scale=0.0, status=self.fault.halt)
@@ -204,8 +206,7 @@ class SqueezeControl:
                 status=Status.SLOWED_SLIP_MARGIN,
                 limiting=(*slowed.limiting, 'the slip margin'),
             )
-        most, rate = self.settings.max_utilisation, self.settings.utilisation_rate
-        return model.usage.limit_utilisation(command, period, most, rate)
+        return model.usage.limit_utilisation(command, period, self.settings.max_utilisation)
 
     def advance(self, twist: Array, command: RollerCommand) -> None:
         """

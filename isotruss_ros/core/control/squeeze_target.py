@@ -35,10 +35,8 @@ class SqueezeSettings:
     :ivar force_gain: accept a gain beyond the limit.
     :ivar frequency: lowest natural frequency of the held object, measured; None to compute it from
         the masses [rad/s].
-    :ivar max_force_rate: the squeeze changes no quicker than this [N/s].
     :ivar max_utilisation: of the moment at which tubes wrinkle; commands that lead toward it are
         slowed, and beyond it only those that lead away are carried out [-].
-    :ivar utilisation_rate: share of what is left to that bound that is used in a second [1/s].
     :ivar load: what loads and errors are expected.
     """
 
@@ -47,9 +45,7 @@ class SqueezeSettings:
     pose_gain: float | None = None
     force_gain: bool = False
     frequency: float | None = None
-    max_force_rate: float = 10.0
     max_utilisation: float = 1.0
-    utilisation_rate: float = 5.0
     load: LoadSettings = field(default_factory=LoadSettings)
 
 

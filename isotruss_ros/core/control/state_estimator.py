@@ -26,9 +26,8 @@ from dataclasses import replace
 import math
 
 from isotruss_ros.core.control.first_contact import FirstContact, Seen
-from isotruss_ros.core.control.inputs import steady_pressures
+from isotruss_ros.core.control.inputs import steady_pressures, Timeline
 from isotruss_ros.core.control.marker_gate import fits, judge_markers
-from isotruss_ros.core.control.reading_history import ReadingHistory
 from isotruss_ros.core.control.slip_watch import SlipWatch
 from isotruss_ros.core.control.state_estimate import EstimatorSettings, StateEstimate
 from isotruss_ros.core.control.state_filter import StateFilter
@@ -45,6 +44,8 @@ import numpy as np
 LOST = 5
 #: The model serves to first order for this travel of any roller [m].
 NEAR = 3e-3
+#: Measurements count that are no older than this, and ahead of the encoders by no more [s].
+OLDEST, AHEAD = 1.0, 0.05
 #: An object that lay free is held when its squeeze is by so many deviations above zero.
 FREE = 2.0
 
@@ -61,7 +62,7 @@ class StateEstimator:
     def __init__(self, robot: Robot, settings: EstimatorSettings | None = None) -> None:
         self.settings = given = settings or EstimatorSettings()
         self._robot, self._filter, self._grip = robot, StateFilter(robot, given), None
-        self._history, self._slips = ReadingHistory(), SlipWatch(len(robot.roller_names))
+        self._readings, self._slips = Timeline(), SlipWatch(len(robot.roller_names))
         self._contact, self._seen = FirstContact(), -math.inf
         self._lost = self._strange = 0
         self._used: tuple[str, ...] = ()
@@ -92,12 +93,13 @@ class StateEstimator:
         :param time: of the reading [s].
         :param readings: (r,) roller travel since home [m].
         """
-        last = self._history.last
-        if last is not None:
-            if time <= last[0]:
+        if self._readings:
+            before, last = self._readings.last
+            if time <= before:
                 return
-            self._filter.predict(time - last[0], np.abs(readings - last[1]))
-        self._history.add(time, readings)
+            self._filter.predict(time - before, np.abs(readings - last))
+        self._readings.add(time, np.array(readings, dtype=float))
+        self._readings.discard_before(time - OLDEST)
 
     def take_pressures(self, pressures: tuple[float, ...] | None) -> None:
         """
@@ -120,9 +122,9 @@ class StateEstimator:
         :return: whether it counts: in time, of an object that the robot holds, and it fits.
         :raises ConfigurationError: no configuration of the robot fits the encoders.
         """
-        readings, believed = self._history.at(time), self._filter
-        if readings is None or self._grip is None:
+        if self._grip is None or not self._in_time(time):
             return False
+        readings, believed = self._readings.at(time), self._filter
         believed.go_to(readings)
         if believed.model.held is None:
             told = self._touch(time, readings, pose, deviations)
@@ -161,9 +163,9 @@ class StateEstimator:
         for name in joints:
             if name not in names:
                 raise GraspError(f'joint {name!r}: must be one of {", ".join(names)}')
-        readings = self._history.at(time)
-        if readings is None or not joints:
+        if not joints or not self._in_time(time):
             return False
+        readings = self._readings.at(time)
         believed, model = self._filter, self._filter.model
         believed.go_to(readings)
         rows = np.array([2 * names.index(name) + i for name in joints for i in (0, 1)])
@@ -174,7 +176,7 @@ class StateEstimator:
             (measured - expected.values).reshape(-1, 2),
             spread + noise,
             expected.rates[:, model.rollers],
-            self._history.spread,
+            np.ptp(self._readings.values, axis=0),
         )
         if verdict.slips is not None:
             believed.doubt(verdict.slipped * np.eye(len(readings))[verdict.slips])
@@ -202,9 +204,9 @@ class StateEstimator:
 
         :raises ConfigurationError: no configuration of the robot fits the encoders.
         """
-        if self._history.last is None:
+        if not self._readings:
             return None
-        time, readings = self._history.last
+        time, readings = self._readings.last
         given, model = self.settings, self._filter.model
         if np.abs(readings - model.readings).max() > NEAR:
             self._filter.go_to(readings)
@@ -239,6 +241,11 @@ class StateEstimator:
             squeeze=squeeze,
             squeeze_deviation=math.sqrt(variance + (given.squeeze_error * squeeze) ** 2),
         )
+
+    def _in_time(self, time: float) -> bool:
+        """Return whether the readings of the encoders at a time are known."""
+        known = self._readings
+        return bool(known) and known.first[0] <= time <= known.last[0] + AHEAD
 
     def _touch(self, time: float, readings: Array, pose: Pose, deviations: Array) -> bool:
         """Take in what contacts with a free object tell; tell whether they tell something."""

@@ -19,14 +19,13 @@ before the measurement do not count, so motion resumes from any state of robot a
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
-import functools
+from functools import lru_cache, partial
 import importlib
 
-from isotruss_ros.core.control.decision import Decision, halt_for, HaltError
+from isotruss_ros.core.control.decision import Decision, describe, halt_for, HaltError
 from isotruss_ros.core.control.inputs import (
-    CLOCK_SKEW,
     CommandHistory,
     fresh_pressures,
     Input,
@@ -36,8 +35,8 @@ from isotruss_ros.core.control.inputs import (
     require_fresh,
     StampedInput,
 )
-from isotruss_ros.core.control.squeeze_control import Solve, SqueezeControl
-from isotruss_ros.core.errors import GainError, GraspError, IsotrussError
+from isotruss_ros.core.control.squeeze_control import SqueezeControl
+from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.holding.held_grip import HoldStatus
 from isotruss_ros.core.kinematics.configuration import Configuration, ConfigurationTracker
 from isotruss_ros.core.kinematics.robot import Robot
@@ -79,7 +78,6 @@ class TwistServo:
         `grip_module`; none for these.
     :ivar object_mass: in place of that of the object; None for that [kg].
     :ivar friction: coefficient between tubes and object, by which polygons roll over corners.
-    :ivar clock_skew: stamps may be this far in the future [s].
     :ivar stopped: status and reason of a halt that does not depend on inputs; None without one.
     :ivar guard: bounds on the configuration; None for those of the robot file only.
     :ivar limits: of the rollers and the members; those of the robot file to begin with.
@@ -110,7 +108,6 @@ class TwistServo:
         self.members: tuple[str, ...] = ()
         self.object_mass: float | None = None
         self.friction = 0.5
-        self.clock_skew = CLOCK_SKEW
         self.twist: Input = None
         self.rollers: Input = None
         self.pose: Input = None
@@ -192,42 +189,35 @@ class TwistServo:
         :param now: time on the clock of the inputs [s].
         """
         self.twist, self.rollers, self.pose = limit_stamps(
-            now, self.twist, self.rollers, self.pose, clock_skew=self.clock_skew
+            now, self.twist, self.rollers, self.pose
         )
         self._history.discard_old(now, self.timeout + 2.0 * self.period)
         self._detect()
-        twist, failed = np.zeros(3), self.failed
+        twist, failed, squeeze = np.zeros(3), self.failed, self.squeeze
+        inputs = {'twist': self.twist, 'joint_states': self.rollers}
+        if self._joint is None:
+            inputs['object_pose'] = self.pose
         try:
             if self.stopped is not None:
                 raise HaltError(*self.stopped)
-            inputs = {'twist': self.twist, 'joint_states': self.rollers}
-            if self._joint is None:
-                inputs['object_pose'] = self.pose
-            given, rollers, *pose = require_fresh(now, self.timeout, self.clock_skew, **inputs)
+            given, rollers, *pose = require_fresh(now, self.timeout, **inputs)
             twist = np.asarray(given.value)
-            if self.squeeze is not None and pose:
-                self.squeeze.take_pressures(
-                    fresh_pressures(now, self.pressure_timeout, self.pressures, self.clock_skew)
-                )
-            command = self._solve(rollers, pose[0] if pose else None, twist, now, failed)
-            notes = _describe(command, self._joint is None), self.squeeze and self.squeeze.note()
-            message = '; '.join(filter(None, notes))
-        except (InputError, HaltError) as error:
-            if isinstance(error, HaltError):
-                status = error.status
-            else:
-                status = halt_for(error)
-                if error.name != 'twist':  # which comes first, so that it can be used
-                    twist = np.asarray(self.twist.value)
-            if self.squeeze is not None and status is Status.HALT_NO_GRASP:
-                self.squeeze.lose()
-            elif self.squeeze is not None:
-                self.squeeze.reset()
+            command = self._solve(twist, rollers, pose, now, failed)
+            told = '' if command.status is Status.OK else describe(command, self._joint is None)
+            message = '; '.join(filter(None, (told, squeeze and squeeze.note())))
+        except IsotrussError as error:
+            status, message = halt_for(error), str(error)
+            if isinstance(error, InputError) and error.name != 'twist':  # which comes first
+                twist = np.asarray(self.twist.value)
+            if squeeze is not None and status is Status.HALT_NO_GRASP:
+                squeeze.lose()
+            elif squeeze is not None:
+                squeeze.reset()
             stopped = np.zeros(len(self.robot.roller_names))
-            command, message = RollerCommand(stopped, np.zeros(3), 0.0, status), str(error)
+            command = RollerCommand(stopped, np.zeros(3), 0.0, status)
         self._history.record(now, command.roller_velocities)
-        names = tuple(name for name in self.robot.roller_names if name in failed) if failed else ()
-        decision, squeeze = Decision(command, twist, message, names), self.squeeze
+        names = tuple(name for name in self.robot.roller_names if name in failed)
+        decision = Decision(command, twist, message, names)
         if squeeze is None or squeeze.grasp is None:
             return decision
         return replace(
@@ -269,9 +259,9 @@ class TwistServo:
 
     def _solve(
         self,
-        rollers: StampedInput,
-        pose: StampedInput | None,
         twist: Array,
+        rollers: StampedInput,
+        pose: Sequence[StampedInput],
         now: float,
         failed: frozenset[str],
     ) -> RollerCommand:
@@ -280,41 +270,35 @@ class TwistServo:
 
         A command for the measured configuration, which is older, would have a first-order error.
         """
-        pose_time = rollers.time if pose is None else pose.time
         still = np.array([name in failed for name in self.robot.roller_names])
         before, travel, last = self._history.expected_travel(
-            rollers, pose_time, now, 0.5 * self.period, still
+            rollers, (pose or [rollers])[0].time, now, 0.5 * self.period, still
         )
-        try:
-            measured, config = self._tracker.predict(rollers.value.positions, travel)
-            grip = None if pose is None else self.grip_at(pose.value)
-            if grip is not None:
-                # From where it was measured on, the object rolls in its contacts.
-                start = measured.predict(before) if before.any() else measured
-                grip = roll_object(grip, start, config)
-            watch = None if self.guard is None else self.guard.watch(config, grip)
-            limits = self.limits if watch is None else (*self.limits, *watch.limits)
-            handling = LimitHandling(self.slide_along_limits, self.period)
+        measured, config = self._tracker.predict(rollers.value.positions, travel)
+        grip = None
+        if pose:
+            # From where it was measured on, the object rolls in its contacts.
+            start = measured.predict(before) if before.any() else measured
+            grip = roll_object(self.grip_at(pose[0].value), start, config)
+        watch = None if self.guard is None else self.guard.watch(config, grip)
+        limits = self.limits if watch is None else (*self.limits, *watch.limits)
+        handling = LimitHandling(self.slide_along_limits, self.period)
 
-            def solve(twist: Array, opening_rate: float) -> RollerCommand:
-                return solve_twist(config, grip, twist, failed, limits, handling, opening_rate)
+        def solve(grip: Grip, twist: Array, opening_rate: float = 0.0) -> RollerCommand:
+            return solve_twist(config, grip, twist, failed, limits, handling, opening_rate)
 
-            if grip is None:
-                command = self._solve_joint(config, twist, failed, limits, handling)
-            elif self.squeeze is None:
-                command = solve(twist, 0.0)
-            else:
-                offsets = rollers.value.offsets
-                command = self._regulate(self.squeeze, config, grip, twist, solve, now, offsets)
-            return command if watch is None else watch.keep(command, last, self.period)
-        except HaltError:
-            raise
-        except GainError as error:
-            raise HaltError(Status.HALT_GAIN, str(error)) from error
-        except GraspError as error:
-            raise HaltError(Status.HALT_NO_GRASP, str(error)) from error
-        except IsotrussError as error:
-            raise HaltError(Status.HALT_KINEMATICS, str(error)) from error
+        if grip is None:
+            command = self._solve_joint(config, twist, failed, limits, handling)
+        elif self.squeeze is None:
+            command = solve(grip, twist)
+        else:
+            offsets = rollers.value.offsets
+            command = self._regulate(self.squeeze, config, grip, twist, solve, now, offsets)
+        if watch is not None:
+            command = watch.keep(command, last, self.period)
+        if grip is not None and self.squeeze is not None:
+            self.squeeze.advance(twist, command)
+        return command
 
     def _solve_joint(
         self,
@@ -340,11 +324,12 @@ class TwistServo:
         config: Configuration,
         grip: Grip,
         twist: Array,
-        solve: Solve,
+        solve: Callable[..., RollerCommand],
         now: float,
         offsets: Array | float,
     ) -> RollerCommand:
         """Solve for the squeeze as well, with the model of the held object."""
+        squeeze.take_pressures(fresh_pressures(now, self.pressure_timeout, self.pressures))
         # A loop that is late holds its commands for longer than its period.
         before, self._regulated = self._regulated, now
         elapsed = 0.0 if before is None else min(now - before, self.timeout)
@@ -355,12 +340,10 @@ class TwistServo:
         if squeeze.grasp is None or (hold is not HoldStatus.HELD and squeeze.fault is None):
             why = f'the object is not held: {hold.value}'
             raise HaltError(Status.HALT_NOT_HELD, '; '.join(filter(None, (why, squeeze.note()))))
-        command = squeeze.solve(twist, self.period, solve)
-        squeeze.advance(twist, command)
-        return command
+        return squeeze.solve(twist, self.period, partial(solve, squeeze.model.grip))
 
 
-@functools.lru_cache(maxsize=8)
+@lru_cache(maxsize=8)
 def _make_grip(
     robot: Robot,
     members: tuple[str, ...],
@@ -374,25 +357,3 @@ def _make_grip(
     names = members or members_at(robot, module)
     body = body or ConvexObject(Disc(diameter))
     return Grip(names, body if mass is None else replace(body, mass=mass), friction)
-
-
-def _describe(command: RollerCommand, keeps_contacts: bool) -> str:
-    """Return how a command differs from the twist; empty where it does not."""
-    parts: list[str] = []
-    if command.status >= Status.HALT_NO_TWIST:
-        return ''
-    why, which = 'is unreachable', 'reachable one'
-    if keeps_contacts:
-        why, which = 'is unreachable or would leave the contacts', 'one that keeps them'
-    if command.status is Status.UNREACHABLE:
-        vx, vy, omega = command.achieved_twist
-        parts.append(
-            f'the twist {why}; the closest {which} is ({vx:.4g}, {vy:.4g}) m/s, {omega:.4g} rad/s'
-        )
-    if command.scale < 1.0:
-        how = 'sliding with' if command.status is Status.SLIDING else 'slowed to'
-        why = ': the rest would take too much roller speed'
-        if command.limiting:
-            why = f' by the limits of {", ".join(command.limiting)}'
-        parts.append(f'{how} {100 * command.scale:.3g} %{why}')
-    return '; '.join(parts)

@@ -22,8 +22,9 @@ import numpy as np
 
 #: At this utilisation a tube has folded: more is not told apart.
 FOLDED = 2.0
-#: Share of the slip margin beyond that which a path uses in a second [1/s].
-MARGIN_RATE = 2.0
+#: Shares that a path uses in a second of what is left to the bound on the utilisation, and of the
+#: slip margin [1/s].
+UTILISATION_RATE, MARGIN_RATE = 5.0, 2.0
 #: Travel of the rollers in a cycle that tells of the change; shorter ones tell less [m].
 TELLING = 1e-4
 
@@ -36,8 +37,8 @@ class UsageLimits:
     """
 
     def __init__(self, grasp: HeldGrip) -> None:
-        rollers = len(grasp.config.roller_positions)
-        self._used_ahead, self._margin_ahead = TravelTrend(rollers), TravelTrend(rollers)
+        #: Of utilisation and slip margin, by how much travel uses them, least mean squares.
+        self._rates = np.zeros((2, len(grasp.config.roller_positions)))
         self._take(grasp)
 
     def learn(self, grasp: HeldGrip, margin: float, travel: Array) -> None:
@@ -50,8 +51,9 @@ class UsageLimits:
         """
         used = self._used
         self._take(grasp)
-        self._used_ahead.learn(self._used - used, travel)
-        self._margin_ahead.learn(margin, travel)
+        missed = np.array([self._used - used, -margin]) - self._rates @ travel
+        step = travel / float(travel @ travel + TELLING**2)
+        self._rates = self._rates + np.outer(missed, step)
 
     def margin_share(self, command: RollerCommand, period: float, free: float) -> float:
         """
@@ -61,12 +63,10 @@ class UsageLimits:
         :param period: for which it holds [s].
         :param free: slip margin that may be used up [N].
         """
-        fall = -self._margin_ahead.ahead(period * command.roller_velocities)
-        left = max(period * MARGIN_RATE * free, 0.0)
-        return 1.0 if fall <= left else left / fall
+        return self._share(1, command, period * MARGIN_RATE * free, period)
 
     def limit_utilisation(
-        self, command: RollerCommand, period: float, most: float, rate: float
+        self, command: RollerCommand, period: float, most: float
     ) -> RollerCommand:
         """
         Return a command, slowed where it would use too much of what is left of the tubes.
@@ -74,45 +74,20 @@ class UsageLimits:
         :param command: the command.
         :param period: for which it holds [s].
         :param most: largest utilisation of a tube [-].
-        :param rate: share of what is left to that bound that is used in a second [1/s].
         """
-        more = self._used_ahead.ahead(period * command.roller_velocities)
-        left = max(period * rate * (most - self._used), 0.0)
-        if more <= left:
+        left = period * UTILISATION_RATE * (most - self._used)
+        share = self._share(0, command, left, period)
+        if share == 1.0:
             return command
-        return command.slowed(left / more, Status.SLOWED_UTILISATION, (self._member,))
+        return command.slowed(share, Status.SLOWED_UTILISATION, (self._member,))
+
+    def _share(self, quantity: int, command: RollerCommand, left: float, period: float) -> float:
+        """Return the part of a command that uses no more of a quantity than is left."""
+        more = float(self._rates[quantity] @ (period * command.roller_velocities))
+        return 1.0 if more <= max(left, 0.0) else max(left, 0.0) / more
 
     def _take(self, grasp: HeldGrip) -> None:
         """Take in which member is nearest to its wrinkling moment, and how near."""
         used = grasp.sections.utilisation
         self._member = f'member {grasp.config.robot.member_names[int(used.argmax())]}'
         self._used = min(float(used.max()), FOLDED)
-
-
-class TravelTrend:
-    """
-    The derivative of a quantity by travel (least mean squares).
-
-    :param rollers: number r of rollers.
-    """
-
-    def __init__(self, rollers: int) -> None:
-        self._by_travel = np.zeros(rollers)
-
-    def learn(self, change: float, travel: Array) -> None:
-        """
-        Take a change in.
-
-        :param change: of the quantity over some travel.
-        :param travel: (r,) of the rollers [m].
-        """
-        missed = change - float(self._by_travel @ travel)
-        self._by_travel = self._by_travel + missed / float(travel @ travel + TELLING**2) * travel
-
-    def ahead(self, travel: Array) -> float:
-        """
-        Return by how much the quantity is expected to change.
-
-        :param travel: (r,) of the rollers [m].
-        """
-        return float(self._by_travel @ travel)

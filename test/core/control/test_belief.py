@@ -41,15 +41,6 @@ def test_a_linear_update_is_least_squares():
     assert found.covariance == pytest.approx(np.linalg.inv(rows.T @ rows))
 
 
-def test_an_update_in_two_parts_is_that_of_all():
-    prior, rates, noise, measured = _draw(5, 8)
-    whole = _update(prior, rates, noise, measured)
-    half = _update(prior, rates[:4], noise[:4, :4], measured[:4])
-    parts = _update(half, rates[4:], noise[4:, 4:], measured[4:])
-    assert parts.mean == pytest.approx(whole.mean)
-    assert parts.covariance == pytest.approx(whole.covariance)
-
-
 def test_what_is_considered_stays_and_makes_the_others_unsure():
     prior, rates, noise, measured = _draw(4, 6)
     found = _update(prior, rates, noise, measured, 3)

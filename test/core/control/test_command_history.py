@@ -13,9 +13,9 @@ from hypothesis import given
 from isotruss_ros.core.control.inputs import (
     CommandHistory,
     limit_stamps,
-    LOT,
     RejectedInput,
     StampedInput,
+    Timeline,
 )
 import numpy as np
 import pytest
@@ -64,7 +64,6 @@ def test_stamps_are_at_most_the_present():
     rejected = RejectedInput('no number')
     given = (ahead, near, old, rejected, None)
     assert limit_stamps(7.0, *given) == (ahead, StampedInput('it', 7.0), old, rejected, None)
-    assert limit_stamps(7.0, *given, clock_skew=0.03)[0].time == 7.0
 
 
 @pytest.mark.parametrize('now', [9.9, 10.9])
@@ -89,4 +88,13 @@ def test_remembers_as_long_as_is_wanted_and_grows_no_further():
         begin = max(now - 0.2, 5.0)
         expected = everything.travel(begin, now, np.zeros(COUNT))
         assert sent.travel(begin, now, np.ones(COUNT)) == pytest.approx(expected, abs=1e-12)
-    assert len(sent._times) <= 200 + 2 * LOT
+    assert len(sent._travel.values) <= 202
+
+
+def test_a_timeline_is_even_between_its_times_and_a_later_word_counts():
+    known = Timeline()
+    for time, value in ((0.0, 0.0), (1.0, 1.0), (2.0, 5.0), (3.0, 9.0), (2.0, 3.0)):
+        known.add(time, value)
+    assert [known.at(time) for time in (-1.0, 0.5, 1.5, 2.0, 9.0)] == [0.0, 0.5, 2.0, 3.0, 3.0]
+    known.discard_before(1.2)
+    assert (known.first, known.last, known.values) == ((1.0, 1.0), (2.0, 3.0), [1.0, 3.0])

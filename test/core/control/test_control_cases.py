@@ -117,6 +117,29 @@ def test_what_twists_move_is_chosen_from_rest():
     assert servo.squeeze.grasp is None
 
 
+class Halving:
+    """A guard without limits that leaves half of every command."""
+
+    limits = ()
+
+    def watch(self, config, grip):
+        return self
+
+    def keep(self, command, velocities, duration):
+        return command.slowed(0.5, Status.SLOWED_OBJECT, ())
+
+
+def test_the_reference_moves_by_what_the_guard_leaves_of_a_twist():
+    servo, references = squeezing_servo(), []
+    servo.squeeze, servo.guard = SqueezeControl(SqueezeSettings(10.0, FRICTION)), Halving()
+    for now in (NOW, NOW + PERIOD):
+        command = servo.decide(now).command
+        references.append(servo.squeeze.reference)
+    assert command.scale == 0.5
+    moved = references[1] - references[0]
+    assert moved == pytest.approx(0.5 * PERIOD * np.array(servo.twist.value))
+
+
 def test_commands_of_others_are_expected_to_be_carried_out():
     """As rollers that were measured at these speeds are expected to go on."""
     velocities, later = 0.02 * np.array([1.0, -1.0, 0.5, 1.0, -0.5, 1.0]), NOW + 0.03

@@ -133,12 +133,6 @@ def test_a_wrench_that_was_never_heard_is_zero():
     )
 
 
-def test_a_wrench_that_falls_silent_is_not_taken_for_zero():
-    made = monitor()
-    made.rollers, made.pose = StampedInput(at(HOME), NOW + 0.5), StampedInput(POSE, NOW + 0.5)
-    assert_no_answer(made.report(NOW + 0.5), GraspCode.STALE_EXTERNAL_WRENCH)
-
-
 def test_measured_pressures_take_the_place_of_those_of_the_file():
     measured = (25e3, 34.5e3, 30e3)
     found = monitor(pressures=StampedInput(measured, NOW)).report(NOW).grasp
@@ -201,17 +195,11 @@ def test_computes_only_when_something_has_changed():
     ):
         before = made.report(later).grasp
         setattr(made, name, value)
-        assert made.report(later).grasp is not before, name
+        after = made.report(later).grasp
+        assert after is not before, name
+        changed = before.analysis.normal_forces.tolist(), before.analysis.closure_residual
+        assert changed != (after.analysis.normal_forces.tolist(), after.analysis.closure_residual)
         assert made.report(later).grasp is made.report(later).grasp, name
-
-
-def test_parameters_count():
-    made = monitor()
-    tight = made.report(NOW).grasp.analysis.normal_forces.sum()
-    made.object_diameter = 0.305
-    assert made.report(NOW).grasp.analysis.normal_forces.sum() > tight
-    made.spacing = 0.01
-    assert made.report(NOW).grasp.spacing == 0.01
 
 
 def test_an_object_that_touches_nothing_is_an_answer_that_says_so():
@@ -221,27 +209,6 @@ def test_an_object_that_touches_nothing_is_an_answer_that_says_so():
     # In balance, but not held.
     assert report.grasp.analysis.closure_residual == 0.0
     assert not report.force_closure
-
-
-@pytest.mark.parametrize(
-    ('indentation', 'code', 'text'),
-    [
-        (0.03, GraspCode.OK, ''),
-        (0.065, GraspCode.OK, 'of its wrinkling moment'),
-        (0.09, GraspCode.WRINKLED, 'outside of the model'),
-    ],
-)
-def test_tubes_that_wrinkle_or_nearly_do_are_reported(indentation, code, text):
-    center = tangent_center(ROBOT.home, 'north/Z', DIAMETER, indentation=indentation)
-    report = monitor(pose=StampedInput(Pose(*center, 0.0), NOW), wrench=None).report(NOW)
-    analysis = report.grasp.analysis
-    member, used = max(analysis.utilisation.items(), key=lambda item: item[1])
-    assert report.code is code, used
-    assert text in report.message
-    if text:
-        assert f'{member} bears {used:.2f}' in report.message
-    if code is GraspCode.WRINKLED:
-        assert not report.force_closure
 
 
 @pytest.mark.parametrize(
@@ -274,7 +241,11 @@ def test_tubes_bear_the_friction_of_an_object_that_is_held(friction, larger):
     }
     worst = max(expected, key=expected.get)
     assert report.grasp.utilisation[worst] == expected[worst]
-    assert (report.code is GraspCode.WRINKLED) == (expected[worst][0] > 1.0) == (friction == 0.8)
+    wrinkled = report.code is GraspCode.WRINKLED
+    assert wrinkled == (expected[worst][0] > 1.0) == (friction == 0.8)
+    if wrinkled:
+        assert f'{worst} bears {expected[worst][0]:.2f}' in report.message
+        assert not report.held
 
 
 def test_no_configuration_no_answer():

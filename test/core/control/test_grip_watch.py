@@ -39,7 +39,9 @@ def watch(
         t, last = k * PERIOD, moved
         apart = np.array([off(t), 0.0, 0.0]) + noise * rng.normal(size=3)
         away = np.array([0.0, error(t), 0.0]) + noise * rng.normal(size=3)
-        moved = k * asked + apart if measured is None else measured * k * asked
+        moved = k * asked + apart
+        if measured is not None:
+            moved = measured * k * asked + noise * rng.normal(size=3) * (measured > 0.0)
         seen = Observation(apart, (1.0 - explained) * apart, borne)
         fault = grip.update(seen, away, asked, moved - last, PERIOD)
         if fault is not None:
@@ -56,7 +58,7 @@ def test_an_object_that_stays_off_the_model_has_slipped_after_two_seconds():
 def test_an_object_that_departs_under_more_than_the_grip_bears_has_slipped_at_once():
     fault, time = watch(lambda t: 0.01 * max(t - 1.0, 0.0), borne=False)
     assert fault is GripFault.SLIPPED
-    assert time == pytest.approx(1.52, abs=0.02)
+    assert time == pytest.approx(1.55, abs=0.02)
 
 
 @pytest.mark.parametrize('off', [lambda t: 0.0045 * (t > 1.0), lambda t: 0.03 * (1.0 < t < 2.9)])
@@ -93,9 +95,9 @@ def test_a_pose_that_stands_still_where_the_path_stands_is_no_lie():
     assert watch(lambda t: 0.015 * t, measured=0.0, explained=0.9)[0] is None
 
 
-@pytest.mark.parametrize('share', [0.15, 0.5, 1.0])
-def test_a_pose_that_goes_as_asked_where_the_object_stays_behind_lies(share):
-    fault, time = watch(lambda t: share * 0.03 * t, asked=(0.0, 0.03), measured=1.0)
+@pytest.mark.parametrize(('share', 'noise'), [(0.15, 0.0), (0.5, 0.0), (1.0, 0.0), (1.0, 1e-3)])
+def test_a_pose_that_goes_as_asked_where_the_object_stays_behind_lies(share, noise):
+    fault, time = watch(lambda t: share * 0.03 * t, asked=(0.0, 0.03), measured=1.0, noise=noise)
     assert fault is GripFault.POSE_DISAGREES
     assert share * 0.03 * time < 0.01
 

@@ -34,11 +34,6 @@ def test_the_largest_stable_gain_is_where_the_loop_begins_to_grow(damping):
     assert growth(0.99 * limit, damping) < 0.0 < growth(1.01 * limit, damping)
 
 
-def test_without_damping_the_largest_stable_gain_is_the_closed_one():
-    """The roots cross at v^2 = 3 p^2, where 27 p^2 = 8 omega^2."""
-    assert largest_stable_gain(0.0) == pytest.approx(np.sqrt(8.0 / 27.0), rel=1e-6)
-
-
 @pytest.mark.parametrize('damping', [0.0, 0.02, 0.1, 0.5])
 @pytest.mark.parametrize('wrong', [0.5, 1.0, 3.0])
 def test_the_gain_of_a_frequency_is_stable_for_one_that_is_wrong(damping, wrong):

@@ -137,23 +137,13 @@ def test_smooth_path_is_the_centripetal_spline(seed):
         assert distance(catmull_rom(poses, share), path.poses) < 2e-3
 
 
-def test_smooth_path_along_a_line_is_that_line():
-    spaced = np.array([0.0, 0.1, 0.15, 0.4, 0.5])
-    poses = np.column_stack([spaced, 2.0 * spaced, 0.5 * spaced])
-    path = ObjectPath(poses, SPEED, TURN_RATE, smooth=True)
-    assert path.poses[:, 1] == pytest.approx(2.0 * path.poses[:, 0])
-    assert path.poses[:, 2] == pytest.approx(0.5 * path.poses[:, 0])
-    assert (np.diff(path.poses[:, 0]) > 0.0).all()
-    assert path.duration == pytest.approx(math.hypot(0.5, 1.0) / SPEED)
-
-
 def test_smooth_path_of_three_poses_is_a_parabola():
     poses = np.array([(0.0, 0.0, 0.0), (0.3, 0.1, 0.2), (0.4, -0.2, 0.5)])
-    path = ObjectPath(poses, SPEED, TURN_RATE, smooth=True, piece=0.01, piece_turn=0.1)
-    # Of the roots of the times from pose to pose, in pieces of about 1 cm: 32 of them.
+    path = ObjectPath(poses, SPEED, TURN_RATE, smooth=True)
+    # Of the roots of the times from pose to pose, in pieces of about 5 mm: 64 of them.
     lengths = np.hypot(*np.diff(poses[:, :2], axis=0).T)
     first, second = np.sqrt(lengths / SPEED)
-    at = np.concatenate([np.linspace(0.0, first, 33)[:-1], np.linspace(first, first + second, 33)])
+    at = np.concatenate([np.linspace(0.0, first, 65)[:-1], np.linspace(first, first + second, 65)])
     parabola = np.polyfit([0.0, first, first + second], poses, 2)
     wanted = np.column_stack([np.polyval(parabola[:, i], at) for i in range(3)])
     assert path.poses == pytest.approx(wanted, abs=1e-9)
@@ -202,13 +192,6 @@ def test_one_of_the_limits_is_reached_on_every_piece(path):
         assert end - begin == pytest.approx(max(used, turned), rel=1e-6, abs=1e-12)
         middle = path.pose(0.5 * (begin + end))
         assert middle == pytest.approx(0.5 * (before + after), abs=1e-9)
-
-
-@robots.examples(50)
-@given(paths)
-def test_faster_takes_less_time_in_proportion(path):
-    faster = ObjectPath(path.poses, 2.0 * path.speed, 2.0 * path.turn_rate)
-    assert faster.duration == pytest.approx(0.5 * path.duration)
 
 
 GOOD = [(0.0, 0.0, 0.0), (0.1, 0.0, 0.0)]

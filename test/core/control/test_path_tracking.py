@@ -191,32 +191,6 @@ def test_a_robot_that_does_not_move_is_stuck_not_off_the_path():
     assert standing[0] == pytest.approx(standing[-1], abs=1e-3)
 
 
-def test_path_time_never_goes_back_nor_leaps():
-    slow_then_quick = Object((0, 0, 0), most=0.3 * SPEED, tells=False, noise=1e-4)
-    tracker = PathTracker(LINE, TrackingSettings(), PERIOD)
-    times = []
-    for cycle in range(2000):
-        # A starved loop: now and then half a second without a cycle, in which the robot halts.
-        elapsed = 0.5 if cycle % 300 == 299 else PERIOD
-        tracking = tracker.update(slow_then_quick.measured(), 0.0, elapsed)
-        slow_then_quick.move(tracking.twist)
-        slow_then_quick._most = 0.3 * SPEED if cycle < 1000 else math.inf
-        times.append(tracker.clock.time)
-    steps = np.diff(times)
-    assert steps.min() >= 0.0
-    assert steps.max() <= 2.0 * PERIOD + 1e-12
-    assert times[-1] > 5.0
-
-
-def test_rate_changes_no_quicker_than_the_ramp_unless_the_robot_lags():
-    tracker, said = follow(LINE, Object((0, 0, 0)))
-    speeds = [0.0, *(tracking.twist[0] for tracking in said)]
-    changes = np.abs(np.diff(speeds)) / (SPEED * PERIOD / tracker.settings.ramp_time)
-    assert changes[: len(said) // 2].max() < 1.0 + 1e-6
-    assert changes.max() < 4.0  # the last step down, by the square root of what is left
-    assert max(speeds) == pytest.approx(SPEED)
-
-
 def test_off_the_path_is_the_end_and_nothing_moves():
     for wrong in ((0.011, 0.0, 0.0), (0.0, 0.0, 0.21), (0.0, 0.0, -0.21)):
         tracker = PathTracker(LINE, TrackingSettings(), PERIOD)

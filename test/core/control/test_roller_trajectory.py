@@ -19,7 +19,7 @@ from isotruss_ros.core.control.roller_trajectory import RollerTrajectory
 from isotruss_ros.core.errors import ConfigurationError
 import numpy as np
 import pytest
-from robots import example, examples, generators, load
+from robots import examples, generators
 
 ROBOT = load_robot('nine_member')
 N = len(ROBOT.roller_names)
@@ -70,24 +70,6 @@ def test_speed_is_the_derivative_of_the_position_and_within_the_limit(rng):
         assert np.abs(path.at(time).speeds).max() <= MAX_SPEED * (1.0 + 2e-6)
         # From a waypoint on, the speed is that of the way ahead.
         assert path.at(begin).speeds == pytest.approx(found, abs=1e-9)
-
-
-def test_one_point_is_a_path_too():
-    path = RollerTrajectory(ROBOT, [[0.1] * N], [2.0])
-    assert path.duration == 2.0
-    for time in (0.0, 2.0, 3.0):
-        assert path.at(time).positions.tolist() == [0.1] * N
-        assert not path.at(time).speeds.any()
-
-
-def test_rollers_of_any_speed_may_rest():
-    document = example()
-    document['rollers']['max_speed'] = 0.05
-    robot = load(document)
-    rest = [0.01] * len(robot.roller_names)
-    for count in (1, 2):
-        path = RollerTrajectory(robot, [rest] * count, np.arange(count) * 24.0 * 3600.0)
-        assert not path.at(0.0).speeds.any()
 
 
 def test_takes_what_rounding_adds_to_the_largest_speed():

@@ -295,41 +295,24 @@ def test_gives_up_on_a_stuck_roller_and_names_it(stuck, size):
     assert np.abs(others).max() < MAX_LAG + 3 * MAX_SPEED * PERIOD
 
 
-def test_waits_for_a_roller_that_lags_and_goes_on_with_it():
-    run = Run()
-    run.servo.begin(PATH, run.now)
-    for _ in range(20):
-        run.cycle()
-    held = run.robot.roller_positions
-    before = run.servo.time
-    for _ in range(round(0.8 * PROGRESS_TIMEOUT / PERIOD)):  # something holds all rollers
-        run.robot.roller_positions = held
-        run.measure()
-        step = run.cycle()
-        assert not step.ended
-    assert run.servo.time < before + MAX_LAG / 0.06 + 5 * PERIOD
-    while not step.ended:
-        step = run.cycle()
-    assert step.failure == ''
-    check_speeds(run.commands)
-
-
 def test_patience_begins_anew_with_each_wait():
     run = Run()
     run.servo.begin(PATH, run.now)
     step = run.cycle()
     for _ in range(3):
-        held = run.robot.roller_positions
-        for _ in range(round(0.6 * PROGRESS_TIMEOUT / PERIOD)):
+        held, before = run.robot.roller_positions, run.servo.time
+        for _ in range(round(0.6 * PROGRESS_TIMEOUT / PERIOD)):  # something holds all rollers
             run.robot.roller_positions = held
             run.measure()
             step = run.cycle()
             assert not step.ended
+        assert run.servo.time < before + MAX_LAG / 0.06 + 5 * PERIOD
         for _ in range(15):
             step = run.cycle()
     while not step.ended:
         step = run.cycle()
     assert step.failure == ''
+    check_speeds(run.commands)
 
 
 @pytest.mark.parametrize('period', [0.05, 0.1, 0.15])
@@ -433,33 +416,22 @@ def test_ends_at_rest_when_nobody_knows_where_the_rollers_are(how):
     run.servo.begin(PATH, run.now)
     for _ in range(20):
         assert run.cycle().speeds.any()
+    run.servo.rollers = run.servo.rollers._replace(time=run.now - 0.99 * TIMEOUT)
+    assert not run.servo.decide(run.now).ended
     words = broken(run, how)
     step = run.servo.decide(run.now)
     assert step.ended
     assert not step.speeds.any()
     assert step.failure.startswith(words)
+    # It does not begin either.
+    with pytest.raises(InputError, match=words) as refused:
+        run.servo.begin(PATH, run.now)
+    assert refused.value.code == f'{DOUBTS[how]}_JOINT_STATES'
     # It does not go on by itself.
     run.measure()
     step = run.servo.decide(run.now)
     assert (step.ended, step.failure) == (True, 'there is no trajectory to follow')
     assert not step.speeds.any()
-
-
-@pytest.mark.parametrize('how', DOUBTS)
-def test_does_not_begin_where_nobody_knows(how):
-    run = Run()
-    words = broken(run, how)
-    with pytest.raises(InputError, match=words) as refused:
-        run.servo.begin(PATH, run.now)
-    assert refused.value.code == f'{DOUBTS[how]}_JOINT_STATES'
-    assert not run.servo.busy
-
-
-def test_old_measurements_are_good_as_long_as_the_time_out():
-    run = Run()
-    run.servo.begin(PATH, run.now)
-    run.servo.rollers = run.servo.rollers._replace(time=run.now - 0.99 * TIMEOUT)
-    assert not run.servo.decide(run.now).ended
 
 
 @pytest.mark.parametrize('roller', range(N))
@@ -495,6 +467,7 @@ def test_a_new_path_takes_over_from_where_the_rollers_are():
     run.servo.begin(PATH, run.now)
     for _ in range(30):
         run.cycle()
+    assert run.servo.busy
     here = run.robot.roller_positions
     back = RollerTrajectory(ROBOT, [here, np.zeros(N)], [0.0, 0.5])
     run.commands.clear()
@@ -502,15 +475,6 @@ def test_a_new_path_takes_over_from_where_the_rollers_are():
     assert run.servo.time == back.duration
     assert run.away(back) <= TOLERANCE
     check_speeds(run.commands)
-
-
-def test_ends_when_told():
-    run = Run()
-    run.servo.begin(PATH, run.now)
-    assert run.servo.busy
-    run.servo.end()
-    assert not run.servo.busy
-    assert run.servo.decide(run.now).ended
 
 
 values = st.one_of(st.floats(-0.05, 0.05), st.floats(-1e6, 1e6), st.sampled_from([1e6, -1e6]))

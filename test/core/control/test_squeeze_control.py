@@ -13,7 +13,6 @@ from dataclasses import replace
 from functools import partial
 import math
 
-from comparison.wedge import opening
 from grips import gripped, MASSLESS
 from isotruss_ros.core import (
     ElasticObject,
@@ -53,24 +52,15 @@ Loop = partial(SqueezeLoop, CONFIG, replace(measured_at(CYLINDER.pose), friction
 @pytest.mark.parametrize(
     'twist', some_now([[0.02, 0.02, -0.2], [0.04, -0.03, 0.0], [0.0, 0.0, 0.3]])
 )
-def test_pose_and_squeeze_stay_as_they_should(twist):
-    loop, rigid = Loop(), Loop(regulated=False)
-    for each in (loop, rigid):
-        each.run(twist, 2.0)
-    assert max(loop.errors) < 1e-4
+@pytest.mark.parametrize(('period', 'bound'), [(PERIOD, 1e-4), (0.005, 1e-5)])
+def test_pose_and_squeeze_stay_as_they_should(twist, period, bound):
+    loop, rigid = Loop(period=period), Loop(regulated=False)
+    loop.run(twist, 1.0 if period < PERIOD else 2.0)
+    rigid.run(twist, 2.0)
+    assert max(loop.errors) < bound
     assert max(loop.errors) < 0.1 * max(rigid.errors)
     assert loop.squeeze == pytest.approx(loop.target, rel=1e-3)
     assert np.degrees(abs(loop.error()[2])) < 0.02
-
-
-@pytest.mark.parametrize(
-    'twist', some_now([[0.02, 0.02, -0.2], [0.04, -0.03, 0.0], [0.0, 0.0, 0.0]])
-)
-def test_a_quick_loop_is_as_exact(twist):
-    loop = Loop(period=0.005)
-    loop.run(twist, 1.0)
-    assert max(loop.errors) < 1e-5
-    assert loop.squeeze == pytest.approx(loop.target, rel=1e-4)
 
 
 def test_the_model_of_each_cycle_is_the_plant_in_its_configuration():
@@ -83,17 +73,6 @@ def test_the_model_of_each_cycle_is_the_plant_in_its_configuration():
     there = roll_grip(loop.object.grasp, last)
     assert model.pose == pytest.approx(there.pose, abs=1e-7)
     assert model.squeeze == pytest.approx(there.squeeze, rel=1e-5)
-
-
-def test_a_rising_target_closes_in_place():
-    loop = Loop(force=30.0)
-    before, start = opening(CONFIG), loop.squeeze
-    assert start < 25.0
-    loop.run((0.0, 0.0, 0.0), 3.0)
-    assert loop.squeeze == pytest.approx(30.0, rel=1e-3)
-    assert opening(loop.plant.config) < before - np.radians(0.5)
-    assert loop.errors[-1] < 1e-4
-    assert max(loop.errors) < 1.5e-3
 
 
 def test_an_unknown_load_is_found_and_costs_little_squeeze_and_no_pose():
@@ -241,9 +220,9 @@ def still(rollers, asked):
 
 @pytest.mark.parametrize('wrench', [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.5, -0.5, 0.1)])
 def test_the_squeeze_that_is_regulated_is_that_under_the_estimated_load(wrench):
-    force, gain, asked = 30.0, 5.0, []
-    settings = SqueezeSettings(force, FRICTION, max_force_rate=math.inf, **MASSLESS)
-    control, model = SqueezeControl(settings), attach_grip(CONFIG, CYLINDER)
+    gain, asked, model = 5.0, [], attach_grip(CONFIG, CYLINDER)
+    force = model.squeeze + 1.0
+    control = SqueezeControl(SqueezeSettings(force, FRICTION, **MASSLESS))
     for measured in (model.pose, roll_grip(model, CONFIG, np.array(wrench)).pose):
         # After so long the load that is most probable is the estimated one.
         assert control.follow(CONFIG, measured_at(measured), 100.0) is HoldStatus.HELD
@@ -253,11 +232,9 @@ def test_the_squeeze_that_is_regulated_is_that_under_the_estimated_load(wrench):
         assert regulated == pytest.approx(loaded.squeeze, abs=0.05 * abs(wrench[0]) + 0.01)
 
 
-def close_near_the_bound(model, bound, rate, scale=1.0):
+def close_near_the_bound(bound, scale=1.0):
     """Return what is commanded, and where, in the cycles in which a grip closes near a bound."""
-    control = SqueezeControl(
-        SqueezeSettings(100.0, FRICTION, max_utilisation=bound, utilisation_rate=rate, **MASSLESS)
-    )
+    control = SqueezeControl(SqueezeSettings(100.0, FRICTION, max_utilisation=bound, **MASSLESS))
     config, object_of_plant, found = CONFIG, ElasticObject(CYLINDER, FRICTION), []
     for _ in range(3):
         object_of_plant.follow(config)
@@ -276,8 +253,8 @@ def close_near_the_bound(model, bound, rate, scale=1.0):
 
 def test_the_scale_of_a_slowed_command_is_that_of_limits_and_utilisation():
     model = attach_grip(CONFIG, CYLINDER)
-    bound = 1.02 * model.sections.utilisation.max()
-    whole, half = (close_near_the_bound(model, bound, 4.0, scale)[1][2] for scale in (1.0, 0.5))
+    bound = 1.015 * model.sections.utilisation.max()
+    whole, half = (close_near_the_bound(bound, scale)[1][2] for scale in (1.0, 0.5))
     assert whole.status is Status.SLOWED_UTILISATION
     assert whole.scale < 0.9
     assert half.scale == pytest.approx(0.5 * whole.scale, rel=1e-2)
@@ -285,25 +262,14 @@ def test_the_scale_of_a_slowed_command_is_that_of_limits_and_utilisation():
 
 def test_a_slowed_command_uses_its_share_of_what_is_left():
     model = attach_grip(CONFIG, CYLINDER)
-    bound, rate = 1.02 * model.sections.utilisation.max(), 4.0
-    _, (before, grip, command), (after, _, _) = close_near_the_bound(model, bound, rate)
+    bound = 1.015 * model.sections.utilisation.max()
+    _, (before, grip, command), (after, _, _) = close_near_the_bound(bound)
     assert command.status is Status.SLOWED_UTILISATION
     rows = grip_jacobian(before.config, grip)[:3]
     assert command.achieved_twist == pytest.approx(rows @ command.roller_velocities, abs=1e-9)
     used, more = (grasp.sections.utilisation.max() for grasp in (before, after))
-    # By what the cycle before did, but for the curvature of the utilisation.
-    assert more - used == pytest.approx(PERIOD * rate * (bound - used), rel=0.1)
-
-
-def test_the_slope_by_the_opening_is_near_to_what_a_small_change_does():
-    grasp = attach_grip(CONFIG, CYLINDER)
-    grip = measured_at(grasp.pose)
-    rate = 1e-4
-    command = solve_twist(CONFIG, grip, (0.0, 0.0, 0.0), opening_rate=rate)
-    there = CONFIG.moved_to(CONFIG.roller_positions + command.roller_velocities)
-    found = (roll_grip(grasp, there).squeeze - grasp.squeeze) / rate
-    assert grasp.squeeze_stiffness() == pytest.approx(found, rel=0.35)
-    assert found < 0.0
+    # Five times in a second; by what the cycle before did, but for the curvature.
+    assert more - used == pytest.approx(5.0 * PERIOD * (bound - used), rel=0.1)
 
 
 def test_without_an_object_nothing_is_held_and_the_model_starts_again():

@@ -17,6 +17,7 @@ from isotruss_ros.core import Grip, HoldStatus, Pose, solve_twist, Status
 from isotruss_ros.core.control.grip_watch import GripFault
 from isotruss_ros.core.control.load_estimate import LoadSettings
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
+from isotruss_ros.core.control.usage_limits import UsageLimits
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
@@ -93,17 +94,6 @@ def at_rest(missing=0.0, **settings):
 
 def solve_at_rest(twist, opening_rate):
     return solve_twist(CONFIG, AT_REST, twist, opening_rate=opening_rate)
-
-
-@pytest.mark.parametrize('missing', [2.0, -2.0])
-def test_the_squeeze_is_the_one_of_the_model_where_the_rollers_have_come_to(missing):
-    # No load is estimated.
-    control, period = at_rest(missing, load=LoadSettings(size=1e-9)), 0.02
-    command = control.solve(np.zeros(3), period, solve_at_rest)
-    there = CONFIG.moved_to(CONFIG.roller_positions + 2.0 * period * command.roller_velocities)
-    truth = roll_grip(MODEL, there)
-    control.follow(there, replace(AT_REST, body=truth.body), period)
-    assert control.model.squeeze == pytest.approx(truth.squeeze, rel=1e-6)
 
 
 def test_a_load_that_comes_later_is_estimated_as_one_that_is_there_at_once():
@@ -274,3 +264,15 @@ def test_limits_slow_the_twist_before_the_squeeze():
     assert command.status is Status.SLOWED_ROLLER_SPEED
     assert command.scale < 0.5
     assert rows[3] @ command.roller_velocities == pytest.approx(opening, rel=0.02)
+
+
+def test_a_path_uses_twice_what_is_free_of_the_margin_in_a_second():
+    usage, travel, period = UsageLimits(MODEL), np.full(len(CONFIG.roller_positions), 1e-3), 0.02
+    usage.learn(MODEL, -0.1, travel)
+    ahead, back = (
+        RollerCommand(way / period, np.zeros(3), 1.0, Status.OK) for way in (travel, -travel)
+    )
+    # As much as the last travel used, of 0.04 N.
+    assert usage.margin_share(ahead, period, 1.0) == pytest.approx(0.4, rel=0.01)
+    assert usage.margin_share(ahead, period, -1.0) == 0.0
+    assert usage.margin_share(back, period, 1.0) == 1.0

@@ -235,10 +235,11 @@ def test_markers_out_of_order_tell_the_same():
 
 
 def test_markers_from_long_ago_or_from_the_future_do_not_count():
-    drawn = DrawnRobot(10)
+    drawn = DrawnRobot(10, speed=0.0, random_slip=False)
     drawn.run(3.0)
-    for time in (drawn.time - 2.5, drawn.time + 0.5):
-        assert not drawn.estimator.take_markers(time, drawn.markers(), MARKER)
+    for before, counts in ((1.5, False), (0.5, True), (-0.02, True), (-0.5, False)):
+        time = drawn.time - before
+        assert drawn.estimator.take_markers(time, drawn.markers(), MARKER) is counts
 
 
 def test_an_unknown_joint_is_refused_by_name():
