@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 import math
 from typing import Any
 
-from isotruss_ros.core import Robot, Status
+from isotruss_ros.core import Pose, Robot, Status
 from isotruss_ros.core.kinematics.configuration import ConfigurationTracker
 from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array
@@ -57,7 +57,7 @@ class Picture:
     The latest messages, as the view needs them.
 
     :ivar config: its configuration by the last joint states.
-    :ivar pose: (x, y, angle) of the object [m, rad]; None before the first message.
+    :ivar pose: of the object; None before the first message.
     :ivar goal: (x, y) to which the object is dragged [m]; None without one.
     :ivar lines: points (k, 3) [m] of the markers by namespace and id: of lines, of the triangles
         of regions, the two ends of arrows.
@@ -67,7 +67,7 @@ class Picture:
     robot: Robot  #: the robot
     diameter: float  #: of the object [m]
     shape: Shape | None = None  #: of an object that is no disc of that diameter; None for that
-    pose: tuple[float, float, float] | None = None
+    pose: Pose | None = None
     goal: tuple[float, float] | None = None
     goal_report: str = ''  #: what becomes of the last goal, in words; empty before the first
     state: Any = None  #: last grasp/state; None before the first
@@ -112,7 +112,15 @@ class Picture:
         :param now: time of arrival [s].
         """
         position, q = message.pose.position, message.pose.orientation
-        pose = (position.x, position.y, 2.0 * math.atan2(q.z, q.w))
+        self.take_pose(Pose(position.x, position.y, 2.0 * math.atan2(q.z, q.w)), now)
+
+    def take_pose(self, pose: Pose, now: float) -> None:
+        """
+        Keep the pose of the object, unless it is none.
+
+        :param pose: in the robot's frame.
+        :param now: time of arrival [s].
+        """
         if all(map(math.isfinite, pose)):
             self.pose = pose
             self._received['object_pose'] = now

@@ -29,6 +29,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from isotruss_msgs.msg import Contact, GraspState
 from isotruss_ros.core import Pose, tangent_center
+from isotruss_ros.nodes.components.robot_frame import RobotFrame
 from isotruss_ros.nodes.conversions.grasp_messages import (
     MAX_WRENCH,
     read_external_wrench,
@@ -38,11 +39,11 @@ from isotruss_ros.nodes.conversions.joint_state_messages import (
     read_tube_pressures,
     RollerStateReader,
 )
+from isotruss_ros.nodes.conversions.marker_messages import read_joint_markers, to_joint_markers
 from isotruss_ros.nodes.conversions.messages import (
     make_header,
     MessageError,
     read_angle,
-    read_object_pose,
     read_stamp,
     read_twist,
     to_pose_message,
@@ -53,7 +54,7 @@ import numpy as np
 from probe import DIAMETER, MODULE, N, ROBOT
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import JointState, MultiDOFJointState
 from std_msgs.msg import Header
 
 NAMES = list(ROBOT.roller_names)
@@ -142,15 +143,40 @@ def object_pose(frame=FRAME, **changes):
 )
 def test_poses_that_cannot_be_are_rejected(changes, words):
     with pytest.raises(MessageError, match=words) as error:
-        read_object_pose(object_pose(**changes), FRAME)
+        RobotFrame(ROBOT).read_pose(object_pose(**changes))
     assert len(str(error.value)) < 1000
 
 
 @given(numbers, numbers, st.floats(-3.0, 3.0))
 def test_poses_there_and_back(x, y, angle):
     message = PoseStamped(header=Header(frame_id=FRAME), pose=to_pose_message(Pose(x, y, angle)))
-    assert read_object_pose(message, FRAME) == pytest.approx((x, y, angle), abs=1e-12)
+    assert RobotFrame(ROBOT).read_pose(message) == pytest.approx((x, y, angle), abs=1e-12)
     assert read_angle(message.pose) == pytest.approx(angle, abs=1e-12)
+
+
+# Joints
+
+
+@pytest.mark.parametrize(
+    ('joints', 'words'),
+    [
+        ({'W': (0.0, 0.0)}, "joint marker 'W': must be one of P, Q"),
+        ({'P': (math.nan, 0.0)}, 'joint marker P at .nan, 0.0.: must be finite'),
+        ({'P': (0.0, -1e7)}, r'joint marker P at .*: must be finite, at most 1e\+06 m'),
+    ],
+)
+def test_markers_that_cannot_be_are_rejected(joints, words):
+    with pytest.raises(MessageError, match=words):
+        read_joint_markers(to_joint_markers(joints), ROBOT)
+
+
+def test_names_without_places_and_twice_are_rejected():
+    with pytest.raises(MessageError, match='1 names and 0 transforms'):
+        read_joint_markers(MultiDOFJointState(joint_names=['P']), ROBOT)
+    twice = to_joint_markers({'P': (0.0, 0.0), 'Q': (0.0, 0.0)})
+    twice.joint_names = ['P', 'P']
+    with pytest.raises(MessageError, match=r"'P': must be one of .*, each once"):
+        read_joint_markers(twice, ROBOT)
 
 
 # Twists
