@@ -58,7 +58,7 @@ def test_moves_the_box_and_halts_where_the_grip_is_another():
         assert 'does not touch' in status.message
         (refused,) = manipulation.set_parameters(overrides(grip=['south/P-Q']))
         assert not refused.successful
-        assert '2 or 3 different' in refused.reason
+        assert 'two or three different members' in refused.reason
 
 
 def test_squeezes_the_box_in_the_elastic_plant_and_turns_it():

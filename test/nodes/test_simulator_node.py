@@ -9,8 +9,6 @@
 
 """The simulator node, and both nodes together, under an executor in this process."""
 
-import math
-
 from isotruss_ros.core import (
     ConvexObject,
     Grip,
@@ -90,28 +88,6 @@ def test_a_command_that_is_not_renewed_ends():
         assert stopped == pytest.approx(SPEED * (timeout + sent[-1] - sent[0]), abs=1e-7)
         w.spin(0.1)
         assert w.travel()[0] == stopped
-
-
-@pytest.mark.parametrize(
-    'data', [[math.nan] * N, [math.inf] + [0.0] * (N - 1), [0.01] * (N + 1), [0.01], []]
-)
-def test_stops_on_a_command_that_means_nothing_and_goes_on_after(data):
-    with world(node(command_timeout=5.0)) as w:
-        w.until(lambda: w.travel()[0] > 0.0, lambda: w.probe.send_command(only(0)))
-        w.until(
-            lambda: w.probe.last('joints').velocity[0] == 0.0, lambda: w.probe.send_command(data)
-        )
-        stopped = w.travel()
-        assert np.isfinite(stopped).all()
-        w.until(lambda: w.travel()[0] > stopped[0], lambda: w.probe.send_command(only(0)))
-
-
-def test_a_stuck_roller_does_not_move():
-    stuck = ROBOT.roller_names[2]
-    with world(node(stuck_roller=stuck)) as w:
-        w.until(lambda: w.travel()[1] > 0.001, lambda: w.probe.send_command([SPEED] * N))
-        assert w.travel()[2] == 0.0
-        assert w.probe.last('joints').velocity[2] == 0.0
 
 
 def test_rollers_are_not_quicker_than_their_limit():
