@@ -203,8 +203,7 @@ class Simulator(ManagedNode):
                 self._driven.plant.load_joint(joint, self._pull() if pulled else (0.0, 0.0))
 
     def _check(self, new: dict[str, Value]) -> None:
-        """Check the grip, and the joint that is pulled."""
-        common.check_grip(self.robot, new)
+        """Check the joint that is pulled."""
         if new.get('pull_joint'):
             check_joint(self.robot, new['pull_joint'])
 
