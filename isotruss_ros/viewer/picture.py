@@ -43,15 +43,6 @@ NOTHING = (np.array([-1.0, 0.0]), np.array([np.nan, np.nan]))
 
 
 @dataclass
-class Sample:
-    """One point of the plots."""
-
-    time: float  #: [s]
-    squeeze: float  #: mean normal force of the grasping members [N]; NaN if unknown
-    error: float  #: distance of the object from its goal [m]; NaN without a goal
-
-
-@dataclass
 class Picture:
     """
     The latest messages, as the view needs them.
@@ -61,7 +52,8 @@ class Picture:
     :ivar goal: (x, y) to which the object is dragged [m]; None without one.
     :ivar lines: points (k, 3) [m] of the markers by namespace and id: of lines, of the triangles
         of regions, the two ends of arrows.
-    :ivar samples: points of the plots.
+    :ivar samples: points of the plots: time [s], mean normal force of the grasping members [N],
+        distance of the object from its goal [m]; NaN where these are not known.
     """
 
     robot: Robot  #: the robot
@@ -73,7 +65,9 @@ class Picture:
     state: Any = None  #: last grasp/state; None before the first
     status: Any = None  #: last manipulation/status; None before the first
     lines: dict[tuple[str, int], Array] = field(default_factory=dict)
-    samples: deque[Sample] = field(default_factory=lambda: deque(maxlen=SAMPLES))
+    samples: deque[tuple[float, float, float]] = field(
+        default_factory=lambda: deque(maxlen=SAMPLES)
+    )
 
     def __post_init__(self) -> None:
         """Begin at home."""
@@ -198,9 +192,9 @@ class Picture:
         sure = 'deviation not known' if math.isinf(deviation) else f'deviation {deviation:.1f} N'
         return f'{words}  \nsqueeze {squeeze:.1f} N, {sure}'
 
-    def sample(self, now: float) -> Sample:
+    def sample(self, now: float) -> None:
         """
-        Add a point to the plots and return it.
+        Add a point to the plots.
 
         :param now: as above [s].
         """
@@ -209,9 +203,7 @@ class Picture:
             squeeze = float(np.mean(self.state.squeeze))
         if self.goal is not None and self.pose is not None:
             error = math.dist(self.goal, self.pose[:2])
-        point = Sample(now, squeeze, error)
-        self.samples.append(point)
-        return point
+        self.samples.append((now, squeeze, error))
 
 
 def trim_start(time: Array, values: Array) -> tuple[Array, Array]:

@@ -14,6 +14,9 @@ import re
 from types import SimpleNamespace
 
 from isotruss_ros.core import Status, tangent_center, TwistServo
+from isotruss_ros.core.control.load_estimate import LoadSettings
+from isotruss_ros.core.control.squeeze_control import SqueezeSettings
+from isotruss_ros.core.safety.shape_guard import ShapeBounds
 from isotruss_ros.nodes.components import servo_settings
 from isotruss_ros.nodes.simulator import Simulator
 from manual_world import world
@@ -144,12 +147,38 @@ def test_parameters_change_at_run_time():
         w.until_code(Status.OK, w.probe.send_all)
 
 
-def test_a_changed_diameter_is_that_of_the_servo():
+def test_every_parameter_of_the_servo_reaches_it():
+    given = {
+        'friction': 0.7,
+        'pressure_timeout': 9.0,
+        'squeeze_force': 30.0,
+        'object_mass': 1.5,
+        'pose_gain': 2.0,
+        'force_gain': True,
+        'frequency': 8.0,
+        'expected_load': 4.0,
+        'object_diameter': 0.21,
+        'grip_module': 'south/P',
+        'grip': ['north/P-Z', 'north/Z-R'],
+        'rate': 50.0,
+        'command_timeout': 0.3,
+        'min_rigidity': 0.21,
+        'min_clearance': 0.011,
+        'min_object_clearance': 0.013,
+        'slide_along_limits': True,
+        'failure_time': 3.0,
+    }
+    assert given.keys() | {'failed_rollers'} == {spec.name for spec in servo_settings.SPECS}
     servo = TwistServo(ROBOT, MODULE, DIAMETER, 0.005, 0.2)
-    values = SimpleNamespace(**{spec.name: spec.default for spec in servo_settings.SPECS})
-    values.object_diameter = 0.21
-    servo_settings.apply_settings(servo, values)
-    assert servo.object_diameter == 0.21
+    servo_settings.apply_settings(servo, SimpleNamespace(**given))
+    assert servo.guard.bounds == ShapeBounds(0.21, 0.011, 0.013)
+    assert (servo.grip_module, servo.members) == ('south/P', ('north/P-Z', 'north/Z-R'))
+    assert (servo.object_diameter, servo.object_mass) == (0.21, 1.5)
+    assert (servo.period, servo.timeout, servo.pressure_timeout) == (0.02, 0.3, 9.0)
+    assert (servo.slide_along_limits, servo.detector.criterion.time) == (True, 3.0)
+    assert servo.squeeze.settings == SqueezeSettings(
+        30.0, 0.7, pose_gain=2.0, force_gain=True, frequency=8.0, load=LoadSettings(4.0)
+    )
 
 
 def test_whole_numbers_are_taken_for_real_parameters():

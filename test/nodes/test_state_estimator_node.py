@@ -141,6 +141,19 @@ def test_markers_and_poses_are_taken_from_any_frame_that_is_connected(monkeypatc
     assert taken[-1] == pytest.approx((0.1, 0.0, 0.0))
 
 
+def test_pressures_that_are_old_are_told_and_the_estimate_goes_on():
+    with world(estimator(pressure_timeout=0.3)) as w:
+        listen(w)
+        w.spin(0.1, lambda: (w.probe.send_joints(), w.probe.send_pressures([3e4] * 3)))
+        w.until(lambda: w.report('state_estimator').message == 'estimating', w.probe.send_joints)
+        w.until(
+            lambda: 'pressure_timeout' in w.report('state_estimator').message, w.probe.send_joints
+        )
+        count = len(w.probe.seen['estimate'])
+        w.spin(0.2, w.probe.send_joints)
+        assert len(w.probe.seen['estimate']) > count
+
+
 def test_without_encoders_nothing_is_published():
     with world(estimator()) as w:
         listen(w)

@@ -10,7 +10,6 @@
 
 from __future__ import annotations
 
-import bisect
 from collections import deque
 from collections.abc import Callable
 from functools import partial
@@ -97,7 +96,7 @@ class Cycle:
             'cycles': len(times),
             'cycle time, median [s]': round(times[len(times) // 2], 6),
             'cycle time, longest [s]': round(times[-1], 6),
-            'overruns': len(times) - bisect.bisect_right(times, period),
+            'overruns': sum(time > period for time in times),
         }
 
     def _tick(self) -> None:

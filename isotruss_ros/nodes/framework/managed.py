@@ -208,8 +208,6 @@ class ManagedNode(StoppableNode, LifecycleNode):
 
     def on_error(self, _state: LifecycleState) -> TransitionCallbackReturn:
         """Release everything: the node can be configured again unless that fails too."""
-        if self.active:
-            self._disable(_state)
         return SUCCESS if self._try_step('clean up', self._release) == SUCCESS else FAILURE
 
     def _try_step(self, what: str, step: Callable[[], None]) -> TransitionCallbackReturn:
