@@ -83,6 +83,12 @@ def check_analysis(state, expected, settled=None):
     touching = expected.normal_forces > 0.0
     forces = [contact.normal_force for contact in state.contacts]
     assert forces == pytest.approx(expected.normal_forces[touching], rel=1e-6)
+    normals = [(contact.normal.x, contact.normal.y) for contact in state.contacts]
+    assert np.array(normals) == pytest.approx(expected.normals[touching], rel=1e-6)
+    for name in ('lengths', 'widths', 'areas', 'pressures'):
+        said = dict(zip(state.contact_members, getattr(state, f'contact_{name}'), strict=True))
+        assert said == pytest.approx(getattr(expected, f'contact_{name}'), rel=1e-6), name
+    assert list(state.peak_pressures) == pytest.approx(list(expected.peak_pressures.values()))
     if settled is not None:
         assert (state.held, state.hold_message) == (settled.held, settled.reason)
         assert state.slip_margin == pytest.approx(settled.slip_margin, rel=1e-4)
@@ -97,8 +103,9 @@ def test_publishes_the_result_of_the_analysis():
         assert state.message == ''
         check_analysis(state, expected)
         assert np.reshape(state.stiffness, (3, 3)) == pytest.approx(expected.stiffness)
-        lengths = dict(zip(state.contact_members, state.contact_lengths, strict=True))
-        assert lengths == expected.contact_lengths
+        used = w.nodes[1]._monitor.report(w.nodes[1].now()).grasp.utilisation
+        places = zip(state.utilisation, state.utilisation_places, strict=True)
+        assert dict(zip(state.members, places, strict=True)) == used
         friction = [contact.friction_force for contact in state.contacts]
         assert friction == pytest.approx(expected.friction_forces[touching])
         places = [(c.position.x, c.position.y) for c in state.contacts]

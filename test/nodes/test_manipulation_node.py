@@ -9,15 +9,19 @@
 
 """The manipulation node, under an executor in this process, with the rest of the world faked."""
 
+import math
 from pathlib import Path
 import re
 from types import SimpleNamespace
 
 from isotruss_ros.core import Status, tangent_center, TwistServo
+from isotruss_ros.core.control.decision import Decision
 from isotruss_ros.core.control.load_estimate import LoadSettings
 from isotruss_ros.core.control.squeeze_control import SqueezeSettings
+from isotruss_ros.core.manipulation.status import RollerCommand
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 from isotruss_ros.nodes.components import servo_settings
+from isotruss_ros.nodes.conversions.messages import read_stamp, read_twist
 from isotruss_ros.nodes.simulator import Simulator
 from manual_world import world
 import numpy as np
@@ -179,6 +183,26 @@ def test_every_parameter_of_the_servo_reaches_it():
     assert servo.squeeze.settings == SqueezeSettings(
         30.0, 0.7, pose_gain=2.0, force_gain=True, frequency=8.0, load=LoadSettings(4.0)
     )
+
+
+@pytest.mark.parametrize('squeeze', [(30.0, 2.0), None])
+def test_a_status_says_all_of_a_decision(squeeze):
+    command = RollerCommand(np.zeros(N), np.array([0.1, 0.2, 0.3]), 0.4, Status.SLIDING, (), 2)
+    twist, failed = np.array([0.5, 0.6, 0.7]), ROBOT.roller_names[1:3]
+    decision = Decision(command, twist, 'why', failed, 8.0, 1.5, squeeze)
+    with world(node()) as w:
+        w.nodes[1]._report.publish(decision, 2.5)
+        w.deliver()
+        status = w.probe.last('status')
+    assert (read_stamp(status.header), status.header.frame_id) == (2.5, 'truss')
+    assert (status.code, status.message) == (Status.SLIDING, 'why')
+    assert read_twist(status.achieved) == (0.1, 0.2, 0.3)
+    assert read_twist(status.commanded) == (0.5, 0.6, 0.7)
+    assert (status.scale, status.reachable_dof) == (0.4, 2)
+    assert tuple(status.failed_rollers) == failed
+    assert (status.frequency, status.pose_gain) == (8.0, 1.5)
+    said = (status.squeeze, status.squeeze_deviation)
+    assert said == pytest.approx(squeeze or (math.nan, math.nan), nan_ok=True)
 
 
 def test_whole_numbers_are_taken_for_real_parameters():
