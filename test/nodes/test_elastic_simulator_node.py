@@ -114,18 +114,3 @@ def test_the_object_is_put_elsewhere(plant):
         assert put(*start) == pytest.approx(start, abs=1e-3)
         if plant == 'elastic':
             assert w.nodes[1]._elastic.grasp is not None
-
-
-@pytest.mark.parametrize('floor', ['ground_friction', 'module_friction'])
-def test_what_was_pulled_on_a_floor_does_not_come_back_all_the_way(floor):
-    with world(node(**{floor: 0.3})) as w:
-        w.until(lambda: w.place() is not None)
-        start = w.place()[:2]
-
-        def away():
-            return np.hypot(*(w.place()[:2] - start))
-
-        w.until(lambda: away() > 1e-4, lambda: w.probe.send_wrench((0.0, 1.0, 0.0)))
-        pulled = away()
-        w.until(lambda: away() < 0.99 * pulled, lambda: w.probe.send_wrench((0.0, 0.0, 0.0)))
-        assert away() > 1e-5
