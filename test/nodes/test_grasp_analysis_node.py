@@ -318,6 +318,11 @@ def test_parameters_change_at_run_time():
             ),
             feed(w),
         )
+        numbers = {'spacing': 0.01, 'command_timeout': 0.4, 'pressure_timeout': 9.0}
+        w.change(flattening=False, **numbers)
+        monitor = w.nodes[1]._monitor
+        kept = (monitor.spacing, monitor.timeout, monitor.pressure_timeout)
+        assert (monitor.flattening, kept) == (False, tuple(numbers.values()))
         w.change(rate=20.0)
         w.probe.seen['state'].clear()
         w.until(lambda: len(w.probe.seen['state']) >= 10, feed(w))

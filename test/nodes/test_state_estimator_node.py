@@ -13,6 +13,7 @@ from geometry_msgs.msg import PoseStamped, Transform, TransformStamped, Vector3
 from isotruss_msgs.msg import StateEstimate
 from isotruss_ros.core.control import state_estimate
 from isotruss_ros.core.control.state_estimator import StateEstimator
+from isotruss_ros.nodes import state_estimator
 from isotruss_ros.nodes.components import robot_frame
 from isotruss_ros.nodes.conversions.estimate_messages import read_estimate, to_estimate_message
 from isotruss_ros.nodes.conversions.marker_messages import to_joint_markers
@@ -79,6 +80,19 @@ def test_joints_of_a_robot_with_wrong_zeros_are_found():
     assert found.used_joints
     assert not found.left_out_joints
     assert not found.held
+
+
+def test_what_is_known_of_the_robot_is_what_the_parameters_say(monkeypatch):
+    made = []
+
+    def make(robot, settings):
+        made.append(settings)
+        return StateEstimator(robot, settings)
+
+    monkeypatch.setattr(state_estimator, 'StateEstimator', make)
+    with world(estimator(zero_deviation=0.002, slip=0.03, stiffness_deviation=0.2)):
+        expected = state_estimate.EstimatorSettings(zeros=0.002, slip=0.03, stiffness=0.2)
+        assert made[-1] == expected
 
 
 def test_late_swapped_and_missing_markers_do_not_spoil_it():
