@@ -9,12 +9,11 @@
 
 """The manipulation node with objects and grips of any members, its inputs faked."""
 
-from boxes import ANGLE, BOX, box_between, SIDES
+from boxes import BOX, box_between, SIDES
 from geometry_msgs.msg import PoseStamped
 from isotruss_ros.core import Pose, Status
 from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message
 from isotruss_ros.nodes.manipulation import Manipulation
-from isotruss_ros.nodes.simulator import Simulator
 from manual_world import world
 import numpy as np
 from probe import maker, overrides
@@ -59,25 +58,3 @@ def test_moves_the_box_and_halts_where_the_grip_is_another():
         (refused,) = manipulation.set_parameters(overrides(grip=['south/P-Q']))
         assert not refused.successful
         assert 'two or three different members' in refused.reason
-
-
-def test_squeezes_the_box_in_the_elastic_plant_and_turns_it():
-    shared = {'object': BOX, 'grip': list(SIDES), 'rate': 20.0, 'command_timeout': 5.0}
-    start = {'plant': 'elastic', 'object_angle': ANGLE, 'indentation': 0.02}
-    with world(
-        lambda: Simulator(overrides(**shared, **start)),
-        lambda: Manipulation(overrides(**shared, squeeze_force=22.0)),
-    ) as w:
-        plant = w.nodes[1]
-        still = (0.0, 0.0, 0.0)
-        w.until_code(Status.OK, lambda: w.probe.send_twist(still))
-        w.until(
-            lambda: abs(plant._elastic.grasp.squeeze - 22.0) < 0.3,
-            lambda: w.probe.send_twist(still),
-        )
-        turned = plant._elastic.grasp.pose.angle
-        w.until(
-            lambda: plant._elastic.grasp.pose.angle - turned > 0.03,
-            lambda: w.probe.send_twist((0.0, 0.0, 0.1)),
-        )
-        assert plant._elastic.grasp.squeeze == pytest.approx(22.0, abs=1.0)

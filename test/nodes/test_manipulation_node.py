@@ -183,6 +183,10 @@ def test_every_parameter_of_the_servo_reaches_it():
     assert servo.squeeze.settings == SqueezeSettings(
         30.0, 0.7, pose_gain=2.0, force_gain=True, frequency=8.0, load=LoadSettings(4.0)
     )
+    # One that is raised while the node runs goes on from where it is.
+    regulated = servo.squeeze
+    servo_settings.apply_settings(servo, SimpleNamespace(**given | {'squeeze_force': 34.0}))
+    assert (servo.squeeze is regulated, regulated.settings.force) == (True, 34.0)
 
 
 @pytest.mark.parametrize('squeeze', [(30.0, 2.0), None])

@@ -257,16 +257,6 @@ def test_estimates_that_are_not_usable_are_refused(changes):
         read_estimate(estimate, ROBOT)
 
 
-def test_over_dds_the_estimate_comes():
-    plant = {'zero_deviation': 0.01, 'marker_rate': 20.0}
-    with probe.world(lambda: Simulator(overrides(**PLANT | plant)), estimator()) as w:
-        w.probe.listen(StateEstimate, 'estimate', 'state_estimate')
-        w.until(lambda: w.probe.last('estimate') and w.probe.last('estimate').used_joints)
-        found = w.probe.last('estimate')
-    assert found.header.frame_id == 'truss'
-    assert len(found.offset_covariance) == N * N
-
-
 def test_over_dds_measured_pressures_stiffen_the_tubes_of_the_estimate():
     plant = {'plant': 'elastic', 'friction': 0.9, 'indentation': 0.02, 'object_is_free': False}
     with probe.world(lambda: Simulator(overrides(marker_rate=20.0, **plant)), estimator()) as w:
