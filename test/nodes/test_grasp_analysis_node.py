@@ -25,6 +25,7 @@ from isotruss_ros.core import (
     tangent_center,
 )
 from isotruss_ros.core.control.grasp_report import GraspCode
+from isotruss_ros.nodes.conversions import markers
 from isotruss_ros.nodes.conversions.grasp_messages import to_wrench_message
 from isotruss_ros.nodes.conversions.messages import read_stamp, to_pose_message
 from isotruss_ros.nodes.conversions.object_messages import to_object_message
@@ -254,6 +255,14 @@ def test_markers_show_the_grasp_and_leave_nothing_behind():
         w.until(lambda: update() == {'members', 'deformed', 'object'}, feed(w, center=away))
         # Nothing is known: nothing is shown.
         w.until(lambda: update() == set())
+
+
+@pytest.mark.parametrize(
+    ('used', 'color'),
+    [(0.5, markers.DEFORMED), (0.9, markers.NEARLY_WRINKLED), (1.1, markers.WRINKLED)],
+)
+def test_the_colour_of_a_tube_says_how_near_it_is_to_wrinkling(used, color):
+    assert markers._tube_color(used) is color
 
 
 def test_the_object_is_green_when_held():
