@@ -24,7 +24,7 @@ from isotruss_ros.core import load_robot, Status
 from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.commands import create_twist_publisher
 from isotruss_ros.nodes.components.robot_frame import RobotFrame
-from isotruss_ros.nodes.conversions.messages import read_object_pose, read_stamp
+from isotruss_ros.nodes.conversions.messages import read_stamp
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.parameters import ROBOT, Spec
 from isotruss_ros.nodes.framework.runner import StoppableNode
@@ -65,10 +65,11 @@ class Pluck(StoppableNode):
         """Subscribe, and begin to wait for the inputs."""
         values = self.values
         self.found: Oscillation | None = None
-        self._frame = RobotFrame.heard_by(self, load_robot(values.robot).frame)
+        robot = load_robot(values.robot)
+        self._frame = RobotFrame.heard_by(self, robot)
         self._arm = common.read_body(values).arm
         stamped = values.use_stamped_twist
-        self._twists = create_twist_publisher(self, stamped, self._frame.frame)
+        self._twists = create_twist_publisher(self, stamped, robot.frame)
         self._times: list[float] = []
         self._poses: list[tuple[float, ...]] = []
         self._status: ManipulationStatus | None = None
@@ -86,8 +87,7 @@ class Pluck(StoppableNode):
 
     def _take_pose(self, message: PoseStamped) -> None:
         self._times.append(read_stamp(message.header))
-        pose = read_object_pose(self._frame.express_pose(message), self._frame.frame)
-        self._poses.append(tuple(pose))
+        self._poses.append(tuple(self._frame.read_pose(message)))
 
     def _take_status(self, message: ManipulationStatus) -> None:
         self._status = message

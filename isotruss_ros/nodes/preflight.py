@@ -20,10 +20,7 @@ from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.joint_markers import JointMarkers, LATEST, WINDOW
 from isotruss_ros.nodes.conversions.joint_state_messages import RollerStateReader
-from isotruss_ros.nodes.conversions.messages import (
-    read_object_pose,
-    read_stamp,
-)
+from isotruss_ros.nodes.conversions.messages import read_stamp
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.parameters import ROBOT, Spec
 from isotruss_ros.nodes.framework.runner import StoppableNode
@@ -126,7 +123,7 @@ class Preflight(StoppableNode):
 
     def _check_pose(self) -> str:
         for message in self._poses:
-            read_object_pose(self._markers.frame.express_pose(message), self._robot.frame)
+            self._markers.frame.read_pose(message)
         return self._check_live('object_pose', self._poses)
 
     def _check_stop(self) -> str:

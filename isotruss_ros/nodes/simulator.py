@@ -45,10 +45,7 @@ from isotruss_ros.nodes.components.simulated_sensors import SENSOR_SPECS, Simula
 from isotruss_ros.nodes.components.simulated_truth import CLOCK_SPEED, ClockSource, SimulatedTruth
 from isotruss_ros.nodes.components.sparse_messages import NewestMessage
 from isotruss_ros.nodes.conversions.grasp_messages import read_external_wrench
-from isotruss_ros.nodes.conversions.messages import (
-    MessageError,
-    read_object_pose,
-)
+from isotruss_ros.nodes.conversions.messages import check_frame, MessageError, read_pose
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
@@ -233,7 +230,8 @@ class Simulator(ManagedNode):
     def _place_object(self, message: PoseStamped) -> None:
         """Put the object elsewhere, free; the robot stays as it is."""
         try:
-            pose = read_object_pose(message, self.robot.frame)
+            check_frame('place_object', message.header, self.robot.frame)
+            pose = read_pose('place_object', message.pose)
         except MessageError as error:
             self.warn('place_object', str(error))
             return

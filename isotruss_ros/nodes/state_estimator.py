@@ -26,11 +26,7 @@ from isotruss_ros.nodes.components.robot_frame import RobotFrame
 from isotruss_ros.nodes.components.sensors import Inputs
 from isotruss_ros.nodes.conversions.estimate_messages import to_estimate_message
 from isotruss_ros.nodes.conversions.joint_state_messages import RollerStateReader
-from isotruss_ros.nodes.conversions.marker_messages import read_joint_markers
-from isotruss_ros.nodes.conversions.messages import (
-    read_object_pose,
-    read_stamp,
-)
+from isotruss_ros.nodes.conversions.messages import read_stamp
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
@@ -84,7 +80,7 @@ class StateEstimatorNode(ManagedNode):
     def configure(self) -> None:
         """Create publisher and subscriptions."""
         self._reader = RollerStateReader(self.robot.roller_names)
-        self._frame = RobotFrame.heard_by(self, self.robot.frame)
+        self._frame = RobotFrame.heard_by(self, self.robot)
         self.inputs = Inputs(self, self.robot, self)
         self.inputs.keep_tube_pressures()
         self._begin()
@@ -158,13 +154,12 @@ class StateEstimatorNode(ManagedNode):
         self._estimator.take_encoders(read_stamp(message.header), state.positions)
 
     def _take_pose(self, message: PoseStamped) -> None:
-        expressed, values = self._frame.express_pose(message), self.values
-        pose = read_object_pose(expressed, self.robot.frame)
+        pose, values = self._frame.read_pose(message), self.values
         deviations = values.pose_deviation, values.pose_deviation, values.angle_deviation
         self._estimator.take_pose(read_stamp(message.header), pose, deviations)
 
     def _take_markers(self, message: MultiDOFJointState) -> None:
-        joints = read_joint_markers(self._frame.express_markers(message), self.robot)
+        joints = self._frame.read_markers(message)
         deviation = self.values.marker_deviation
         self._estimator.take_markers(read_stamp(message.header), joints, deviation)
 

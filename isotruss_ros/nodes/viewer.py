@@ -143,7 +143,7 @@ class Viewer(StoppableNode):
 
     def _subscribe(self) -> None:
         picture = self.picture
-        self._frame = RobotFrame.heard_by(self, picture.robot.frame)
+        self._frame = RobotFrame.heard_by(self, picture.robot)
         for kind, topic, receive in (
             (JointState, 'joint_states', self._receive_joint_states),
             (PoseStamped, 'object_pose', self._receive_object_pose),
@@ -157,7 +157,7 @@ class Viewer(StoppableNode):
 
     def _receive_object_pose(self, message: PoseStamped, now: float) -> None:
         try:
-            self.picture.receive_object_pose(self._frame.express_pose(message), now)
+            self.picture.take_pose(self._frame.read_pose(message), now)
         except MessageError as error:
             self.warn('object_pose', str(error))
 
@@ -190,7 +190,7 @@ class Viewer(StoppableNode):
         if not picture.is_fresh('object_pose' if name == OBJECT else 'joint_states', now):
             return None
         if name == OBJECT:
-            return Pose(*picture.pose)
+            return picture.pose
         place = picture.robot.node_names.index(name)
         return Pose(*picture.config.nodes[place].tolist(), 0.0)
 

@@ -63,10 +63,9 @@ class Panels:
         self._count += 1
         if self._count % PLOT_EVERY:
             return
-        samples = [s for s in picture.samples if now - s.time <= HISTORY]
-        time = np.array([s.time - now for s in samples])
-        self._squeeze.data = trim_start(time, np.array([s.squeeze for s in samples]))
-        self._error.data = trim_start(time, 1e3 * np.array([s.error for s in samples]))
+        time, squeeze, error = np.array([s for s in picture.samples if now - s[0] <= HISTORY]).T
+        self._squeeze.data = trim_start(time - now, squeeze)
+        self._error.data = trim_start(time - now, 1e3 * error)
 
     def _add_plot(self, server: viser.ViserServer, name: str) -> viser.GuiUplotHandle:
         return server.gui.add_uplot(

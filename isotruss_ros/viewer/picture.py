@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 import math
 from typing import Any
 
-from isotruss_ros.core import Robot, Status
+from isotruss_ros.core import Pose, Robot, Status
 from isotruss_ros.core.kinematics.configuration import ConfigurationTracker
 from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array
@@ -43,37 +43,31 @@ NOTHING = (np.array([-1.0, 0.0]), np.array([np.nan, np.nan]))
 
 
 @dataclass
-class Sample:
-    """One point of the plots."""
-
-    time: float  #: [s]
-    squeeze: float  #: mean normal force of the grasping members [N]; NaN if unknown
-    error: float  #: distance of the object from its goal [m]; NaN without a goal
-
-
-@dataclass
 class Picture:
     """
     The latest messages, as the view needs them.
 
     :ivar config: its configuration by the last joint states.
-    :ivar pose: (x, y, angle) of the object [m, rad]; None before the first message.
+    :ivar pose: of the object; None before the first message.
     :ivar goal: (x, y) to which the object is dragged [m]; None without one.
     :ivar lines: points (k, 3) [m] of the markers by namespace and id: of lines, of the triangles
         of regions, the two ends of arrows.
-    :ivar samples: points of the plots.
+    :ivar samples: points of the plots: time [s], mean normal force of the grasping members [N],
+        distance of the object from its goal [m]; NaN where these are not known.
     """
 
     robot: Robot  #: the robot
     diameter: float  #: of the object [m]
     shape: Shape | None = None  #: of an object that is no disc of that diameter; None for that
-    pose: tuple[float, float, float] | None = None
+    pose: Pose | None = None
     goal: tuple[float, float] | None = None
     goal_report: str = ''  #: what becomes of the last goal, in words; empty before the first
     state: Any = None  #: last grasp/state; None before the first
     status: Any = None  #: last manipulation/status; None before the first
     lines: dict[tuple[str, int], Array] = field(default_factory=dict)
-    samples: deque[Sample] = field(default_factory=lambda: deque(maxlen=SAMPLES))
+    samples: deque[tuple[float, float, float]] = field(
+        default_factory=lambda: deque(maxlen=SAMPLES)
+    )
 
     def __post_init__(self) -> None:
         """Begin at home."""
@@ -112,7 +106,15 @@ class Picture:
         :param now: time of arrival [s].
         """
         position, q = message.pose.position, message.pose.orientation
-        pose = (position.x, position.y, 2.0 * math.atan2(q.z, q.w))
+        self.take_pose(Pose(position.x, position.y, 2.0 * math.atan2(q.z, q.w)), now)
+
+    def take_pose(self, pose: Pose, now: float) -> None:
+        """
+        Keep the pose of the object, unless it is none.
+
+        :param pose: in the robot's frame.
+        :param now: time of arrival [s].
+        """
         if all(map(math.isfinite, pose)):
             self.pose = pose
             self._received['object_pose'] = now
@@ -190,9 +192,9 @@ class Picture:
         sure = 'deviation not known' if math.isinf(deviation) else f'deviation {deviation:.1f} N'
         return f'{words}  \nsqueeze {squeeze:.1f} N, {sure}'
 
-    def sample(self, now: float) -> Sample:
+    def sample(self, now: float) -> None:
         """
-        Add a point to the plots and return it.
+        Add a point to the plots.
 
         :param now: as above [s].
         """
@@ -201,9 +203,7 @@ class Picture:
             squeeze = float(np.mean(self.state.squeeze))
         if self.goal is not None and self.pose is not None:
             error = math.dist(self.goal, self.pose[:2])
-        point = Sample(now, squeeze, error)
-        self.samples.append(point)
-        return point
+        self.samples.append((now, squeeze, error))
 
 
 def trim_start(time: Array, values: Array) -> tuple[Array, Array]:

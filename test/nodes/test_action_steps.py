@@ -27,6 +27,7 @@ from isotruss_msgs.msg import GraspState
 from isotruss_ros.core import ConvexObject, Ellipse, Pose
 from isotruss_ros.core.control.inputs import InputError, StampedInput
 from isotruss_ros.core.control.path_tracking import RETURN
+from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.planning.describe_plan import NEAR_SHARE
 from isotruss_ros.nodes.components import action_steps, grasp_sequences
 from isotruss_ros.nodes.components.action_steps import (
@@ -481,6 +482,19 @@ def test_inputs_that_stay_late_end_the_steps_as_not_ready(monkeypatch):
     with pytest.raises(InputError, match='command_timeout') as error:
         next(steps)
     assert find_outcome(error.value) is Outcome.NOT_READY
+
+
+@pytest.mark.parametrize(
+    ('error', 'outcome'),
+    [
+        (StepError(Outcome.NOT_HELD, 'lost'), Outcome.NOT_HELD),
+        (CancelledError('by the client'), Outcome.CANCELLED),
+        (GraspError('no such module'), Outcome.BAD_GOAL),
+        (ConfigurationError('too long'), Outcome.NO_MOTION_FOUND),
+    ],
+)
+def test_the_code_of_a_result_is_that_of_the_error(error, outcome):
+    assert find_outcome(error) is outcome
 
 
 @pytest.mark.parametrize(('age', 'outcome'), [(0.0, Outcome.NOT_HELD), (100.0, Outcome.NOT_READY)])

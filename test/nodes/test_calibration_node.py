@@ -13,8 +13,6 @@ from geometry_msgs.msg import Vector3
 from isotruss_msgs.srv import CalibrateStiffness
 from isotruss_ros.core import load_robot
 from isotruss_ros.nodes.calibration import Calibration
-from isotruss_ros.nodes.conversions.marker_messages import read_joint_markers, to_joint_markers
-from isotruss_ros.nodes.conversions.messages import MessageError
 from isotruss_ros.nodes.simulator import Simulator
 from manual_world import world
 from mujoco_worlds import needs_mujoco
@@ -22,7 +20,6 @@ import numpy as np
 from probe import maker, overrides, ROBOT
 import pytest
 from rclpy.parameter import Parameter
-from sensor_msgs.msg import MultiDOFJointState
 from std_srvs.srv import Trigger
 
 NAMES = ROBOT.topology.joint_names
@@ -93,25 +90,3 @@ def test_rollers_that_turn_are_refused(tmp_path):
         w.spin(1.0, lambda: w.probe.send_command([0.01] * 6))
         answer = w.call('calibrate_home', Trigger.Request())
     assert answer.message.startswith('the rollers turn')
-
-
-@pytest.mark.parametrize(
-    ('joints', 'frame', 'words'),
-    [
-        ({'W': (0.0, 0.0)}, 'truss', "joint marker 'W': must be one of P, Q"),
-        ({'P': (np.nan, 0.0)}, 'truss', 'joint marker P at .nan, 0.0.: must be finite'),
-        ({'P': (0.0, 0.0)}, 'map', "in frame 'map': must be 'truss'"),
-    ],
-)
-def test_markers_that_are_not_usable_are_refused(joints, frame, words):
-    message = to_joint_markers(joints)
-    message.header.frame_id = frame
-    with pytest.raises(MessageError, match=words):
-        read_joint_markers(message, ROBOT)
-
-
-def test_names_without_places_are_refused():
-    message = MultiDOFJointState(joint_names=['P'])
-    message.header.frame_id = 'truss'
-    with pytest.raises(MessageError, match='1 names and 0 transforms'):
-        read_joint_markers(message, ROBOT)

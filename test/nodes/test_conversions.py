@@ -8,9 +8,9 @@
 # language governing permissions and limitations under the License.
 
 """
-Every reader of messages: what it reads, and a table of the messages that it rejects.
+Every reader of messages: what it reads, and the messages that it rejects.
 
-That they are rejected is tested with the nodes, in `test_bad_messages`.
+What nodes do then is in `test_bad_messages`.
 """
 
 import math
@@ -29,6 +29,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from isotruss_msgs.msg import Contact, GraspState
 from isotruss_ros.core import Pose, tangent_center
+from isotruss_ros.nodes.components.robot_frame import RobotFrame
 from isotruss_ros.nodes.conversions.grasp_messages import (
     MAX_WRENCH,
     read_external_wrench,
@@ -38,11 +39,11 @@ from isotruss_ros.nodes.conversions.joint_state_messages import (
     read_tube_pressures,
     RollerStateReader,
 )
+from isotruss_ros.nodes.conversions.marker_messages import read_joint_markers, to_joint_markers
 from isotruss_ros.nodes.conversions.messages import (
     make_header,
     MessageError,
     read_angle,
-    read_object_pose,
     read_stamp,
     read_twist,
     to_pose_message,
@@ -53,7 +54,7 @@ import numpy as np
 from probe import DIAMETER, MODULE, N, ROBOT
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import JointState, MultiDOFJointState
 from std_msgs.msg import Header
 
 NAMES = list(ROBOT.roller_names)
@@ -73,31 +74,25 @@ def joint_states(**changes):
     return JointState(**({'name': NAMES, 'position': [0.0] * N} | changes))
 
 
-JOINT_STATES = (
-    {
-        f'position {v}': ({'position': [v] + [0.0] * (N - 1)}, 'finite, at most')
-        for v in (*BAD, *HUGE)
-    }
-    | {f'velocity {v}': ({'velocity': [v] * N}, 'must be at most') for v in (math.inf, *HUGE)}
-    | {
-        'empty': ({'name': [], 'position': []}, 'are missing'),
-        'no names': ({'name': []}, 'are missing'),
-        'no positions': ({'position': []}, '0 positions for 6 names'),
-        'renamed': ({'name': [f'{name}_joint' for name in NAMES]}, 'are missing'),
-        'one renamed': ({'name': ['', *NAMES[1:]]}, f'{NAMES[0]} are missing'),
-        'twice': ({'name': [*NAMES, NAMES[0]], 'position': [0.0] * (N + 1)}, 'named twice'),
-        'a name too few': ({'name': NAMES[:-1], 'position': [0.0] * (N - 1)}, 'are missing'),
-        'a position too few': ({'position': [0.0] * (N - 1)}, '5 positions for 6 names'),
-        'a velocity too few': ({'velocity': [0.0] * (N - 1)}, '5 velocities for 6 names'),
-        'other joints': (
-            {'name': [str(i) for i in range(MANY)], 'position': [0.0] * MANY},
-            'are missing',
-        ),
-        'many positions': ({'position': [0.0] * MANY}, f'{MANY} positions for 6 names'),
-        'strange names': ({'name': ['', '/', '\x01', 'ü' * 1000, NAMES[0], ' ']}, 'are missing'),
-        'subnormal and huge': ({'position': [5e-324, 1e300, *[0.0] * (N - 2)]}, 'finite'),
-    }
+@pytest.mark.parametrize(
+    ('changes', 'words'),
+    [
+        *(({'position': [v] + [0.0] * (N - 1)}, 'finite, at most') for v in (*BAD, *HUGE)),
+        *(({'velocity': [v] * N}, 'must be at most') for v in (math.inf, *HUGE)),
+        ({'name': []}, 'are missing'),
+        ({'position': []}, '0 positions for 6 names'),
+        ({'name': ['', *NAMES[1:]]}, f'rollers {NAMES[0]} are missing'),
+        ({'name': [*NAMES, NAMES[0]], 'position': [0.0] * (N + 1)}, 'named twice'),
+        ({'name': NAMES[:-1], 'position': [0.0] * (N - 1)}, 'are missing'),
+        ({'velocity': [0.0] * (N - 1)}, '5 velocities for 6 names'),
+        ({'name': list(map(str, range(MANY))), 'position': [0.0] * MANY}, 'are missing'),
+        ({'position': [0.0] * MANY}, f'{MANY} positions for 6 names'),
+    ],
 )
+def test_joint_states_that_cannot_be_are_rejected(changes, words):
+    with pytest.raises(MessageError, match=words) as error:
+        RollerStateReader(NAMES).read(joint_states(**changes))
+    assert len(str(error.value)) < 1000
 
 
 @given(
@@ -133,40 +128,74 @@ def object_pose(frame=FRAME, **changes):
     return PoseStamped(header=Header(frame_id=frame), pose=pose)
 
 
-POSES = (
-    {f'x {v}': ({'position': Point(x=v)}, 'must be finite, at most') for v in (*BAD, *HUGE)}
-    | {f'y {v}': ({'position': Point(y=v)}, 'must be finite, at most') for v in (*BAD, *HUGE)}
-    | {
-        f'w {v}': ({'orientation': Quaternion(w=v)}, 'norm')
-        for v in (*BAD, *HUGE, 0.0, 0.5, 5e-324)
-    }
-    | {
-        'z nan': ({'orientation': Quaternion(z=math.nan, w=1.0)}, 'norm'),
-        'norm 2': ({'orientation': Quaternion(x=1.0, y=1.0, z=1.0, w=1.0)}, 'norm 2'),
-        'frame': ({'frame': 'map'}, "in frame 'map': must be 'truss'"),
-        'long frame': ({'frame': 'x' * MANY}, "must be 'truss'"),
-        'no frame': ({'frame': ''}, "in frame '': must be 'truss'"),
-    }
+@pytest.mark.parametrize(
+    ('changes', 'words'),
+    [
+        *(({'position': Point(x=v)}, 'must be finite, at most') for v in (*BAD, *HUGE)),
+        *(({'position': Point(y=v)}, 'must be finite, at most') for v in (*BAD, *HUGE)),
+        *(({'orientation': Quaternion(w=v)}, 'norm') for v in (*BAD, *HUGE, 0.0, 0.5, 5e-324)),
+        ({'orientation': Quaternion(z=math.nan, w=1.0)}, 'norm'),
+        ({'orientation': Quaternion(x=1.0, y=1.0, z=1.0, w=1.0)}, 'norm 2'),
+        ({'frame': 'map'}, "in frame 'map': must be 'truss'"),
+        ({'frame': 'x' * MANY}, "must be 'truss'"),
+        ({'frame': ''}, "in frame '': must be 'truss'"),
+    ],
 )
+def test_poses_that_cannot_be_are_rejected(changes, words):
+    with pytest.raises(MessageError, match=words) as error:
+        RobotFrame(ROBOT).read_pose(object_pose(**changes))
+    assert len(str(error.value)) < 1000
 
 
 @given(numbers, numbers, st.floats(-3.0, 3.0))
 def test_poses_there_and_back(x, y, angle):
     message = PoseStamped(header=Header(frame_id=FRAME), pose=to_pose_message(Pose(x, y, angle)))
-    assert read_object_pose(message, FRAME) == pytest.approx((x, y, angle), abs=1e-12)
+    assert RobotFrame(ROBOT).read_pose(message) == pytest.approx((x, y, angle), abs=1e-12)
     assert read_angle(message.pose) == pytest.approx(angle, abs=1e-12)
+
+
+# Joints
+
+
+@pytest.mark.parametrize(
+    ('joints', 'words'),
+    [
+        ({'W': (0.0, 0.0)}, "joint marker 'W': must be one of P, Q"),
+        ({'P': (math.nan, 0.0)}, 'joint marker P at .nan, 0.0.: must be finite'),
+        ({'P': (0.0, -1e7)}, r'joint marker P at .*: must be finite, at most 1e\+06 m'),
+    ],
+)
+def test_markers_that_cannot_be_are_rejected(joints, words):
+    with pytest.raises(MessageError, match=words):
+        read_joint_markers(to_joint_markers(joints), ROBOT)
+
+
+def test_names_without_places_and_twice_are_rejected():
+    with pytest.raises(MessageError, match='1 names and 0 transforms'):
+        read_joint_markers(MultiDOFJointState(joint_names=['P']), ROBOT)
+    twice = to_joint_markers({'P': (0.0, 0.0), 'Q': (0.0, 0.0)})
+    twice.joint_names = ['P', 'P']
+    with pytest.raises(MessageError, match=r"'P': must be one of .*, each once"):
+        read_joint_markers(twice, ROBOT)
 
 
 # Twists
 
-TWISTS = (
-    {f'x {v}': (Twist(linear=Vector3(x=v)), 'finite') for v in BAD}
-    | {f'y {v}': (Twist(linear=Vector3(y=v)), 'finite') for v in BAD}
-    | {f'omega {v}': (Twist(angular=Vector3(z=v)), 'finite') for v in BAD}
-    | {f'z {v}': (Twist(linear=Vector3(z=v)), 'planar') for v in (*BAD, *HUGE, 5e-324)}
-    | {f'roll {v}': (Twist(angular=Vector3(x=v)), 'planar') for v in (*BAD, *HUGE)}
-    | {f'pitch {v}': (Twist(angular=Vector3(y=v)), 'planar') for v in (*BAD, *HUGE)}
+
+@pytest.mark.parametrize(
+    ('twist', 'words'),
+    [
+        *((Twist(linear=Vector3(x=v)), 'finite') for v in BAD),
+        *((Twist(linear=Vector3(y=v)), 'finite') for v in BAD),
+        *((Twist(angular=Vector3(z=v)), 'finite') for v in BAD),
+        *((Twist(linear=Vector3(z=v)), 'planar') for v in (*BAD, *HUGE, 5e-324)),
+        *((Twist(angular=Vector3(x=v)), 'planar') for v in (*BAD, *HUGE)),
+        *((Twist(angular=Vector3(y=v)), 'planar') for v in (*BAD, *HUGE)),
+    ],
 )
+def test_twists_that_cannot_be_are_rejected(twist, words):
+    with pytest.raises(MessageError, match=words):
+        read_twist(twist)
 
 
 @given(st.tuples(*[st.floats(allow_nan=False, allow_infinity=False)] * 3))
@@ -184,11 +213,16 @@ def wrench(frame=f'{FRAME}_object', **components):
     return WrenchStamped(header=Header(frame_id=frame), wrench=to_wrench_message(values))
 
 
-WRENCHES = {
-    f'{name} {v}': ({name: v}, 'must be finite, at most')
-    for name in ('fx', 'fy', 'm')
-    for v in (*BAD, *HUGE, 1.01 * MAX_WRENCH, -1.01 * MAX_WRENCH)
-} | {'frame': ({'frame': FRAME}, "in frame 'truss': must be in 'truss_object'")}
+@pytest.mark.parametrize('name', ['fx', 'fy', 'm'])
+@pytest.mark.parametrize('value', [*BAD, *HUGE, 1.01 * MAX_WRENCH, -1.01 * MAX_WRENCH])
+def test_wrenches_that_cannot_be_are_rejected(name, value):
+    with pytest.raises(MessageError, match='must be finite, at most'):
+        read_external_wrench(wrench(**{name: value}), FRAME)
+
+
+def test_a_wrench_about_another_origin_is_rejected():
+    with pytest.raises(MessageError, match="in frame 'truss': must be in 'truss_object'"):
+        read_external_wrench(wrench(FRAME), FRAME)
 
 
 @pytest.mark.parametrize('frame', ['', f'{FRAME}_object'])

@@ -114,6 +114,16 @@ def test_the_service_stops_and_responds_with_the_reason():
         w.until_code(Status.OK, w.probe.send_all)
 
 
+def test_the_service_fails_where_a_drive_has_not_received_zero():
+    with world(node()) as w:
+        w.until_code(Status.OK, w.probe.send_all)
+        w.nodes[1]._commands.wait_for_subscribers = lambda: False
+        response = w.call('emergency_stop', Trigger.Request())
+        assert not response.success
+        assert 'not every subscriber has acknowledged it; stopped by' in response.message
+        assert_stays_stopped(w)
+
+
 @pytest.mark.parametrize('events', [[(1, 0), (0, 1)], [(1, 1)]], ids=['in two', 'in one'])
 def test_a_publisher_that_left_before_its_message_counts_as_a_stop(events):
     with world(node()) as w:

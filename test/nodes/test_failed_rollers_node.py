@@ -21,12 +21,11 @@ from isotruss_ros.core.safety.margins import shape_margins
 from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.simulator import Simulator
 from lifecycle_msgs.msg import Transition
-from manual_world import check_refused, DOWN, Manager, UP, world
+from manual_world import DOWN, Manager, UP, world
 from matches import follow
 import numpy as np
 from probe import CENTER, DIAMETER, LATCHED, maker, MODULE, overrides, ROBOT
 import pytest
-from rclpy.parameter import Parameter
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
@@ -97,16 +96,6 @@ def test_diagnostics_list_failed_rollers_and_reachable_twists():
         w.until(told, w.probe.send_all)
         w.until(lambda: w.report('manipulation').level == DiagnosticStatus.WARN, w.probe.send_all)
         assert FIRST in w.report('manipulation').message
-
-
-def test_names_that_the_robot_does_not_have_are_refused():
-    check_refused(node(failed_rollers=['nobody']), 'no such roller')
-    with world(node()) as w:
-        change = [Parameter('failed_rollers', value=[FIRST, 'nobody'])]
-        result = w.nodes[1].set_parameters(change)[0]
-        assert not result.successful
-        assert 'nobody' in result.reason
-        until_failed(w)
 
 
 def test_the_topic_names_failed_rollers_to_late_joiners_too():

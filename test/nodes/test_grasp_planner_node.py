@@ -224,6 +224,8 @@ def test_the_result_has_the_grasps_and_trajectories_that_can_be_followed():
     assert (result.code, result.message) == (Result.FOUND, 'found')
     assert result.violated_requirement == ''
     assert_same(result, plan)
+    for name in ('evaluations', 'analyses', 'computing_time'):
+        assert getattr(result, name) == getattr(plan, name) > 0, name
     fastest = ROBOT.description.max_speed
     for grasp, expected in zip(result.grasps, plan.grasps, strict=True):
         assert read_roller_trajectory(grasp.path, ROBOT).duration > 0.0

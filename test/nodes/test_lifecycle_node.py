@@ -170,9 +170,3 @@ def test_the_analysis_reports_what_it_lacks():
         w.until_code(GraspState.OK, send, 'state')
         w.until(lambda: w.report('grasp_analysis').level == DiagnosticStatus.OK, send)
         w.until(lambda: int(w.detail('cycles', 'grasp_analysis')) > 10, send)
-
-
-def test_the_simulator_reports_that_it_is_active():
-    with world(lambda: Simulator()) as w:
-        w.until(lambda: w.report('simulator').message == 'active')
-        assert w.report('simulator').level == DiagnosticStatus.OK

@@ -7,24 +7,26 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""The manipulation node with objects and grips of any members, its inputs faked."""
+"""Manipulation with a grip of any members, its inputs faked, and with a squeeze, simulated."""
 
-from boxes import ANGLE, BOX, box_between, SIDES
+from boxes import BOX, box_between, SIDES
 from geometry_msgs.msg import PoseStamped
+from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.core import Pose, Status
 from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message
 from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.simulator import Simulator
 from manual_world import world
 import numpy as np
-from probe import maker, overrides
+from probe import maker, overrides, ROBOT
 import pytest
 
+FORCE, RATE, FRICTION = 30.0, 20.0, 0.9
 TWIST = (0.01, 0.01, 0.0)
 
 
 #: The robot holds the box between two sides.
-node = maker(Manipulation, failure_time=0.0, object=BOX, grip=list(SIDES), command_timeout=5.0)
+holding = maker(Manipulation, failure_time=0.0, object=BOX, grip=list(SIDES), command_timeout=5.0)
 
 
 def send(w, twist=TWIST, moved=(0.0, 0.0, 0.0)):
@@ -42,7 +44,7 @@ def send(w, twist=TWIST, moved=(0.0, 0.0, 0.0)):
 
 
 def test_moves_the_box_and_halts_where_the_grip_is_another():
-    with world(node()) as w:
+    with world(holding()) as w:
         status = w.until_code(Status.OK, send(w))
         assert status.achieved.linear.x == pytest.approx(TWIST[0], abs=1e-9)
         assert status.achieved.linear.y == pytest.approx(TWIST[1], abs=1e-9)
@@ -58,26 +60,66 @@ def test_moves_the_box_and_halts_where_the_grip_is_another():
         assert 'does not touch' in status.message
         (refused,) = manipulation.set_parameters(overrides(grip=['south/P-Q']))
         assert not refused.successful
-        assert '2 or 3 different' in refused.reason
+        assert 'two or three different members' in refused.reason
 
 
-def test_squeezes_the_box_in_the_elastic_plant_and_turns_it():
-    shared = {'object': BOX, 'grip': list(SIDES), 'rate': 20.0, 'command_timeout': 5.0}
-    start = {'plant': 'elastic', 'object_angle': ANGLE, 'indentation': 0.02}
-    with world(
-        lambda: Simulator(overrides(**shared, **start)),
-        lambda: Manipulation(overrides(**shared, squeeze_force=22.0)),
-    ) as w:
-        plant = w.nodes[1]
-        still = (0.0, 0.0, 0.0)
-        w.until_code(Status.OK, lambda: w.probe.send_twist(still))
+def plant():
+    """Return the elastic plant with an object in its grip."""
+    return Simulator(overrides(plant='elastic', friction=FRICTION, indentation=0.05, rate=RATE))
+
+
+squeezing = maker(Manipulation, squeeze_force=FORCE, friction=FRICTION, rate=RATE)
+
+
+def test_the_squeeze_is_regulated_while_the_object_stays_and_moves():
+    with world(plant, squeezing()) as w:
+        simulator = w.nodes[1]
+        w.until(lambda: w.probe.last('pose') is not None)
+        start = w.place()
+
+        def squeezed():
+            return simulator._elastic.grasp.squeeze == pytest.approx(FORCE, rel=5e-3)
+
+        assert not squeezed()
+        w.until(squeezed, lambda: w.probe.send_twist((0.0, 0.0, 0.0)))
+        assert w.probe.last('status').code == ManipulationStatus.OK
+        assert w.place()[:2] == pytest.approx(start[:2], abs=3e-3)
         w.until(
-            lambda: abs(plant._elastic.grasp.squeeze - 22.0) < 0.3,
-            lambda: w.probe.send_twist(still),
+            lambda: w.place()[0] > start[0] + 0.02,
+            lambda: w.probe.send_twist((0.02, 0.0, 0.0)),
         )
-        turned = plant._elastic.grasp.pose.angle
+        assert simulator._elastic.grasp.squeeze == pytest.approx(FORCE, rel=0.02)
+        assert w.place()[1] == pytest.approx(start[1], abs=3e-3)
+
+
+def test_what_is_not_held_is_not_moved():
+    with world(plant, squeezing(friction=0.3)) as w:
         w.until(
-            lambda: plant._elastic.grasp.pose.angle - turned > 0.03,
-            lambda: w.probe.send_twist((0.0, 0.0, 0.1)),
+            lambda: (
+                (status := w.probe.last('status')) is not None
+                and status.code == ManipulationStatus.HALT_NOT_HELD
+            ),
+            lambda: w.probe.send_twist((0.02, 0.0, 0.0)),
         )
-        assert plant._elastic.grasp.squeeze == pytest.approx(22.0, abs=1.0)
+        assert 'friction' in w.probe.last('status').message
+
+
+def test_pressures_that_are_old_or_bad_halt_and_good_ones_go_on():
+    with world(plant, squeezing(pressure_timeout=0.5)) as w:
+
+        def still():
+            w.probe.send_twist((0.0, 0.0, 0.0))
+
+        def send(pressure):
+            still()
+            w.probe.send_pressures([pressure] * len(ROBOT.description.pressures))
+
+        w.until_code(ManipulationStatus.OK, still)
+        w.until_code(ManipulationStatus.OK, lambda: send(30e3))
+        w.spin(0.2, lambda: send(30e3))
+        assert set(w.nodes[2]._servo.squeeze.grasp.tubes.pressure) == {30e3}
+        w.until_code(ManipulationStatus.HALT_STALE_TUBE_PRESSURES, still)
+        w.until_code(ManipulationStatus.OK, lambda: send(30e3))
+        w.until_code(ManipulationStatus.HALT_INVALID_TUBE_PRESSURES, lambda: send(-1.0))
+        assert 'must be a positive number' in w.probe.last('status').message
+        w.until_code(ManipulationStatus.OK, lambda: send(30e3))

@@ -10,11 +10,16 @@
 """The simulator with MuJoCo as its plant: held, pulled at, dropped, under gravity."""
 
 import importlib
+import math
 import sys
+from types import SimpleNamespace
 
 from geometry_msgs.msg import PoseStamped
+from isotruss_ros.core import ConvexObject, RollerFaults
 from isotruss_ros.mujoco_plant import options
+from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.recording import read_recording
+from isotruss_ros.nodes.components import mujoco_object
 from isotruss_ros.nodes.conversions.messages import read_stamp
 from isotruss_ros.nodes.simulator import Simulator
 from manual_world import check_refused, world
@@ -153,6 +158,26 @@ def test_rollers_block_before_a_shape_that_the_robot_cannot_take():
         assert simulator.active
         blocked = w.travel()[0]
         w.until(lambda: w.travel()[0] < blocked - 0.05, drive(w, -inward))
+
+
+@pytest.mark.parametrize('sim_time', [False, True])
+def test_every_parameter_of_the_plant_reaches_it(monkeypatch, sim_time):
+    given = {
+        'friction': 0.7,
+        'object_mass': 0.3,
+        'module_mass': 2.0,
+        'ground_friction': 0.1,
+        'module_friction': 0.2,
+        'roller_lag': 0.05,
+        'roller_force': 90.0,
+    }
+    others = {'gravity_x': 1.0, 'gravity_y': -2.0, 'object_is_free': True, 'seed': 7}
+    monkeypatch.setattr(mujoco_object, 'DrivenRobot', lambda *given: given)
+    body, faults = ConvexObject.disc(CENTER, 0.3), RollerFaults(0.1)
+    values = SimpleNamespace(**given, **others)
+    made = mujoco_object.make_driven_robot(ROBOT, body, values, faults, sim_time)
+    options = PlantOptions(**given, gravity=(1.0, -2.0))
+    assert made == (ROBOT, body, True, options, faults, 7, math.inf if sim_time else 0.1)
 
 
 def test_without_mujoco_it_is_refused_in_one_sentence(monkeypatch):

@@ -18,6 +18,7 @@ from geometry_msgs.msg import PoseStamped, Quaternion, Twist, TwistStamped
 from isotruss_msgs.action import FollowObjectPath
 from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.core import Pose, Status
+from isotruss_ros.nodes import path_follower
 from isotruss_ros.nodes.conversions.messages import (
     make_header,
     read_stamp,
@@ -122,6 +123,8 @@ def test_carries_the_object_to_the_end_of_the_path():
         assert abs((w.place() - wanted)[2]) < 0.1
         assert 0.0 < result.rms_position_error < result.max_position_error < 0.02
         assert result.position_error <= result.max_position_error
+        assert 0.0 < result.angle_error <= result.max_angle_error < 0.1
+        assert all(each.position_error > 0.0 < each.angle_error for each in handle.feedback[1:])
         # Feedback: about 10 Hz, forward, and the time it takes.
         progress = [message.progress for message in handle.feedback]
         assert len(progress) > 10
@@ -387,6 +390,29 @@ def test_aborts_when_simulated_time_stops_or_jumps_back():
         w.until(lambda: not client.moves(), lambda: w.probe.tick(next(times)))
         status, result = client.result(handle, lambda: w.probe.tick(next(times)))
         assert (status, result.code) == (GoalStatus.STATUS_ABORTED, Result.STOPPED)
+
+
+def test_every_parameter_of_the_tracking_reaches_it(monkeypatch):
+    made = {}
+
+    def keep(name):
+        before = getattr(path_follower, name)
+        monkeypatch.setattr(
+            path_follower, name, lambda *given: made.update({name: given}) or before(*given)
+        )
+
+    keep('TrackingSettings')
+    keep('read_object_path')
+    gains = {'position_gain': 1.1, 'angle_gain': 1.2, 'ramp_time': 0.3, 'progress_timeout': 9.0}
+    with world(lambda: PathFollower(overrides(smooth_path=True, **gains))) as w:
+        tell = fake(w)
+        w.spin(0.2, tell)
+        fields = {'speed': 0.04, 'turn_rate': 0.2, 'position_tolerance': 0.02}
+        Client(w).send(goal(UP, begin=PROBED, angle_tolerance=0.05, **fields), tell)
+    assert made['TrackingSettings'] == (0.02, 0.05, *gains.values())
+    _, speed, turn_rate, _, smooth, start = made['read_object_path']
+    assert (speed, turn_rate, smooth) == (0.04, 0.2, True)
+    assert start == pytest.approx(PROBED)
 
 
 def test_gains_can_be_changed_while_it_runs_and_count_from_the_next_goal():

@@ -18,8 +18,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from isotruss_ros.nodes.components import robot_frame
 from isotruss_ros.nodes.components.robot_frame import RobotFrame
-from isotruss_ros.nodes.conversions.marker_messages import read_joint_markers, to_joint_markers
-from isotruss_ros.nodes.conversions.messages import MessageError, read_object_pose
+from isotruss_ros.nodes.conversions.marker_messages import to_joint_markers
+from isotruss_ros.nodes.conversions.messages import MessageError
 import numpy as np
 from probe import ROBOT
 import pytest
@@ -76,8 +76,8 @@ def test_a_pose_measured_from_anywhere_is_where_it_is(turn, shift, x, y, angle):
     true = np.array([x, y, 0.3])
     measured = turn.inv().apply(true - shift)
     seen = turn.inv() * Rotation.from_euler('z', angle)
-    frame = RobotFrame('truss', Buffer(turn, shift))
-    found = read_object_pose(frame.express_pose(pose(measured, seen)), 'truss')
+    frame = RobotFrame(ROBOT, Buffer(turn, shift))
+    found = frame.read_pose(pose(measured, seen))
     assert found == pytest.approx((x, y, angle), abs=1e-9)
 
 
@@ -85,60 +85,69 @@ def test_a_pose_measured_from_anywhere_is_where_it_is(turn, shift, x, y, angle):
 def test_markers_measured_from_anywhere_are_where_they_are(turn, shift):
     true = {name: np.append(ROBOT.home.nodes[NAMES.index(name)], 0.1) for name in 'PQZ'}
     measured = {name: turn.inv().apply(place - shift) for name, place in true.items()}
-    frame = RobotFrame('truss', Buffer(turn, shift))
-    found = read_joint_markers(frame.express_markers(markers(measured)), ROBOT)
+    frame = RobotFrame(ROBOT, Buffer(turn, shift))
+    found = frame.read_markers(markers(measured))
     for name, place in true.items():
         assert found[name] == pytest.approx(place[:2], abs=1e-9)
 
 
 def test_the_transform_is_that_at_the_stamp():
     buffer = Buffer(Rotation.identity())
-    frame = RobotFrame('truss', buffer)
-    frame.express_pose(pose((0.0, 0.0, 0.0), Rotation.identity()))
-    frame.express_markers(markers({'P': (0.0, 0.0, 0.0)}))
+    frame = RobotFrame(ROBOT, buffer)
+    frame.read_pose(pose((0.0, 0.0, 0.0), Rotation.identity()))
+    frame.read_markers(markers({'P': (0.0, 0.0, 0.0)}))
     assert buffer.asked == 2 * [('truss', 'camera', 12_500_000_000)]
 
 
-def test_what_is_in_the_frame_of_the_robot_stays_as_it_is():
-    frame = RobotFrame('truss')
-    placed, marked = pose((1.0, 2.0, 0.0), UPRIGHT, 'truss'), markers({}, 'truss')
-    assert frame.express_pose(placed) is placed
-    assert frame.express_markers(marked) is marked
+def test_what_is_in_the_frame_of_the_robot_is_taken_as_it_is_whatever_its_height():
+    frame, turned = RobotFrame(ROBOT), Rotation.from_euler('z', 0.4)
+    placed = frame.read_pose(pose((1.0, 2.0, math.nan), turned, 'truss'))
+    assert placed == pytest.approx((1.0, 2.0, 0.4))
+    marked = markers({'P': (1.0, 2.0, math.nan)}, 'truss')
+    assert frame.read_markers(marked) == {'P': (1.0, 2.0)}
 
 
 @pytest.mark.parametrize('degrees', [4.0, 6.0, 90.0, 180.0])
 def test_a_planar_pose_in_a_tilted_frame_is_refused_by_name(degrees):
-    frame = RobotFrame('truss', Buffer(Rotation.from_euler('x', degrees, degrees=True)))
+    frame = RobotFrame(ROBOT, Buffer(Rotation.from_euler('x', degrees, degrees=True)))
     planar = pose((1.0, 2.0, 0.0), Rotation.from_euler('z', 0.4))
     if degrees < 5.0:
-        assert frame.express_pose(planar).header.frame_id == 'truss'
+        assert frame.read_pose(planar)[0] == pytest.approx(1.0)
         return
     words = f"object pose in frame 'camera': tilted by {degrees:.0f} degrees out of the plane"
     with pytest.raises(MessageError, match=words):
-        frame.express_pose(planar)
+        frame.read_pose(planar)
 
 
 def test_planar_markers_in_a_tilted_frame_are_refused_by_name():
-    frame = RobotFrame('truss', Buffer(UPRIGHT))
+    frame = RobotFrame(ROBOT, Buffer(UPRIGHT))
     with pytest.raises(MessageError, match="joint markers in frame 'camera': tilted by 90"):
-        frame.express_markers(markers({'P': (1.0, 2.0, 0.0), 'Q': (0.5, 0.5, 0.0)}))
+        frame.read_markers(markers({'P': (1.0, 2.0, 0.0), 'Q': (0.5, 0.5, 0.0)}))
+
+
+def test_heights_that_are_no_numbers_are_refused_where_they_count():
+    frame = RobotFrame(ROBOT, Buffer(UPRIGHT))
+    with pytest.raises(MessageError, match=r'object pose at .*: must be finite'):
+        frame.read_pose(pose((1.0, 2.0, math.nan), UPRIGHT.inv()))
+    with pytest.raises(MessageError, match=r'joint marker P at .*: must be finite'):
+        frame.read_markers(markers({'P': (1.0, 2.0, math.nan)}))
 
 
 def test_a_frame_that_tf2_does_not_connect_is_named_with_the_reason():
-    frame = RobotFrame('truss', Buffer(Rotation.identity()))
+    frame = RobotFrame(ROBOT, Buffer(Rotation.identity()))
     with pytest.raises(MessageError, match=r"'elsewhere': tf2 does not connect it .*two"):
-        frame.express_pose(pose((0.0, 0.0, 0.0), Rotation.identity(), 'elsewhere'))
+        frame.read_pose(pose((0.0, 0.0, 0.0), Rotation.identity(), 'elsewhere'))
 
 
 @pytest.mark.skipif(robot_frame.Buffer is not None, reason='tf2 is at hand')
 def test_without_tf2_frames_must_match_and_the_error_says_so():
-    frame = RobotFrame.heard_by(None, 'truss')
-    for express, message in (
-        (frame.express_pose, pose((0.0, 0.0, 0.0), Rotation.identity())),
-        (frame.express_markers, markers({})),
+    frame = RobotFrame.heard_by(None, ROBOT)
+    for read, message in (
+        (frame.read_pose, pose((0.0, 0.0, 0.0), Rotation.identity())),
+        (frame.read_markers, markers({})),
     ):
         with pytest.raises(MessageError, match=r"'camera': must be 'truss'; tf2_ros.*not install"):
-            express(message)
+            read(message)
 
 
 def test_with_tf2_the_node_listens_as_long_as_the_frame_is_kept(monkeypatch):
@@ -147,10 +156,10 @@ def test_with_tf2_the_node_listens_as_long_as_the_frame_is_kept(monkeypatch):
     monkeypatch.setattr(
         robot_frame, 'TransformListener', lambda *made: kept.append(made) or made, raising=False
     )
-    frame = RobotFrame.heard_by('node', 'truss')
+    frame = RobotFrame.heard_by('node', ROBOT)
     ((buffer, node),) = kept
     assert node == 'node'
-    frame.express_pose(pose((0.0, 0.0, 0.0), Rotation.identity()))
+    frame.read_pose(pose((0.0, 0.0, 0.0), Rotation.identity()))
     assert buffer.asked
 
 
@@ -159,7 +168,7 @@ def test_what_is_no_rotation_is_refused_and_never_a_fault(turn, quaternion):
     message = pose((0.0, 0.0, 0.0), Rotation.identity())
     message.pose.orientation = Quaternion(**dict(zip('xyzw', quaternion, strict=True)))
     try:
-        read_object_pose(RobotFrame('truss', Buffer(turn)).express_pose(message), 'truss')
+        RobotFrame(ROBOT, Buffer(turn)).read_pose(message)
     except MessageError:
         return
     assert math.hypot(*quaternion) == pytest.approx(1.0, abs=0.02)

@@ -7,19 +7,23 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Nodes as processes run them: cycles by the clock, other callbacks before each."""
+"""Nodes as processes run them: cycles by the clock, other callbacks before each, newest inputs."""
 
 import subprocess
 import sys
 import time
+from types import SimpleNamespace
 
-from geometry_msgs.msg import Twist
-from isotruss_ros.nodes.framework.cycle import PacedExecutor
+from geometry_msgs.msg import PoseStamped, Twist
+from isotruss_ros.nodes.framework.cycle import Cycle, PacedExecutor
+from isotruss_ros.nodes.framework.topics import NEWEST, subscribe_newest, take_waiting
 from isotruss_ros.nodes.manipulation import Manipulation
 from probe import begin_context, Probe
 import pytest
 import rclpy
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
+from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
 START = """
@@ -127,3 +131,64 @@ def test_an_error_of_a_callback_reaches_the_caller(nodes):
     node.create_timer(0.001, fail)
     with pytest.raises(ArithmeticError, match='of a timer'):
         until(executor, probe, lambda: False)
+
+
+def test_a_cycle_begins_with_the_time_that_waits_behind_other_messages():
+    begin_context()
+    node = rclpy.create_node('cycle', parameter_overrides=[Parameter('use_sim_time', value=True)])
+    other, arrived, seen = rclpy.create_node('witness'), [], []
+    other.create_subscription(Clock, '/clock', arrived.append, 10)
+    node.values = SimpleNamespace(rate=100.0, command_timeout=1.0)
+    cycle = Cycle(node, seen.append, lambda: None)
+    message = Clock()
+    message.clock.sec = 7
+    publisher = other.create_publisher(Clock, '/clock', 10)
+    while node.get_clock().now().nanoseconds == 0 and len(seen) < 1000:
+        publisher.publish(message)
+        rclpy.spin_once(other)
+        # No executor delivers it.
+        cycle.run()
+    assert seen[-1] == 7.0
+    node.destroy_node()
+    other.destroy_node()
+    rclpy.shutdown()
+
+
+@pytest.fixture
+def topic():
+    """Publish 0 to 4 on a topic; return its subscription, what that has seen, and an executor."""
+    begin_context()
+    node, seen, arrived = rclpy.create_node('listener'), [], []
+    subscription = subscribe_newest(
+        node, PoseStamped, 'poses', lambda message: seen.append(message.pose.position.x)
+    )
+    other = rclpy.create_node('witness')
+    other.create_subscription(PoseStamped, 'poses', arrived.append, 10)
+    publisher = other.create_publisher(PoseStamped, 'poses', 10)
+    message = PoseStamped()
+    for number in range(5):
+        message.pose.position.x = float(number)
+        publisher.publish(message)
+    while len(arrived) < 5:
+        rclpy.spin_once(other)
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    yield subscription, seen, executor
+    node.destroy_node()
+    other.destroy_node()
+    rclpy.shutdown()
+
+
+def test_the_newest_message_counts(topic):
+    _subscription, seen, executor = topic
+    for _ in range(5):
+        executor.spin_once(timeout_sec=0.1)
+    assert seen == [4.0]
+
+
+def test_what_waits_can_be_discarded(topic):
+    subscription, seen, executor = topic
+    assert len(take_waiting([], subscription, NEWEST.depth)) == NEWEST.depth
+    for _ in range(5):
+        executor.spin_once(timeout_sec=0.1)
+    assert not seen

@@ -9,20 +9,14 @@
 
 """The simulator node, and both nodes together, under an executor in this process."""
 
-import math
-
-from isotruss_ros.core import (
-    ConvexObject,
-    Grip,
-    RollingGrip,
-    Status,
-)
+from isotruss_ros.core import RollerFaults, SimulatedRobot, Status
+from isotruss_ros.nodes import simulator
 from isotruss_ros.nodes.conversions.messages import read_stamp
 from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.simulator import Simulator
 from manual_world import world
 import numpy as np
-from probe import CENTER, DIAMETER, maker, MODULE, N, overrides, planar, ROBOT
+from probe import CENTER, maker, N, overrides, planar, ROBOT
 import pytest
 
 SPEED = 0.02
@@ -92,59 +86,17 @@ def test_a_command_that_is_not_renewed_ends():
         assert w.travel()[0] == stopped
 
 
-@pytest.mark.parametrize(
-    'data', [[math.nan] * N, [math.inf] + [0.0] * (N - 1), [0.01] * (N + 1), [0.01], []]
-)
-def test_stops_on_a_command_that_means_nothing_and_goes_on_after(data):
-    with world(node(command_timeout=5.0)) as w:
-        w.until(lambda: w.travel()[0] > 0.0, lambda: w.probe.send_command(only(0)))
-        w.until(
-            lambda: w.probe.last('joints').velocity[0] == 0.0, lambda: w.probe.send_command(data)
-        )
-        stopped = w.travel()
-        assert np.isfinite(stopped).all()
-        w.until(lambda: w.travel()[0] > stopped[0], lambda: w.probe.send_command(only(0)))
+def test_every_fault_of_the_rollers_reaches_them(monkeypatch):
+    made = []
 
+    def make(*given):
+        made.append(given[2:])
+        return SimulatedRobot(*given)
 
-def test_a_stuck_roller_does_not_move():
-    stuck = ROBOT.roller_names[2]
-    with world(node(stuck_roller=stuck)) as w:
-        w.until(lambda: w.travel()[1] > 0.001, lambda: w.probe.send_command([SPEED] * N))
-        assert w.travel()[2] == 0.0
-        assert w.probe.last('joints').velocity[2] == 0.0
-
-
-def test_rollers_are_not_quicker_than_their_limit():
-    with world(node(speed_limit=0.01)) as w:
-        w.until(lambda: w.travel()[1] > 0.001, lambda: w.probe.send_command(only(1, 5.0)))
-        assert w.probe.last('joints').velocity[1] == 0.01
-
-
-def test_noise_is_added_on_request():
-    with world(node(roller_noise=0.005)) as w:
-        w.until(
-            lambda: len({round(m.velocity[1], 12) for _, m in w.probe.seen['joints']}) > 10,
-            lambda: w.probe.send_command(only(1)),
-        )
-        assert not w.travel()[[0, 2, 3, 4, 5]].any()
-
-
-def test_encoders_do_not_measure_slip():
-    with world(node(roller_slip=0.3)) as w:
-        w.until(lambda: w.travel()[1] > 0.01, lambda: w.probe.send_command(only(1)))
-        joints, pose = w.probe.last('joints'), w.probe.last('pose').pose
-        assert joints.velocity[1] == pytest.approx(SPEED)
-        held = RollingGrip.attach(
-            ROBOT.home, Grip.at_module(ROBOT, MODULE, ConvexObject.disc(CENTER, DIAMETER))
-        )
-
-        def there(travelled):
-            return held.moved_to(ROBOT.configuration(travelled)).pose[:2]
-
-        went = np.subtract((pose.position.x, pose.position.y), CENTER)
-        told = np.subtract(there(np.array(joints.position)), CENTER)
-        share = np.linalg.norm(went) / np.linalg.norm(told)
-        assert 1.0 - 1.5 * 0.3 < share < 1.0 - 0.4 * 0.3
+    monkeypatch.setattr(simulator, 'SimulatedRobot', make)
+    faults = {'speed_limit': 0.3, 'roller_noise': 0.002, 'roller_slip': 0.1}
+    with world(node(stuck_roller='north/Z', seed=7, **faults)):
+        assert made == [(RollerFaults(0.3, 0.002, frozenset({'north/Z'}), 0.1), 7)]
 
 
 def test_blocks_at_impossible_configurations_and_continues():
@@ -179,12 +131,3 @@ def test_both_nodes_move_the_object_by_the_integral_of_the_twists():
         elapsed = times[last] - times[first]
         assert elapsed > 0.5
         assert path[last] - path[first] == pytest.approx(np.array(velocity) * elapsed, abs=1e-4)
-
-
-def test_a_stuck_roller_bounds_the_motion():
-    with world(
-        lambda: Simulator(overrides(stuck_roller=ROBOT.roller_names[0])), lambda: Manipulation()
-    ) as w:
-        w.spin(1.0, w.probe.send_twist)
-        assert w.travel()[0] == 0.0
-        assert np.abs(w.travel()).max() < 1.5 * ROBOT.description.max_speed

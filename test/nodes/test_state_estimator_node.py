@@ -11,11 +11,18 @@
 
 from geometry_msgs.msg import PoseStamped, Transform, TransformStamped, Vector3
 from isotruss_msgs.msg import StateEstimate
+from isotruss_ros.core.control import state_estimate
 from isotruss_ros.core.control.state_estimator import StateEstimator
+from isotruss_ros.nodes import state_estimator
 from isotruss_ros.nodes.components import robot_frame
-from isotruss_ros.nodes.conversions.estimate_messages import read_estimate
+from isotruss_ros.nodes.conversions.estimate_messages import read_estimate, to_estimate_message
 from isotruss_ros.nodes.conversions.marker_messages import to_joint_markers
-from isotruss_ros.nodes.conversions.messages import make_header, MessageError
+from isotruss_ros.nodes.conversions.messages import (
+    make_header,
+    MessageError,
+    read_pose,
+    read_stamp,
+)
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.simulator import Simulator
@@ -25,6 +32,7 @@ import numpy as np
 import probe
 from probe import maker, N, overrides, ROBOT
 import pytest
+from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState, MultiDOFJointState
 
 NAMES = ROBOT.topology.joint_names
@@ -74,6 +82,19 @@ def test_joints_of_a_robot_with_wrong_zeros_are_found():
     assert not found.held
 
 
+def test_what_is_known_of_the_robot_is_what_the_parameters_say(monkeypatch):
+    made = []
+
+    def make(robot, settings):
+        made.append(settings)
+        return StateEstimator(robot, settings)
+
+    monkeypatch.setattr(state_estimator, 'StateEstimator', make)
+    with world(estimator(zero_deviation=0.002, slip=0.03, stiffness_deviation=0.2)):
+        expected = state_estimate.EstimatorSettings(zeros=0.002, slip=0.03, stiffness=0.2)
+        assert made[-1] == expected
+
+
 def test_late_swapped_and_missing_markers_do_not_spoil_it():
     places = dict(zip(NAMES, ROBOT.home.nodes[: len(NAMES)].tolist(), strict=True))
     with world(estimator()) as w:
@@ -121,7 +142,7 @@ def test_markers_and_poses_are_taken_from_any_frame_that_is_connected(monkeypatc
     monkeypatch.setattr(robot_frame, 'TransformListener', lambda *made: made, raising=False)
     places = dict(zip(NAMES, (ROBOT.home.nodes[: len(NAMES)] - (0.1, 0.0)).tolist(), strict=True))
     taken = []
-    monkeypatch.setattr(StateEstimator, 'take_pose', lambda *given: taken.append(given[2]))
+    monkeypatch.setattr(StateEstimator, 'take_pose', lambda *given: taken.append(given[2:]))
     with world(estimator()) as w:
         markers = listen(w)
         poses = w.probe.create_publisher(PoseStamped, 'object_pose', 10)
@@ -138,7 +159,22 @@ def test_markers_and_poses_are_taken_from_any_frame_that_is_connected(monkeypatc
         found = last_estimate(w)
     assert found.used_joints == sorted(NAMES)
     assert np.abs(found.offsets).max() < 2e-4
-    assert taken[-1] == pytest.approx((0.1, 0.0, 0.0))
+    pose, deviations = taken[-1]
+    assert pose == pytest.approx((0.1, 0.0, 0.0))
+    assert deviations == (1e-3, 1e-3, 0.009)
+
+
+def test_pressures_that_are_old_are_told_and_the_estimate_goes_on():
+    with world(estimator(pressure_timeout=0.3)) as w:
+        listen(w)
+        w.spin(0.1, lambda: (w.probe.send_joints(), w.probe.send_pressures([3e4] * 3)))
+        w.until(lambda: w.report('state_estimator').message == 'estimating', w.probe.send_joints)
+        w.until(
+            lambda: 'pressure_timeout' in w.report('state_estimator').message, w.probe.send_joints
+        )
+        count = len(w.probe.seen['estimate'])
+        w.spin(0.2, w.probe.send_joints)
+        assert len(w.probe.seen['estimate']) > count
 
 
 def test_without_encoders_nothing_is_published():
@@ -174,6 +210,41 @@ def test_nodes_add_the_offsets_to_the_encoders(make, holder):
     assert rollers.offsets == pytest.approx([5e-3] * N)
 
 
+def test_an_estimate_there_and_back():
+    random, count = np.random.default_rng(2), 2 * len(NAMES)
+    estimate = state_estimate.StateEstimate(
+        time=2.5,
+        offsets=0.01 * random.normal(size=N),
+        offset_covariance=random.normal(size=(N, N)),
+        travel=random.normal(size=N),
+        joints=random.normal(size=(len(NAMES), 2)),
+        joint_covariance=np.diag(np.arange(1.0, count + 1.0) ** 2),
+        pose=np.array([0.6, 0.3, 0.2]),
+        pose_covariance=random.normal(size=(3, 3)),
+        squeeze=30.0,
+        squeeze_deviation=2.0,
+        used=('P',),
+        left_out=('Q', 'R'),
+        slipping=('north/Z',),
+    )
+    packed = serialize_message(to_estimate_message(estimate, ROBOT))
+    sent = deserialize_message(packed, StateEstimate)
+    assert (read_stamp(sent.header), sent.header.frame_id, sent.held) == (2.5, 'truss', True)
+    assert tuple(sent.joint_names) == tuple(NAMES)
+    for name in ('offsets', 'offset_covariance', 'travel'):
+        assert getattr(sent, name) == pytest.approx(getattr(estimate, name).ravel())
+    assert [(p.x, p.y) for p in sent.joints] == list(map(tuple, estimate.joints.tolist()))
+    assert list(sent.joint_deviations) == list(range(1, count + 1))
+    assert read_pose('pose', sent.pose.pose) == pytest.approx((0.6, 0.3, 0.2))
+    planar = sent.pose.covariance.reshape(6, 6)[np.ix_([0, 1, 5], [0, 1, 5])]
+    assert planar == pytest.approx(estimate.pose_covariance)
+    assert (sent.used_joints, sent.left_out_joints) == (['P'], ['Q', 'R'])
+    assert sent.slipping_rollers == ['north/Z']
+    found = read_estimate(sent, ROBOT)
+    assert found.offsets == pytest.approx(estimate.offsets)
+    assert found[1:] == (30.0, 2.0)
+
+
 @pytest.mark.parametrize(
     'changes',
     [{'roller_names': ['south/P']}, {'offsets': [float('nan')] * N}, {'offsets': [7.0] * N}],
@@ -184,16 +255,6 @@ def test_estimates_that_are_not_usable_are_refused(changes):
     estimate.header.frame_id = 'truss'
     with pytest.raises(MessageError, match='state estimate'):
         read_estimate(estimate, ROBOT)
-
-
-def test_over_dds_the_estimate_comes():
-    plant = {'zero_deviation': 0.01, 'marker_rate': 20.0}
-    with probe.world(lambda: Simulator(overrides(**PLANT | plant)), estimator()) as w:
-        w.probe.listen(StateEstimate, 'estimate', 'state_estimate')
-        w.until(lambda: w.probe.last('estimate') and w.probe.last('estimate').used_joints)
-        found = w.probe.last('estimate')
-    assert found.header.frame_id == 'truss'
-    assert len(found.offset_covariance) == N * N
 
 
 def test_over_dds_measured_pressures_stiffen_the_tubes_of_the_estimate():

@@ -7,7 +7,7 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""The emergency stop over DDS: what follows it, what was lost, and what came before the node."""
+"""Stop and failed rollers over DDS: what follows, what was lost, and what came before the node."""
 
 import subprocess
 import sys
@@ -15,11 +15,11 @@ import sys
 from isotruss_ros.core import Status
 from isotruss_ros.nodes.components.sparse_messages import MAX_BATCH
 from probe import manipulation as node
-from probe import world
+from probe import ROBOT, world
 import pytest
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from std_msgs.msg import Bool
+from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
 
 pytestmark = pytest.mark.system
@@ -164,3 +164,28 @@ def test_a_best_effort_publisher_counts_as_a_stop():
         w.probe.create_publisher(Bool, 'emergency_stop', HASTY)
         status = w.until_code(Status.HALT_EMERGENCY_STOP, w.probe.send_all)
         assert 'a publisher of emergency_stop is best-effort' in status.message
+
+
+FIRST = ROBOT.roller_names[0]
+LOSSES = {
+    ReliabilityPolicy.BEST_EFFORT: 'is best-effort',
+    ReliabilityPolicy.RELIABLE: 'left before a message was received',
+}
+
+
+@pytest.mark.parametrize('reliability', LOSSES)
+def test_halts_where_a_message_may_have_been_lost_until_there_is_another(reliability):
+    with world(node()) as w:
+        w.until_code(Status.OK, w.probe.send_all)
+        profile = QoSProfile(depth=1, reliability=reliability)
+        publisher = w.probe.create_publisher(String, 'failed_rollers', profile)
+        if reliability == ReliabilityPolicy.RELIABLE:
+            w.until(lambda: publisher.get_subscription_count() == 1, w.probe.send_all)
+            w.probe.destroy_publisher(publisher)
+        status = w.until_code(Status.HALT_INVALID_FAILED_ROLLERS, w.probe.send_all)
+        assert LOSSES[reliability] in status.message
+        other = w.probe.create_publisher(String, 'failed_rollers', 10)
+        w.until(lambda: other.get_subscription_count() == 1, w.probe.send_all)
+        other.publish(String(data=FIRST))
+        w.until(lambda: w.code() < Status.HALT_NO_TWIST, w.probe.send_all)
+        assert list(w.probe.last('status').failed_rollers) == [FIRST]

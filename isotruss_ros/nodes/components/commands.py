@@ -23,7 +23,6 @@ from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.runner import StoppableNode
 from isotruss_ros.nodes.framework.topics import ACKNOWLEDGE_TIME, NEWEST, RELIABLE
 import numpy as np
-from rclpy.event_handler import SubscriptionEventCallbacks
 from std_msgs.msg import Float64MultiArray
 
 TOPIC = 'roller_velocity_controller/commands'
@@ -53,15 +52,7 @@ class RollerCommands:
     def subscribe(self) -> None:
         """Notice other nodes from now on, until the node is inactive."""
         self._received, self._heard = self._sent, -math.inf
-        # The type is that of all who command the rollers.
-        self._node.create_subscription(
-            Float64MultiArray,
-            TOPIC,
-            self.note,
-            NEWEST,
-            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
-            raw=True,
-        )
+        self._node.create_subscription(Float64MultiArray, TOPIC, self.note, NEWEST, raw=True)
 
     def publish(self, velocities: Array) -> None:
         """

@@ -15,14 +15,8 @@ from collections.abc import Mapping
 
 from isotruss_ros.core import ConvexObject, Disc, read_object, Robot
 from isotruss_ros.core.control import inputs
-from isotruss_ros.core.manipulation.grip import FEWEST, find_members, members_at, MOST
-from isotruss_ros.nodes.framework.parameters import (
-    FixedSpec,
-    ParameterError,
-    Parameters,
-    Spec,
-    Value,
-)
+from isotruss_ros.core.manipulation.grip import find_members, Grip, members_at
+from isotruss_ros.nodes.framework.parameters import FixedSpec, Parameters, Spec, Value
 
 OBJECT_DIAMETER = Spec('object_diameter', 0.3, "The object's own diameter [m]", (0.001, 100.0))
 OBJECT = FixedSpec(
@@ -93,12 +87,8 @@ def check_grip(robot: Robot, values: Mapping[str, Value]) -> None:
     """
     if values.get('grip_module'):
         members_at(robot, values['grip_module'])
-    names = named_members(values.get('grip', []))
-    find_members(robot, names)
-    if names and not FEWEST <= len(set(names)) == len(names) <= MOST:
-        raise ParameterError(
-            f'parameter grip: {", ".join(names)}: must be {FEWEST} or {MOST} different members'
-        )
+    if names := named_members(values.get('grip', [])):
+        find_members(robot, Grip(names, ConvexObject(Disc(1.0))).members)
 
 
 def named_members(value: Value) -> tuple[str, ...]:

@@ -20,7 +20,6 @@ from isotruss_ros.core import Robot
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.nodes.components.robot_frame import RobotFrame
 from isotruss_ros.nodes.conversions.joint_state_messages import RollerStateReader
-from isotruss_ros.nodes.conversions.marker_messages import read_joint_markers
 from isotruss_ros.nodes.conversions.messages import MessageError, read_stamp
 from isotruss_ros.nodes.framework.parameters import Spec
 from isotruss_ros.nodes.framework.topics import RELIABLE
@@ -57,7 +56,7 @@ class JointMarkers:
     """
     The messages of `joint_markers` and `joint_states` of the last while.
 
-    :ivar frame: in which the joints are expressed.
+    :ivar frame: of the robot, in which the joints are.
     :ivar last_error: why the last message that is not usable is none; empty before.
     :param node: subscribes.
     :param robot: whose joints and rollers they are.
@@ -65,8 +64,8 @@ class JointMarkers:
     """
 
     def __init__(self, node: Node, robot: Robot, window: float) -> None:
-        self._robot, self._window = robot, window
-        self.frame = RobotFrame.heard_by(node, robot.frame)
+        self._window = window
+        self.frame = RobotFrame.heard_by(node, robot)
         self._reader = RollerStateReader(robot.roller_names)
         self._markers: deque[tuple[float, dict[str, tuple[float, float]]]] = deque()
         self._rollers: deque[tuple[float, Array]] = deque()
@@ -105,7 +104,7 @@ class JointMarkers:
 
     def _take_markers(self, message: MultiDOFJointState) -> None:
         try:
-            joints = read_joint_markers(self.frame.express_markers(message), self._robot)
+            joints = self.frame.read_markers(message)
         except MessageError as error:
             self.last_error = str(error)
             return

@@ -14,11 +14,13 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from geometry_msgs.msg import Point, PoseStamped, Quaternion, Vector3
-from geometry_msgs.msg import Pose as PoseMessage
-from geometry_msgs.msg import Transform as TransformMessage
+from geometry_msgs.msg import PoseStamped, Quaternion
+from isotruss_ros.core import Pose, Robot
 from isotruss_ros.core.errors import quote
-from isotruss_ros.nodes.conversions.messages import MessageError
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.nodes.conversions.marker_messages import read_joint_markers
+from isotruss_ros.nodes.conversions.messages import check_place, MessageError, read_pose
+import numpy as np
 from rclpy.node import Node
 from rclpy.time import Time
 from sensor_msgs.msg import MultiDOFJointState
@@ -38,120 +40,108 @@ MAX_TILT = math.radians(5.0)
 
 class RobotFrame:
     """
-    Expresses poses and markers in the robot's frame, by the transforms at their stamps.
+    Reads poses and markers in the robot's frame, by the transforms at their stamps.
 
-    :param frame: the robot's frame.
+    :param robot: whose frame it is, and whose joints have markers.
     :param buffer: of the transforms, with `lookup_transform` as that of `tf2_ros`; None where tf2
         is not at hand, and frames must match.
     """
 
-    def __init__(self, frame: str, buffer: Any = None) -> None:
-        self.frame, self._buffer = frame, buffer
+    def __init__(self, robot: Robot, buffer: Any = None) -> None:
+        self._robot, self._buffer = robot, buffer
         self._listener: object = None
 
     @classmethod
-    def heard_by(cls, node: Node, frame: str) -> RobotFrame:
+    def heard_by(cls, node: Node, robot: Robot) -> RobotFrame:
         """
         Return the robot's frame with the transforms that a node hears, where tf2 is at hand.
 
         :param node: listens to `/tf` and `/tf_static`.
-        :param frame: the robot's frame.
+        :param robot: see above.
         """
         if Buffer is None:
-            return cls(frame)
-        heard = cls(frame, Buffer())
+            return cls(robot)
+        heard = cls(robot, Buffer())
         heard._listener = TransformListener(heard._buffer, node)  # listens while it is kept
         return heard
 
-    def express_pose(self, message: PoseStamped) -> PoseStamped:
+    def read_pose(self, message: PoseStamped) -> Pose:
         """
-        Return the measured pose of an object in the robot's frame.
+        Return the measured pose of an object.
 
         :param message: in any frame.
-        :raises MessageError: no transform from its frame, or a pose out of the robot's plane.
+        :raises MessageError: not finite, no rotation in the quaternion, no transform from its
+            frame, or a pose out of the robot's plane.
         """
-        if message.header.frame_id == self.frame:
-            return message
-        what = 'object pose'
-        moved = self._look_up(what, message.header)
-        pose = PoseMessage(
-            position=_move(moved, message.pose.position),
-            orientation=_multiply(moved.rotation, message.pose.orientation),
-        )
-        self._check_plane(what, message.header, pose.orientation)
-        return PoseStamped(header=self._header(message.header), pose=pose)
+        what, place = 'object pose', message.pose.position
+        pose = read_pose(what, message.pose)
+        if message.header.frame_id == self._robot.frame:
+            return pose
+        rotation, shift = self._look_up(what, message.header)
+        turned = rotation @ _rotation_matrix(message.pose.orientation)
+        self._check_plane(what, message.header, turned)
+        x, y, _ = (rotation @ (place.x, place.y, place.z) + shift).tolist()
+        check_place(what, x, y)
+        return Pose(x, y, math.atan2(turned[1, 0], turned[0, 0]))
 
-    def express_markers(self, message: MultiDOFJointState) -> MultiDOFJointState:
+    def read_markers(self, message: MultiDOFJointState) -> dict[str, tuple[float, float]]:
         """
-        Return measured joints in the robot's frame.
+        Return the measured joints (x, y) by name [m].
 
         :param message: in any frame; where no place has a height there, it must be in the plane.
-        :raises MessageError: no transform from its frame, or places out of the robot's plane.
+        :raises MessageError: see `read_joint_markers`, no transform from its frame, or places out
+            of the robot's plane.
         """
-        if message.header.frame_id == self.frame:
-            return message
+        joints = read_joint_markers(message, self._robot)
+        if message.header.frame_id == self._robot.frame:
+            return {name: place[:2] for name, place in joints.items()}
         what = 'joint markers'
-        moved = self._look_up(what, message.header)
-        places = [transform.translation for transform in message.transforms]
-        if not any(place.z for place in places):
-            self._check_plane(what, message.header, moved.rotation)
-        points = [_move(moved, place) for place in places]
-        return MultiDOFJointState(
-            header=self._header(message.header),
-            joint_names=message.joint_names,
-            transforms=[
-                TransformMessage(translation=Vector3(x=point.x, y=point.y, z=point.z))
-                for point in points
-            ],
-        )
+        rotation, shift = self._look_up(what, message.header)
+        if not any(height for _, _, height in joints.values()):
+            self._check_plane(what, message.header, rotation)
+        moved = {}
+        for name, place in joints.items():
+            x, y, _ = (rotation @ place + shift).tolist()
+            check_place(f'joint marker {name}', x, y)
+            moved[name] = (x, y)
+        return moved
 
-    def _header(self, header: Header) -> Header:
-        return Header(stamp=header.stamp, frame_id=self.frame)
-
-    def _look_up(self, what: str, header: Header) -> TransformMessage:
-        """Return the transform from a frame at a stamp."""
-        words = f'{what} in frame {quote(header.frame_id)}'
+    def _look_up(self, what: str, header: Header) -> tuple[Array, Array]:
+        """Return the transform from a frame at a stamp: rotation (3, 3) and translation (3,)."""
+        words, frame = f'{what} in frame {quote(header.frame_id)}', self._robot.frame
         if self._buffer is None:
             raise MessageError(
-                f'{words}: must be {self.frame!r}; tf2_ros, which would connect them, is not '
-                'installed'
+                f'{words}: must be {frame!r}; tf2_ros, which would connect them, is not installed'
             )
         try:
             stamp = Time.from_msg(header.stamp)
-            return self._buffer.lookup_transform(self.frame, header.frame_id, stamp).transform
+            found = self._buffer.lookup_transform(frame, header.frame_id, stamp).transform
         except NO_TRANSFORM as error:  # ValueError: a stamp before zero
             raise MessageError(
-                f'{words}: tf2 does not connect it to {self.frame!r} at its stamp: {error}'
+                f'{words}: tf2 does not connect it to {frame!r} at its stamp: {error}'
             ) from error
+        shift = found.translation
+        return _rotation_matrix(found.rotation), np.array([shift.x, shift.y, shift.z])
 
-    def _check_plane(self, what: str, header: Header, turned: Quaternion) -> None:
+    def _check_plane(self, what: str, header: Header, turned: Array) -> None:
         """Refuse what is tilted out of the robot's plane."""
-        upright = 1.0 - 2.0 * (turned.x**2 + turned.y**2)
-        if upright < math.cos(MAX_TILT):
-            tilt = math.degrees(math.acos(max(upright, -1.0)))
+        tilt = math.degrees(math.acos(min(1.0, max(-1.0, turned[2, 2]))))
+        most = math.degrees(MAX_TILT)
+        if tilt > most:
             raise MessageError(
                 f'{what} in frame {quote(header.frame_id)}: tilted by {tilt:.0f} degrees out of '
-                f'the plane of {self.frame!r}; must be at most {math.degrees(MAX_TILT):.0f}'
+                f'the plane of {self._robot.frame!r}; must be at most {most:.0f}'
             )
 
 
-def _move(transform: TransformMessage, point: Any) -> Point:
-    """Return a point in the other frame."""
-    q, shift = transform.rotation, transform.translation
-    turned = _multiply(_multiply(q, Quaternion(x=point.x, y=point.y, z=point.z, w=0.0)), _back(q))
-    return Point(x=turned.x + shift.x, y=turned.y + shift.y, z=turned.z + shift.z)
-
-
-def _back(q: Quaternion) -> Quaternion:
-    """Return the rotation back."""
-    return Quaternion(x=-q.x, y=-q.y, z=-q.z, w=q.w)
-
-
-def _multiply(p: Quaternion, q: Quaternion) -> Quaternion:
-    """Return the rotation by q and then by p; its norm is the product of both."""
-    return Quaternion(
-        x=p.w * q.x + p.x * q.w + p.y * q.z - p.z * q.y,
-        y=p.w * q.y - p.x * q.z + p.y * q.w + p.z * q.x,
-        z=p.w * q.z + p.x * q.y - p.y * q.x + p.z * q.w,
-        w=p.w * q.w - p.x * q.x - p.y * q.y - p.z * q.z,
+def _rotation_matrix(rotation: Quaternion) -> Array:
+    """Return the matrix (3, 3) of a rotation."""
+    q = np.array([rotation.x, rotation.y, rotation.z, rotation.w])
+    x, y, z, w = (q / np.linalg.norm(q)).tolist()
+    return np.array(
+        [
+            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
+            [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
+            [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)],
+        ]
     )

@@ -18,7 +18,7 @@ from typing import Any
 
 from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.msg import StateEstimate
-from isotruss_ros.core import Configuration, Pose, Robot
+from isotruss_ros.core import Configuration, Robot
 from isotruss_ros.core.control.inputs import (
     Input,
     RejectedInput,
@@ -35,11 +35,7 @@ from isotruss_ros.nodes.conversions.joint_state_messages import (
     read_tube_pressures,
     RollerStateReader,
 )
-from isotruss_ros.nodes.conversions.messages import (
-    MessageError,
-    read_object_pose,
-    read_stamp,
-)
+from isotruss_ros.nodes.conversions.messages import MessageError, read_stamp
 from isotruss_ros.nodes.framework.runner import StoppableNode
 from isotruss_ros.nodes.framework.topics import subscribe_newest
 import numpy as np
@@ -116,12 +112,8 @@ class Inputs:
 
     def keep_object_pose(self) -> None:
         """Keep the `Pose` of the object, from `object_pose`, as `pose`; see `RobotFrame`."""
-        frame = RobotFrame.heard_by(self._node, self._robot.frame)
-
-        def read(message: PoseStamped) -> Pose:
-            return read_object_pose(frame.express_pose(message), frame.frame)
-
-        self.keep(PoseStamped, 'object_pose', read, 'pose')
+        frame = RobotFrame.heard_by(self._node, self._robot)
+        self.keep(PoseStamped, 'object_pose', frame.read_pose, 'pose')
 
     def keep_tube_pressures(self) -> None:
         """Keep the gauge pressures (t,) [Pa], from `tube_pressures`, as `pressures`."""

@@ -54,16 +54,15 @@ def place_at_start(robot: Robot, values: Parameters) -> ConvexObject:
     :param values: of the parameters `SPECS`.
     :raises IsotrussError: a parameter is unusable, or the object does not fit there.
     """
-    module, diameter = values.grip_module, values.object_diameter
-    common.check_grip(robot, {'grip_module': module, 'grip': values.grip})
     angle, indentation = values.object_angle, values.indentation
     described = common.read_described(values)
-    body = described or ConvexObject(Disc(diameter), friction=values.friction)
+    body = described or ConvexObject(Disc(values.object_diameter), friction=values.friction)
     if values.object_is_free:
         return body.moved_to(Pose(values.object_x, values.object_y, angle))
     if described or common.named_members(values.grip):
-        members = common.select_grip(robot, values.grip, module)
+        members = common.select_grip(robot, values.grip, values.grip_module)
         pose = place_between(robot.home, members, body.shape, angle, indentation).body.pose
         return body.moved_to(pose)
-    module = common.select_grip_module(robot, module)
-    return body.moved_to(Pose(*tangent_center(robot.home, module, diameter, indentation), angle))
+    module = common.select_grip_module(robot, values.grip_module)
+    center = tangent_center(robot.home, module, values.object_diameter, indentation)
+    return body.moved_to(Pose(*center, angle))

@@ -16,25 +16,21 @@ from collections.abc import Mapping, Sequence
 from geometry_msgs.msg import Transform
 from isotruss_ros.core import Robot
 from isotruss_ros.core.errors import quote
-from isotruss_ros.nodes.conversions.messages import MAX_DISTANCE, MessageError
+from isotruss_ros.nodes.conversions.messages import check_place, MessageError
 from sensor_msgs.msg import MultiDOFJointState
 
 
 def read_joint_markers(
     message: MultiDOFJointState, robot: Robot
-) -> dict[str, tuple[float, float]]:
+) -> dict[str, tuple[float, float, float]]:
     """
-    Return the measured joints (x, y) by name [m].
+    Return the measured joints (x, y, z) by name, in the frame of the message [m].
 
-    :param message: of the topic `joint_markers`; translation.x and translation.y count.
+    :param message: of the topic `joint_markers`.
     :param robot: whose joints they are.
-    :raises MessageError: another frame, another number of names than of places, an unknown or
-        repeated joint, or a place that is not finite.
+    :raises MessageError: another number of names than of places, an unknown or repeated joint, or
+        x or y of a place that is not finite.
     """
-    if message.header.frame_id != robot.frame:
-        raise MessageError(
-            f'joint markers in frame {quote(message.header.frame_id)}: must be {robot.frame!r}'
-        )
     if len(message.joint_names) != len(message.transforms):
         raise MessageError(
             f'joint markers: {len(message.joint_names)} names and {len(message.transforms)} '
@@ -46,12 +42,9 @@ def read_joint_markers(
             raise MessageError(
                 f'joint marker {quote(name)}: must be one of {", ".join(known)}, each once'
             )
-        place = transform.translation.x, transform.translation.y
-        if not all(abs(coordinate) <= MAX_DISTANCE for coordinate in place):
-            raise MessageError(
-                f'joint marker {name} at {place}: must be finite, at most {MAX_DISTANCE:g} m away'
-            )
-        found[name] = place
+        place = transform.translation
+        check_place(f'joint marker {name}', place.x, place.y)
+        found[name] = place.x, place.y, place.z
     return found
 
 

@@ -17,7 +17,7 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Pose as PoseMessage
-from geometry_msgs.msg import PoseStamped, Twist
+from geometry_msgs.msg import Twist
 from isotruss_ros.core import IsotrussError, Pose
 from isotruss_ros.core.errors import quote
 from isotruss_ros.core.numerics.arrays import Array
@@ -110,6 +110,21 @@ def name_object_frame(frame: str) -> str:
     return f'{frame}_object' if frame else ''
 
 
+def check_place(what: str, x: float, y: float) -> None:
+    """
+    Check a place in a message.
+
+    :param what: is there, for the error.
+    :param x: of the place [m].
+    :param y: likewise.
+    :raises MessageError: not finite, or too far away.
+    """
+    if not (abs(x) <= MAX_DISTANCE and abs(y) <= MAX_DISTANCE):
+        raise MessageError(
+            f'{what} at ({x}, {y}): must be finite, at most {MAX_DISTANCE:g} m away'
+        )
+
+
 def read_pose(what: str, message: PoseMessage) -> Pose:
     """
     Return a pose in the plane; its height, and tilts about x and y, are ignored.
@@ -119,11 +134,7 @@ def read_pose(what: str, message: PoseMessage) -> Pose:
     :raises MessageError: not finite, too far away, or no rotation in the quaternion.
     """
     position, q = message.position, message.orientation
-    if not all(abs(coordinate) <= MAX_DISTANCE for coordinate in (position.x, position.y)):
-        raise MessageError(
-            f'{what} at ({position.x}, {position.y}): must be finite, '
-            f'at most {MAX_DISTANCE:g} m away'
-        )
+    check_place(what, position.x, position.y)
     norm = math.hypot(q.x, q.y, q.z, q.w)
     if not abs(norm - 1.0) <= QUATERNION_TOLERANCE:
         raise MessageError(f'{what}: the quaternion has norm {norm}; must be 1')
@@ -138,21 +149,6 @@ def read_angle(message: PoseMessage) -> float:
     """
     q = message.orientation
     return math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y**2 + q.z**2))
-
-
-def read_object_pose(message: PoseStamped, frame: str) -> Pose:
-    """
-    Return the measured pose of the object.
-
-    :param message: pose of the object.
-    :param frame: the robot's frame.
-    :raises MessageError: another frame, not finite, or no rotation in the quaternion.
-    """
-    if message.header.frame_id != frame:
-        raise MessageError(
-            f'object pose in frame {quote(message.header.frame_id)}: must be {frame!r}'
-        )
-    return read_pose('object pose', message.pose)
 
 
 def to_pose_message(pose: Pose) -> PoseMessage:

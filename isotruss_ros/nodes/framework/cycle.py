@@ -10,7 +10,6 @@
 
 from __future__ import annotations
 
-import bisect
 from collections import deque
 from collections.abc import Callable
 from functools import partial
@@ -23,8 +22,8 @@ from rclpy.executors import SingleThreadedExecutor, TimeoutException
 from rclpy.node import Node
 from rclpy.timer import Timer
 
-#: A stopped clock is detected within the timeout and this share of it, or this time [s].
-WATCH_SHARE, SHORTEST_WATCH = 0.5, 0.01
+#: A stopped clock is detected within the timeout and this time [s].
+WATCH_PERIOD = 0.02
 #: So long before a cycle its inputs are read [s].
 LEAD = 1e-3
 #: All other callbacks wait no longer than this, however slow the cycle is [s].
@@ -65,18 +64,13 @@ class Cycle:
         # Timers of the system's clock would stop for an hour when that is set back by an hour.
         create_timer = partial(create_steady_timer, node) if self.is_steady else node.create_timer
         self._timer = create_timer(1.0 / self._values.rate, self._tick)
-        self._watchdog: Timer | None = None
         if stopped is not None and not self.is_steady:
-            self._watchdog = create_steady_timer(node, SHORTEST_WATCH, self._check)
+            create_steady_timer(node, WATCH_PERIOD, self._check)
         self.apply()
 
     def apply(self) -> None:
         """Continue with the present values of the parameters."""
         self._timer.timer_period_ns = int(1e9 / self._values.rate)
-        self._timeout = self._values.command_timeout
-        if self._watchdog is not None:
-            watched = max(WATCH_SHARE * self._timeout, SHORTEST_WATCH)
-            self._watchdog.timer_period_ns = int(1e9 * watched)
 
     def time_left(self) -> float:
         """Return the time until the next cycle is due; negative where it is late [s]."""
@@ -97,7 +91,7 @@ class Cycle:
             'cycles': len(times),
             'cycle time, median [s]': round(times[len(times) // 2], 6),
             'cycle time, longest [s]': round(times[-1], 6),
-            'overruns': len(times) - bisect.bisect_right(times, period),
+            'overruns': sum(time > period for time in times),
         }
 
     def _tick(self) -> None:
@@ -117,7 +111,7 @@ class Cycle:
         now, elapsed = self._clock.now(), time.monotonic()
         if now.nanoseconds != self._read:
             self._read, self._changed = now.nanoseconds, elapsed
-        elif elapsed - self._changed > self._timeout:
+        elif elapsed - self._changed > self._values.command_timeout:
             self._stopped(1e-9 * now.nanoseconds)
 
 

@@ -29,7 +29,6 @@ from isotruss_ros.nodes.framework.runner import StoppableNode
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.action import ActionClient, ActionServer
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -128,7 +127,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
         """Shut the node down before the process ends; publishers still work."""
         try:
             self.trigger_shutdown()
-        except rclpy_implementation.RCLError:  # it was interrupted in a transition, or has ended
+        except RuntimeError:  # of rcl: it was interrupted in a transition, or has ended
             if self.active:
                 self.deactivate()
 
@@ -209,8 +208,6 @@ class ManagedNode(StoppableNode, LifecycleNode):
 
     def on_error(self, _state: LifecycleState) -> TransitionCallbackReturn:
         """Release everything: the node can be configured again unless that fails too."""
-        if self.active:
-            self._disable(_state)
         return SUCCESS if self._try_step('clean up', self._release) == SUCCESS else FAILURE
 
     def _try_step(self, what: str, step: Callable[[], None]) -> TransitionCallbackReturn:
@@ -334,7 +331,7 @@ def _reject_unknown_transitions(node: LifecycleNode) -> None:
     ) -> ChangeState.Response:
         try:
             return change(request, response)
-        except rclpy_implementation.RCLError as error:
+        except RuntimeError as error:  # of rcl; what a step raises is caught there
             transition = request.transition.label or request.transition.id
             node.get_logger().error(f'no transition {transition!r} from this state: {error}')
             response.success = False

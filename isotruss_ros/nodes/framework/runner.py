@@ -24,7 +24,6 @@ from isotruss_ros.core import IsotrussError
 from isotruss_ros.nodes.framework.cycle import Cycle, PacedExecutor
 from isotruss_ros.nodes.framework.parameters import Parameters, Spec
 import rclpy
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.logging import LoggingSeverity, set_logger_level
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -181,12 +180,10 @@ def run(kind: Callable[[], StoppableNode], args: Sequence[str] | None = None) ->
     try:
         # Our own handlers: rclpy's would close the context before the last command is sent.
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-    except rclpy_implementation.UnknownROSArgsError as error:
-        return _report('cannot start', f'unknown ROS arguments: {error}')
-    except rclpy_implementation.RCLError as error:
-        # Such as a file of parameters that is not there; behind that are lines of rcl's sources.
-        why = str(error).removeprefix('failed to initialize rcl: ').partition(', at /')[0]
-        return _report('cannot start', ' '.join(why.split()))
+    except RuntimeError as error:  # of rcl, such as a file of parameters that is not there
+        # Behind the reason are lines of rcl's sources.
+        why = ' '.join(str(error).partition(', at /')[0].split())
+        return _report('cannot start', f'ROS arguments: {why}')
     set_logger_level('rcl', LoggingSeverity.UNSET)
     interruption = Interruption()
     node, what = None, 'cannot start'

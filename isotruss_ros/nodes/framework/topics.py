@@ -25,7 +25,6 @@ from collections.abc import Callable
 from typing import Any
 
 from rclpy.duration import Duration
-from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
@@ -73,17 +72,7 @@ def subscribe_newest(
         # rclpy takes one message in every turn, and would stay behind a quick publisher.
         callback(take_waiting([message], subscription, 1 + NEWEST.depth)[-1])
 
-    def warn_of_type(_event: Any) -> None:
-        node.get_logger().warning(
-            f'{topic} has a publisher of another type than {kind.__name__}: its messages are '
-            'not received'
-        )
-
-    # No quality of service is incompatible with this one.
-    events = SubscriptionEventCallbacks(
-        incompatible_type=warn_of_type, use_default_callbacks=False
-    )
-    subscription = node.create_subscription(kind, topic, take, NEWEST, event_callbacks=events)
+    subscription = node.create_subscription(kind, topic, take, NEWEST)
     return subscription
 
 
