@@ -16,6 +16,7 @@ Others begin beyond bounds, and must not chatter there.
 from collections import Counter, deque
 from dataclasses import dataclass
 
+from grips import rolled
 from isotruss_ros.core import (
     ConvexObject,
     Grip,
@@ -126,7 +127,7 @@ def come_back(seed, steps=40):
         servo.rollers = StampedInput(RollerState(travel, commands[-1]), now)
         servo.pose = StampedInput(held.pose, now)
         commands.append(servo.decide(now).command.roller_velocities)
-        held = moved(held, period * commands[-1])
+        held = rolled(held, period * commands[-1])
         after = margins(held)
         lost = np.maximum(lost, np.where(first < 0.0, first - after, 0.0))
     return np.array(commands[1:]), lost
@@ -166,11 +167,6 @@ class Sensors:
         return cls(rollers, pose, speeds)
 
 
-def moved(held, travel):
-    """Return the object held after some travel of the rollers."""
-    return held.moved_to(held.config.moved_to(held.config.roller_positions + travel))
-
-
 def walk(seed, steps, slide=False, guarded=True, sensors=None):
     """
     Command one twist after another, far more than the robot can do, at 20 Hz to 1 kHz.
@@ -208,13 +204,13 @@ def walk(seed, steps, slide=False, guarded=True, sensors=None):
         result.statuses[command.status] += 1
         velocities = command.roller_velocities
         try:
-            end = moved(held, period * velocities)
+            end = rolled(held, period * velocities)
         except ConfigurationError:
             assert not guarded
             return result
         lowest = margins(end)
         if lowest.min() < 0.01:
-            half = moved(held, 0.5 * period * velocities)
+            half = rolled(held, 0.5 * period * velocities)
             lowest = np.minimum(lowest, margins(half))
         held = end
         seen.append((held, velocities))

@@ -193,7 +193,7 @@ class Configuration:
             return False
         return bool(np.abs(roller_positions - self.roller_positions).max() < FIRST_ORDER)
 
-    def predict(self, travel: Array, first_order: float = FIRST_ORDER) -> Configuration:
+    def predict(self, travel: Array) -> Configuration:
         """
         Return the configuration after some roller travel, to first order where that is short.
 
@@ -201,12 +201,11 @@ class Configuration:
         the length of a member: to look ahead with, not to continue from.
 
         :param travel: (r,) of the tube through each roller from here on [m].
-        :param first_order: travel of any roller up to which first order is used [m].
         :raises ConfigurationError: see `moved_to`.
         """
         if not travel.any():
             return self
-        if np.abs(travel).max() > first_order:
+        if np.abs(travel).max() > FIRST_ORDER:
             return self.moved_to(self.roller_positions + travel)
         # With Ldot = C phidot.
         points = self._lengthened(self.robot.topology.incidence @ travel)

@@ -20,7 +20,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from isotruss_ros.core.model.topology import Topology
-from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.numerics.factorization import Factor, factorize
 import numpy as np
 from scipy.sparse import coo_matrix, csc_matrix
@@ -75,7 +75,6 @@ class Constraints:
         )
         self._ground_rows = 5 * m + np.arange(len(topology.grounded))
         self._places = self._rows * n + self._nodes
-        self._gather, self._factors = _entries(topology)
         self._sparse = self._sparse_structure() if self.n_columns > DENSE_UP_TO else None
 
     def _sparse_structure(self) -> csc_matrix:
@@ -141,16 +140,13 @@ class Constraints:
         m = self._topology.n_modules
         spans = self.spans(points).reshape(4, m)
         lengths = np.abs(spans)
-        parts = np.empty((6, m), dtype=np.complex128)
-        np.divide(spans, lengths, out=parts[:4])
-        np.divide(parts[0], lengths[0], out=parts[4])
-        np.divide(2.0, (spans[1] + spans[2]).conj(), out=parts[5])
-        entries = parts.take(self._gather)
-        entries *= self._factors
-        # Nodes B and C turn a side and the rod.
-        rows = entries.reshape(13, m)
-        rows[9:11] -= 0.5 * rows[11]
-        return entries
+        stretch = spans / lengths
+        # Of bisection: next C, own B and C, which turn the rod too, joint, previous B.
+        side, rod = 1j * stretch[0] / lengths[0], 2j / (spans[1] + spans[2]).conj()
+        back = side[self._topology.previous]
+        bend = side, -side - rod, back - rod, 2.0 * rod, -back
+        along = stretch.ravel()
+        return np.concatenate([along, -along, *bend])
 
     def matrix_of(self, values: Points) -> Array | csc_matrix:
         """
@@ -201,17 +197,6 @@ class Constraints:
         np.add.at(derivative, self._heads, gradients)
         np.subtract.at(derivative, self._tails, gradients)
         return np.ascontiguousarray(derivative.T).view(np.float64).T
-
-
-def _entries(topology: Topology) -> tuple[Indices, Points]:
-    """Return of which part each entry of the matrix is a multiple, and which, (13m,)."""
-    m, previous = topology.n_modules, topology.previous
-    spans, each = np.arange(4 * m), np.arange(m)
-    side, rod = 4 * m + each, 5 * m + each
-    # Unit vectors at both ends; then of bisection: next C, own B and C, joint, previous B.
-    gather = [spans, spans, side, side, side[previous], rod, side[previous]]
-    factors = np.repeat([1.0, -1.0, 1j, -1j, 1j, 1j * 2.0, -1j], [4 * m, 4 * m, m, m, m, m, m])
-    return np.concatenate(gather), factors
 
 
 def follow_branch(

@@ -78,16 +78,6 @@ class Limit(Protocol):
         """
 
 
-@functools.lru_cache(maxsize=16)
-def _speed_rows(count: int, max_speed: float) -> Rows:
-    """Return the rows of `RollerSpeedLimit`, which are not to be written to."""
-    bound = np.full(count, max_speed)
-    rows = Rows(np.eye(count), -bound, bound)
-    for array in rows:
-        array.flags.writeable = False
-    return rows
-
-
 @dataclass(frozen=True)
 class RollerSpeedLimit:
     """No roller moves its tube faster than `max_speed`."""
@@ -98,7 +88,8 @@ class RollerSpeedLimit:
 
     def rows(self, config: Configuration) -> Rows:
         """Return one row for each roller; see `Limit.rows`."""
-        return _speed_rows(len(config.robot.roller_names), self.max_speed)
+        bound = np.full(len(config.robot.roller_names), self.max_speed)
+        return Rows(np.eye(len(bound)), -bound, bound)
 
     def row_names(self, config: Configuration) -> tuple[str, ...]:
         """Return the rollers' names; see `Limit.row_names`."""

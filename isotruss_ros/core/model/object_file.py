@@ -52,17 +52,11 @@ def read_object(path_or_text: str | Path) -> ConvexObject:
     else:
         source = str(path_or_text)
         text = read_text(Path(path_or_text), 'an object file', ObjectFileError)
-    return object_from_mapping(parse_yaml(source, text, 'object files', ObjectFileError), source)
+    return _make_object(parse_yaml(source, text, 'object files', ObjectFileError), source)
 
 
-def object_from_mapping(content: Any, source: str = 'object') -> ConvexObject:
-    """
-    Return the object that keys and values describe; its pose is the origin.
-
-    :param content: a mapping with the key `shape`, the keys of that shape, and what is optional.
-    :param source: where it is from, for errors.
-    :raises ObjectFileError: it describes no object; names the key and what would be right.
-    """
+def _make_object(content: Any, source: str) -> ConvexObject:
+    """Return the object that keys and values describe."""
     if not isinstance(content, Mapping):
         raise ObjectFileError(
             f'{source}: {quote(repr(content))}: must be keys and values, with the key shape'

@@ -11,7 +11,6 @@
 
 from isotruss_ros.core import ConvexObject, Disc, Ellipse, Polygon, read_object
 from isotruss_ros.core.errors import GraspError, ObjectFileError
-from isotruss_ros.core.model.object_file import object_from_mapping
 import pytest
 
 BOX = """
@@ -38,9 +37,8 @@ def test_reads_objects_from_text():
     assert read_object('{shape: disc, diameter: 0.2}') == ConvexObject(Disc(0.2))
     found = read_object('{shape: ellipse, semi_axes: [0.2, 0.1], friction: 0}')
     assert found == ConvexObject(Ellipse((0.2, 0.1)), friction=0.0)
-    assert object_from_mapping({'shape': 'polygon', 'vertices': VERTICES}).shape == Polygon(
-        VERTICES
-    )
+    triangle = read_object('{shape: polygon, vertices: [[0, 0], [1, 0], [0, 1]]}')
+    assert triangle.shape == Polygon([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)])
 
 
 @pytest.mark.parametrize(

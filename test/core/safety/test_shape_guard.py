@@ -9,7 +9,7 @@
 
 """The robot stays within good shapes, from sample to sample, and can always leave bad ones."""
 
-from grips import disc_grip
+from grips import disc_grip, rolled
 from hypothesis import assume, given, strategies
 from isotruss_ros.core import (
     RollingGrip,
@@ -56,7 +56,7 @@ class Pushed:
         self.servo.pose = StampedInput(self.held.pose, self.now)
         command = self.servo.decide(self.now).command
         self.velocities = command.roller_velocities
-        self.held = walks.moved(self.held, self.period * self.velocities)
+        self.held = rolled(self.held, self.period * self.velocities)
         return command
 
     @property
@@ -252,7 +252,7 @@ def test_command_is_cut_where_it_would_lead_too_far(duration):
             assert 0.0 <= share <= 1.0
             assert kept.roller_velocities == pytest.approx(share * command.roller_velocities)
             assert kept.achieved_twist == pytest.approx(share * command.achieved_twist)
-            end = walks.moved(held, duration * kept.roller_velocities)
+            end = rolled(held, duration * kept.roller_velocities)
             assert walks.margins(end).min() > 0.0
             if share < 1.0:
                 cut += 1
