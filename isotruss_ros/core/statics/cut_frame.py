@@ -21,7 +21,6 @@ from typing import NamedTuple
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.statics.frame import Frame, FrameState
 from isotruss_ros.core.statics.frame_pattern import Members
-from isotruss_ros.core.statics.section import TubeStiffness
 from isotruss_ros.core.statics.structure import (
     bisection_entries,
     bisection_spans,
@@ -29,9 +28,6 @@ from isotruss_ros.core.statics.structure import (
     Structure,
 )
 import numpy as np
-
-#: Derivatives are differences of four values, steps apart that are this share: exact to 1e-12.
-STEP, DIFFERENCE = 3e-4, np.array([1.0, -8.0, 8.0, -1.0]) / 12.0
 
 
 class FrameRates(NamedTuple):
@@ -214,7 +210,7 @@ def structure_rates(structure: Structure, moved: Points, inflated: Array) -> Fra
     points[b + 2] = points[b] + ahead
     points[b + 3] = points[b + 1] - ahead[topology.previous]
     pressures = np.array(structure.pressures)[topology.tube]
-    by_length, by_pressure = _flexibility_rates(structure.tube, config.member_lengths, pressures)
+    by_length, by_pressure = structure.tube.flexibility_rates(config.member_lengths, pressures)
     longer = turned.real * np.abs(side)[:, None]
     of_tubes = by_length[:, :, None] * longer + by_pressure[:, :, None] * inflated[topology.tube]
     softer = np.zeros((3, 6, *longer.shape))
@@ -223,15 +219,3 @@ def structure_rates(structure: Structure, moved: Points, inflated: Array) -> Fra
     spans = bisection_spans(robot, frame.points)[:, :, None].conj()
     turning = -1j * bisection_spans(robot, points).conj() / spans**2
     return FrameRates(points, softer.reshape(3, -1, moved.shape[1]), bisection_entries(turning))
-
-
-def _flexibility_rates(tube: TubeStiffness, length: Array, pressure: Array) -> tuple[Array, Array]:
-    """Return the derivatives of 1 / EA, 1 / EI and 1 / GA of members, by length and pressure."""
-    rates = []
-    for longer, higher in ((STEP * length, 0.0), (0.0, STEP * pressure)):
-        values = [
-            np.reciprocal(tube.section_stiffness(length + i * longer, pressure + i * higher))
-            for i in (-2.0, -1.0, 1.0, 2.0)
-        ]
-        rates.append(np.tensordot(DIFFERENCE, values, 1) / (longer + higher))
-    return rates[0], rates[1]

@@ -85,6 +85,13 @@ class Section:
             )
         return SectionStiffness(np.full_like(length, self.axial_rigidity), flexural, shear)
 
+    def flexibility_rates(self, length: Array, pressure: Array) -> tuple[Array, Array]:
+        """Return how 1 / EA, 1 / EI, 1 / GA change; see `TubeStiffness.flexibility_rates`."""
+        _, flexural, shear = self.section_stiffness(length, pressure)
+        none, area = np.zeros_like(length), np.pi * self.radius**2
+        bending = -0.5 * area * self.radius**2 / flexural**2
+        return np.array([none, none, none]), np.array([none, bending, -area / shear**2])
+
     @classmethod
     def of_block(cls, block: Mapping[str, Any], description: RobotDescription) -> Section:
         """
@@ -172,6 +179,28 @@ class PowerLaw:
         np.divide(12.0 * flexural, phi * between**2, out=shear, where=phi > 0.0)
         return SectionStiffness(axial * length, flexural, shear)
 
+    def flexibility_rates(self, length: Array, pressure: Array) -> tuple[Array, Array]:
+        """Return how 1 / EA, 1 / EI, 1 / GA change; see `TubeStiffness.flexibility_rates`."""
+        axial, flexural, shear = self.section_stiffness(length, pressure)
+        between = length - 2.0 * self.guide_ring_distance
+        phi = 12.0 * flexural / (shear * between**2)
+        ratio = np.where(phi > 0.0, 4.0 + phi, 0.0)  # of rotary and transverse stiffness
+        # Rates of logarithms, by length and by pressure.
+        pull, push, turn = (
+            np.array([law.b / span, law.a / pressure])
+            for law, span in (
+                (self.axial, length),
+                (self.transverse, between),
+                (self.rotary, between),
+            )
+        )
+        longer, wider = (np.array([1.0 / span, 0.0 * span]) for span in (length, between))
+        steeper = ratio * (turn - push - 2.0 * wider)
+        bend = push + 3.0 * wider + steeper / (1.0 + phi)
+        sheared = (steeper + phi * (2.0 * wider - bend)) * between**2 / (12.0 * flexural)
+        rates = np.array([-(pull + longer) / axial, -bend / flexural, sheared])
+        return rates[:, 0], rates[:, 1]
+
     @classmethod
     def of_block(cls, block: Mapping[str, Any], description: RobotDescription) -> PowerLaw:
         """Return the laws of a robot file; see `TubeStiffness.of_block`."""
@@ -199,6 +228,11 @@ class ScaledStiffness:
         """Return those of the model, scaled; see `TubeStiffness.section_stiffness`."""
         sections = self.model.section_stiffness(length, pressure)
         return SectionStiffness(*(self.scale * each for each in sections))
+
+    def flexibility_rates(self, length: Array, pressure: Array) -> tuple[Array, Array]:
+        """Return how 1 / EA, 1 / EI, 1 / GA change; see `TubeStiffness.flexibility_rates`."""
+        rates = self.model.flexibility_rates(length, pressure)
+        return rates[0] / self.scale, rates[1] / self.scale
 
 
 #: The models by their names in robot files.

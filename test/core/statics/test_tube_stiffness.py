@@ -227,3 +227,30 @@ def test_power_law_of_a_robot_file():
         'rotary': {'C': 0.3, 'a': 0.6, 'b': 0.5},
     }
     assert model_of(block) == MODELS[2]
+
+
+@pytest.mark.parametrize(
+    'model',
+    [
+        InflatableBeam(RADIUS, 5e4, 1e4, end_softening=3.0),
+        Section(4e3, 25.0, 1.9e3, RADIUS, 30e3),
+        PowerLaw(Law(8.0, 0.6, -0.2), Law(0.5, 0.6, -1.2), Law(0.3, 0.6, 0.9), 0.08),
+        # Without shear: the rotary law is L^2/3 times the transverse one.
+        PowerLaw(Law(8.0, 0.6, -0.2), Law(0.3, 0.6, -1.2), Law(0.1, 0.6, 0.8), 0.08),
+    ],
+)
+def test_rates_of_flexibility_are_those_of_the_section_stiffness(model):
+    pressure = np.array([25e3, 30e3, 40e3])
+
+    def difference(by_length, by_pressure):
+        ends = [
+            1.0 / np.array(model.section_stiffness(LENGTHS + sign * by_length, p))
+            for sign in (1.0, -1.0)
+            for p in [pressure + sign * by_pressure]
+        ]
+        return (ends[0] - ends[1]) / (2.0 * (by_length + by_pressure))
+
+    rates = model.flexibility_rates(LENGTHS, pressure)
+    for found, expected in zip(rates, (difference(1e-5, 0.0), difference(0.0, 1.0)), strict=True):
+        assert found == pytest.approx(expected, rel=1e-6, abs=1e-14)
+    assert (np.abs(rates[1]).max(axis=1) > 0.0).any()
