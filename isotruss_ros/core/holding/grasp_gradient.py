@@ -19,6 +19,8 @@ and by the change of the grasp, both of which stay.
 from __future__ import annotations
 
 from dataclasses import dataclass
+import functools
+from typing import NamedTuple
 
 from isotruss_ros.core.contact.analysis_gradient import GraspParameters
 from isotruss_ros.core.errors import GraspError
@@ -31,6 +33,19 @@ from isotruss_ros.core.numerics.blas_threads import single_threaded
 import numpy as np
 
 
+class _Changes(NamedTuple):
+    """
+    What changes with n parameters and, in three more columns, under a unit wrench.
+
+    :ivar unknowns: (3 + 4k, n + 3).
+    """
+
+    tubes: LoadedTubes
+    contacts: ContactRates
+    rates: TubeRates
+    unknowns: Array
+
+
 @dataclass(frozen=True, eq=False)
 class GraspGradient:
     """
@@ -40,32 +55,61 @@ class GraspGradient:
     bisector, and of three members at all, the equilibrium does not depend on the place.
 
     :ivar parameters: which column is which.
+    :ivar settled: the grasp.
     :ivar pose: (3, p) of (x, y, angle).
     :ivar normal_forces: (m, p) by grasping member, in the order of `SettledGrasp.normal_forces`.
     :ivar friction_forces: (m, p) on the object, counter-clockwise.
     :ivar required_friction: (p,) of the member that needs the most.
     :ivar needs_most: its name.
-    :ivar squeeze: (p,) of the mean normal force of the members.
-    :ivar slip_margin: (p,) of the member that slips, or lets go, under the least wrench.
-    :ivar gives_way: its name.
-    :ivar stiffness: (3, 3, p).
     :ivar utilisation: (n, p) of the place of each member where it is largest, in the order of
         `Robot.member_names`.
     :ivar most_used: the name of the member with the largest.
     """
 
     parameters: GraspParameters
+    settled: SettledGrasp
     pose: Array
     normal_forces: Array
     friction_forces: Array
     required_friction: Array
     needs_most: str
-    squeeze: Array
-    slip_margin: Array
-    gives_way: str
-    stiffness: Array
     utilisation: Array
     most_used: str
+    _changes: _Changes
+
+    @property
+    def squeeze(self) -> Array:
+        """Return those of the mean normal force of the members, (p,)."""
+        return self.normal_forces.mean(axis=0)
+
+    @functools.cached_property
+    def stiffness(self) -> Array:
+        """Return those of the stiffness, (3, 3, p)."""
+        grip = self.settled.equilibrium
+        inverse = np.linalg.inv(grip.response.pose)
+        rates = -np.einsum('ia,apb,bj->ijp', inverse, self._response[:3], inverse)
+        rates[2] *= grip.arm
+        return rates
+
+    @property
+    def slip_margin(self) -> Array:
+        """Return those of the slip margin: of the member that `gives_way`, (p,)."""
+        return self._margin[0]
+
+    @property
+    def gives_way(self) -> str:
+        """Return the name of the member that slips, or lets go, under the least wrench."""
+        return self._margin[1]
+
+    @functools.cached_property
+    def _response(self) -> Array:
+        """Return those of the response to a unit wrench, (3 + 4k, p, 3): second derivatives."""
+        return _response_rates(self.settled.equilibrium, self._changes)
+
+    @functools.cached_property
+    def _margin(self) -> tuple[Array, str]:
+        change = self._changes.unknowns[:, :-3]
+        return _slip_margin_rates(self.settled, change, self._response, self.parameters)
 
 
 @single_threaded
@@ -74,7 +118,8 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
     Return the derivatives of a settled grasp by what an optimiser can choose.
 
     The equations of the equilibrium, F(y, p) = 0, give y' = -F_y^-1 F_p; F_y is the Jacobian of
-    their solution, F_p how tubes give and points move at unknowns y that stay.
+    their solution, F_p how tubes give and points move at unknowns y that stay. Second derivatives
+    are computed where slip margin or stiffness are asked for.
 
     :param settled: where the object rests.
     :raises GraspError: there is no equilibrium, or an indifferent one.
@@ -85,7 +130,6 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
     if grip.response is None:
         raise GraspError('an indifferent equilibrium has no derivatives')
     parameters = GraspParameters.of(grip.config)
-    # Three columns more, for the response to a wrench.
     chosen = np.eye(parameters.size, parameters.size + 3)
     tubes = LoadedTubes(grip, chosen, parameters)
     state, places = grip.state, grip.state.places
@@ -93,26 +137,21 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
     change[:, -3:] = -np.linalg.inv(grip.tangent)[:, places.balance]
     contacts = tubes.contact_rates(change)
     rates = tubes.respond(contacts)
-    answer = _response_rates(grip, tubes, contacts, rates, change)
     used, utilisation = tubes.utilisation(rates.ends)
-    change = change[:, :-3]
-    margin, gives_way = _slip_margin_rates(settled, change, answer, parameters)
     members = np.eye(len(grip.members))[grip.contacts.owners].T
-    presses, rubs = members @ change[places.normal], members @ change[places.friction]
+    presses, rubs = (members @ change[each, :-3] for each in (places.normal, places.friction))
     most, needed = _friction_rates(grip, presses, rubs)
     return GraspGradient(
-        parameters,
-        change[:3],
-        presses,
-        -rubs,
-        needed,
-        grip.member_names[most],
-        presses.mean(axis=0),
-        margin,
-        gives_way,
-        _stiffness_rates(grip, answer),
-        utilisation[:, :-3],
-        grip.config.robot.member_names[int(used.argmax())],
+        parameters=parameters,
+        settled=settled,
+        pose=change[:3, :-3],
+        normal_forces=presses,
+        friction_forces=-rubs,
+        required_friction=needed,
+        needs_most=grip.member_names[most],
+        utilisation=utilisation[:, :-3],
+        most_used=grip.config.robot.member_names[int(used.argmax())],
+        _changes=_Changes(tubes, contacts, rates, change),
     )
 
 
@@ -124,15 +163,9 @@ def _friction_rates(grip: HeldGrip, presses: Array, rubs: Array) -> tuple[int, A
     return most, (sign * rubs[most] - needs[most] * presses[most]) / grip.normal_forces[most]
 
 
-def _response_rates(
-    grip: HeldGrip,
-    tubes: LoadedTubes,
-    contacts: ContactRates,
-    rates: TubeRates,
-    change: Array,
-) -> Array:
-    """Return how the response to a unit wrench changes, (3 + 4k, n, 3)."""
-    # Columns are those of n parameters and, three more, of a unit wrench (fx, fy, m / arm).
+def _response_rates(grip: HeldGrip, changes: _Changes) -> Array:
+    """Return how the response to a unit wrench (fx, fy, m / arm) changes, (3 + 4k, n, 3)."""
+    tubes, contacts, rates, change = changes
     statics, state, places = grip.statics, grip.state, grip.state.places
     normals, turn = state.normals[:, None], grip.body.turn
     points, radii = grip.body.shape.surface_at(statics.contacts.corners, state.normals / turn)
@@ -176,14 +209,6 @@ def _response_rates(
         closure = grown * (angle - turned)
         left[..., i] = np.concatenate([gap.real, gap.imag, slope, -balance, closure])[:, :-3]
     return -np.linalg.solve(grip.tangent, left.reshape(places.size, -1)).reshape(left.shape)
-
-
-def _stiffness_rates(grip: HeldGrip, answer: Array) -> Array:
-    """Return how the stiffness changes, (3, 3, p), as the response does."""
-    inverse = np.linalg.inv(grip.response.pose)
-    rates = -np.einsum('ia,apb,bj->ijp', inverse, answer[:3], inverse)
-    rates[2] *= grip.arm
-    return rates
 
 
 def _slip_margin_rates(
