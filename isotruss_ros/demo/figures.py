@@ -63,7 +63,8 @@ def draw_panels(
             pulled = [snap for snap in record.snapshots if begin <= snap.time <= end]
             title = f'{record.name}, pulled with {np.hypot(*record.pull[:2]):g} N'
             # One for the middle of the pull, before that for the end of the phase.
-            stops += [(title, snap, record.pull) for snap in pulled[len(pulled) // 2 :][:1]]
+            if pulled:
+                stops.append((title, pulled[len(pulled) // 2], record.pull))
         stops.append((record.name, record.snapshots[-1], None))
     travelled = [snap for record in records for snap in record.snapshots]
     configs = [robot.configuration(snapshot.rollers) for _, snapshot, _ in stops]

@@ -210,7 +210,8 @@ def rest(statics: ContactStatics, center: complex, angle: float) -> Closure:
         # The friction of the first members, or their differences, that is to be none.
         signs = np.eye(len(ends))[: count - first - (not faces)]
         signs = signs if faces else signs - np.roll(signs, 1, axis=1)
-        linear[first + (not faces) :, places.friction] = SOFTNESS * signs[:, contacts.owners]
+        rubbing = slice(first + (not faces), None)
+        linear[rubbing, places.friction] = SOFTNESS * signs[:, contacts.owners]
 
     def rows(unknowns: Array, normals: Points) -> tuple[Array, Array]:
         left, derivative = linear @ unknowns - given, linear.copy()

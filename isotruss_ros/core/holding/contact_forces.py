@@ -173,7 +173,8 @@ class GripResponse:
     @property
     def forces(self) -> Array:
         """Return the change of normal and of friction forces, (2k, 3) [-]."""
-        return self.change[(POSE + len(self.change)) // 2 :]
+        begin = (POSE + len(self.change)) // 2
+        return self.change[begin:]
 
     @property
     def stiffness(self) -> Array:

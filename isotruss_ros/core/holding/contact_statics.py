@@ -134,12 +134,14 @@ class ContactStatics:
         :param unknowns: see `ContactForces`.
         :param change: (3 + 4k, c) of the unknowns.
         """
-        bending = change[self.places.inclinations.start :].reshape(3, len(self.sides), -1)
+        begin = self.places.inclinations.start
+        bending = change[begin:].reshape(3, len(self.sides), -1)
         return np.einsum('lnk,nkc->klc', self._push(unknowns).rates, bending)
 
     def _push(self, unknowns: Array) -> _Pushes:
         """Return what presses and rubs on the tubes."""
-        turned, normal, friction = unknowns[self.places.inclinations.start :].reshape(3, -1)
+        begin = self.places.inclinations.start
+        turned, normal, friction = unknowns[begin:].reshape(3, -1)
         local = self._aside * np.exp(1j * turned)
         along = 1j * local
         depths, softs = self.indentation(normal)
@@ -254,7 +256,7 @@ class ContactStatics:
         places, unknowns = self.places, start.copy()
         longest = np.full(places.size, MAX_MOVE * self.body.arm)
         longest[ANGLE] = longest[places.inclinations] = MAX_TURN
-        longest[places.normal.start :] = np.inf
+        longest[places.normal] = longest[places.friction] = np.inf
         for _ in range(steps):
             residual, state = self.equations(unknowns, wrench, closure)
             least = np.full(places.size, LENGTH_TOLERANCE)

@@ -20,7 +20,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 import functools
-from typing import NamedTuple
 
 from isotruss_ros.core.contact.analysis_gradient import GraspParameters
 from isotruss_ros.core.errors import GraspError
@@ -31,19 +30,6 @@ from isotruss_ros.core.holding.settle_grasp import SettledGrasp
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 import numpy as np
-
-
-class _Changes(NamedTuple):
-    """
-    What changes with n parameters and, in three more columns, under a unit wrench.
-
-    :ivar unknowns: (3 + 4k, n + 3).
-    """
-
-    tubes: LoadedTubes
-    contacts: ContactRates
-    rates: TubeRates
-    unknowns: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +61,8 @@ class GraspGradient:
     needs_most: str
     utilisation: Array
     most_used: str
-    _changes: _Changes
+    # For second derivatives: with three more columns, those of a unit wrench.
+    _changes: tuple[LoadedTubes, ContactRates, TubeRates, Array]
 
     @property
     def squeeze(self) -> Array:
@@ -104,12 +91,12 @@ class GraspGradient:
     @functools.cached_property
     def _response(self) -> Array:
         """Return those of the response to a unit wrench, (3 + 4k, p, 3): second derivatives."""
-        return _response_rates(self.settled.equilibrium, self._changes)
+        return _response_rates(self.settled.equilibrium, *self._changes)
 
     @functools.cached_property
     def _margin(self) -> tuple[Array, str]:
-        change = self._changes.unknowns[:, :-3]
-        return _slip_margin_rates(self.settled, change, self._response, self.parameters)
+        *_, change = self._changes
+        return _slip_margin_rates(self.settled, change[:, :-3], self._response, self.parameters)
 
 
 @single_threaded
@@ -151,7 +138,7 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
         needs_most=grip.member_names[most],
         utilisation=utilisation[:, :-3],
         most_used=grip.config.robot.member_names[int(used.argmax())],
-        _changes=_Changes(tubes, contacts, rates, change),
+        _changes=(tubes, contacts, rates, change),
     )
 
 
@@ -163,9 +150,10 @@ def _friction_rates(grip: HeldGrip, presses: Array, rubs: Array) -> tuple[int, A
     return most, (sign * rubs[most] - needs[most] * presses[most]) / grip.normal_forces[most]
 
 
-def _response_rates(grip: HeldGrip, changes: _Changes) -> Array:
+def _response_rates(
+    grip: HeldGrip, tubes: LoadedTubes, contacts: ContactRates, rates: TubeRates, change: Array
+) -> Array:
     """Return how the response to a unit wrench (fx, fy, m / arm) changes, (3 + 4k, n, 3)."""
-    tubes, contacts, rates, change = changes
     statics, state, places = grip.statics, grip.state, grip.state.places
     normals, turn = state.normals[:, None], grip.body.turn
     points, radii = grip.body.shape.surface_at(statics.contacts.corners, state.normals / turn)
