@@ -204,16 +204,22 @@ class HeldGrip:
         return self.contacts.members[first]
 
     @functools.cached_property
+    def end_forces(self) -> Array:
+        """Return the forces of the nodes on the members of the frame, see `FrameState`, (n, 6)."""
+        compliance = self.statics.compliance
+        at_feet = compliance.at(self.state.feet)
+        carried = at_feet.carried(self.state.loads)
+        return compliance.structure.frame.end_forces(at_feet.pieces, carried)
+
+    @functools.cached_property
     def sections(self) -> SectionLoads:
         """Return what the sections of the tubes bear under the forces of the object."""
-        compliance, feet = self.statics.compliance, self.state.feet
-        structure, loads = compliance.structure, self.state.loads
-        at_feet = compliance.at(feet)
+        loads = self.state.loads
         return load_sections(
-            structure,
-            structure.frame.end_forces(at_feet.pieces, at_feet.carried(loads)),
+            self.statics.compliance.structure,
+            self.end_forces,
             self.contacts.members,
-            feet,
+            self.state.feet,
             loads[:, 0] + 1j * loads[:, 1],
             loads[:, 2],
         )

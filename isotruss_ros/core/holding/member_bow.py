@@ -55,11 +55,9 @@ def bend_members(grip: HeldGrip) -> BentMembers:
     """
     state, compliance = grip.state, grip.statics.compliance
     feet, structure = state.feet, compliance.structure
-    loads, piece = state.loads, compliance.at(feet).pieces
-    ends = structure.frame.end_forces(piece, compliance.at(feet).carried(loads))
-    bent = _bend_from_chords(grip, loads)
+    loads, bent = state.loads, _bend_from_chords(grip, state.loads)
     # A force across puts a kink into the line; the slope is the mean of both sides.
-    kinks = -loads[:, 1] / structure.frame.members.shear[piece]
+    kinks = -loads[:, 1] / structure.frame.members.shear[compliance.at(feet).pieces]
     shorter, pushes = np.zeros(grip.config.robot.topology.n_modules), np.zeros_like(loads)
     for member in grip.members:
         mine = np.flatnonzero(grip.contacts.members == member)
@@ -67,7 +65,9 @@ def bend_members(grip: HeldGrip) -> BentMembers:
         places, length = feet[mine], compliance.length[mine[0]]
         deflections, slopes = bent[mine, 1:].T
         shorter[member] = beam_bow(length, places, deflections, slopes, kinks[mine])
-        tension = -ends[structure.pieces[0, member], 0] - np.cumsum([0.0, *loads[mine, 0]])
+        tension = -grip.end_forces[structure.pieces[0, member], 0] - np.cumsum(
+            [0.0, *loads[mine, 0]]
+        )
         pushes[mine, 1] = np.diff(tension * _chord_slopes(length, places, deflections)[1])
     return BentMembers(shorter, _bend_from_chords(grip, pushes))
 

@@ -23,6 +23,7 @@ from isotruss_ros.nodes.conversions.messages import check_place, MessageError, r
 import numpy as np
 from rclpy.node import Node
 from rclpy.time import Time
+from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import MultiDOFJointState
 from std_msgs.msg import Header
 
@@ -116,12 +117,12 @@ class RobotFrame:
         try:
             stamp = Time.from_msg(header.stamp)
             found = self._buffer.lookup_transform(frame, header.frame_id, stamp).transform
-        except NO_TRANSFORM as error:  # ValueError: a stamp before zero
+            rotation, shift = _rotation_matrix(found.rotation), found.translation
+        except NO_TRANSFORM as error:  # ValueError: a stamp before zero, no rotation
             raise MessageError(
                 f'{words}: tf2 does not connect it to {frame!r} at its stamp: {error}'
             ) from error
-        shift = found.translation
-        return _rotation_matrix(found.rotation), np.array([shift.x, shift.y, shift.z])
+        return rotation, np.array([shift.x, shift.y, shift.z])
 
     def _check_plane(self, what: str, header: Header, turned: Array) -> None:
         """Refuse what is tilted out of the robot's plane."""
@@ -135,13 +136,5 @@ class RobotFrame:
 
 
 def _rotation_matrix(rotation: Quaternion) -> Array:
-    """Return the matrix (3, 3) of a rotation."""
-    q = np.array([rotation.x, rotation.y, rotation.z, rotation.w])
-    x, y, z, w = (q / np.linalg.norm(q)).tolist()
-    return np.array(
-        [
-            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
-            [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
-            [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)],
-        ]
-    )
+    """Return the matrix (3, 3) of a rotation; ValueError for a quaternion of zeros."""
+    return Rotation.from_quat([rotation.x, rotation.y, rotation.z, rotation.w]).as_matrix()
