@@ -18,11 +18,14 @@ from isotruss_ros.core import (
     ConvexObject,
     deform,
     load_robot,
+    RollerFaults,
     settle_grasp,
     tangent_center,
 )
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.roll_grip import roll_grip
+from isotruss_ros.mujoco_plant.driven_robot import DrivenRobot
+from isotruss_ros.mujoco_plant.mjcf import export_mjcf
 from isotruss_ros.mujoco_plant.options import load_mujoco, PlantError, PlantOptions
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 from mujoco_worlds import needs_mujoco
@@ -182,6 +185,18 @@ def test_a_carried_object_follows_and_is_dropped_when_friction_is_too_low():
     plant.set_friction(0.9 * needed)
     plant.settle(6.0)
     assert np.linalg.norm(np.array(plant.object_pose())[:2] - found[:2]) > 0.01
+
+
+@needs_mujoco
+def test_any_member_of_the_simulated_robot_may_come_to_hold_the_object():
+    robot, options, body = (
+        load_robot('nine_member'),
+        PlantOptions(),
+        ConvexObject.disc((0.6, 0.3), 0.2),
+    )
+    driven = DrivenRobot(robot, body, True, options, RollerFaults())
+    fine = np.full(len(robot.member_names), options.contact_segments)
+    assert driven.plant.text == export_mjcf(robot, [body], options, fine)
 
 
 @needs_mujoco
