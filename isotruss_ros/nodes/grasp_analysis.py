@@ -15,6 +15,7 @@ from dataclasses import replace
 from functools import partial
 import time
 
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import WrenchStamped
 from isotruss_msgs.msg import GraspState
 from isotruss_msgs.srv import AnalyzeGrasp
@@ -33,7 +34,6 @@ from isotruss_ros.nodes.conversions.grasp_messages import (
 from isotruss_ros.nodes.conversions.markers import GraspMarkers
 from isotruss_ros.nodes.conversions.messages import make_header, name_object_frame
 from isotruss_ros.nodes.framework.cycle import Cycle
-from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import Spec
 from isotruss_ros.nodes.framework.topics import RELIABLE
@@ -142,13 +142,13 @@ class GraspAnalysisNode(ManagedNode):
             pose = grasp.body.pose
             self._transforms.broadcast(grasp.config, pose[:2], report.time)
             used, _ = max(grasp.utilisation.values())
-            level = Level.OK if used <= MAX_UTILISATION else Level.WARN
+            level = DiagnosticStatus.OK if used <= MAX_UTILISATION else DiagnosticStatus.WARN
             if report.code is not GraspCode.OK:
                 self.warn(report.code.name, f'{report.code}: {report.message}')
             self.diagnostics.set_status(level, report.message or 'analysing')
         else:
             self.warn(report.code.name, f'{report.code}: {report.message}')
-            self.diagnostics.set_status(Level.ERROR, f'{report.code}: {report.message}')
+            self.diagnostics.set_status(DiagnosticStatus.ERROR, f'{report.code}: {report.message}')
         self._draw(report)
 
     def _draw(self, report: GraspReport) -> None:

@@ -14,6 +14,7 @@ from __future__ import annotations
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 
+from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_msgs.action import FollowObjectPath
 from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.core import IsotrussError, Robot
@@ -33,7 +34,6 @@ from isotruss_ros.nodes.conversions.path_messages import (
     to_path_result,
 )
 from isotruss_ros.nodes.framework.cycle import Cycle
-from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import Parameters, Spec
 import numpy as np
@@ -100,7 +100,7 @@ class PathFollower(ManagedNode):
 
     def activate(self) -> None:
         """Accept goals from now on."""
-        self.diagnostics.set_status(Level.OK, 'no path to follow')
+        self.diagnostics.set_status(DiagnosticStatus.OK, 'no path to follow')
         self.cycle = Cycle(self, self._step, self.inputs.clear, self._abort_on_stopped_clock)
 
     def deactivate(self) -> None:
@@ -200,7 +200,7 @@ class PathFollower(ManagedNode):
             return
         self._publish_twist(step.twist)
         self._goal.publish_feedback(lambda: to_path_feedback(step.tracking))
-        self.diagnostics.set_status(Level.OK, step.tracking.phase.name.lower())
+        self.diagnostics.set_status(DiagnosticStatus.OK, step.tracking.phase.name.lower())
 
     def _abort_on_stopped_clock(self, now: float) -> None:
         """Abort the goal: while the clock is stopped, old inputs do not age."""

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from isotruss_ros.calibration.home import move_home
 from isotruss_ros.core import (
@@ -47,7 +48,6 @@ from isotruss_ros.nodes.components.sparse_messages import NewestMessage
 from isotruss_ros.nodes.conversions.grasp_messages import read_external_wrench
 from isotruss_ros.nodes.conversions.messages import check_frame, MessageError, read_pose
 from isotruss_ros.nodes.framework.cycle import Cycle
-from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import FixedSpec, ParameterError, Spec, Value
 from isotruss_ros.nodes.framework.topics import RELIABLE
@@ -322,23 +322,25 @@ class Simulator(ManagedNode):
         """State in the diagnostics which members press on the object."""
         members = simulated.grasping_members
         if len(members) > 1:
-            self.diagnostics.set_status(Level.OK, f'the object is between {", ".join(members)}')
+            self.diagnostics.set_status(
+                DiagnosticStatus.OK, f'the object is between {", ".join(members)}'
+            )
         else:
-            self.diagnostics.set_status(Level.WARN, 'the object is not held')
+            self.diagnostics.set_status(DiagnosticStatus.WARN, 'the object is not held')
 
     def _report_hold(self, simulated: ElasticObject) -> None:
         """State in the diagnostics whether the object is held, and log once why it is not."""
         dropped, before = simulated.dropped, self._dropped
         self._dropped = dropped
         if simulated.grasp is not None:
-            self.diagnostics.set_status(Level.OK, 'the object is held')
+            self.diagnostics.set_status(DiagnosticStatus.OK, 'the object is held')
             return
         words = 'the object is not held'
         if dropped is HoldStatus.NO_CONTACT:
             words = f'the object is free: {dropped.value}'
         elif dropped is not None:
             words = f'the object was dropped: {dropped.value}'
-        self.diagnostics.set_status(Level.WARN, words)
+        self.diagnostics.set_status(DiagnosticStatus.WARN, words)
         if dropped is HoldStatus.NO_CONTACT and before is not dropped:
             self.get_logger().info(words)
         elif dropped is not None and before is not dropped:

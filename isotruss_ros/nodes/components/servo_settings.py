@@ -14,6 +14,7 @@ from __future__ import annotations
 from dataclasses import replace
 import math
 
+from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.core import ShapeGuard, Status, TwistServo
 from isotruss_ros.core.control.decision import Decision
@@ -23,7 +24,6 @@ from isotruss_ros.core.safety.roller_failure import FailureCriterion, FailureDet
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.conversions.messages import make_header, to_twist_message
-from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import Parameters, Spec
 from isotruss_ros.nodes.framework.topics import RELIABLE
@@ -197,14 +197,14 @@ class StatusReport:
         )
         self._publisher.publish(message)
         self._log_gain(decision)
-        level = Level.WARN if status < Status.HALT_NO_TWIST else Level.ERROR
+        level = DiagnosticStatus.WARN if status < Status.HALT_NO_TWIST else DiagnosticStatus.ERROR
         if status in NORMAL:
-            level = Level.WARN if decision.failed else Level.OK
+            level = DiagnosticStatus.WARN if decision.failed else DiagnosticStatus.OK
         text = decision.message or status.name
         if decision.failed:
             text = f'failed rollers: {", ".join(decision.failed)}; {text}'
         self._node.diagnostics.set_status(level, text)
-        if level is not Level.OK:
+        if level != DiagnosticStatus.OK:
             self._node.warn(status.name, f'{status}: {text}')
 
     def _log_gain(self, decision: Decision) -> None:
