@@ -44,7 +44,6 @@ from isotruss_ros.nodes.components.simulated_object import place_at_start
 from isotruss_ros.nodes.components.simulated_object import SPECS as OBJECT_SPECS
 from isotruss_ros.nodes.components.simulated_sensors import SENSOR_SPECS, SimulatedSensors
 from isotruss_ros.nodes.components.simulated_truth import CLOCK_SPEED, ClockSource, SimulatedTruth
-from isotruss_ros.nodes.components.sparse_messages import NewestMessage
 from isotruss_ros.nodes.conversions.grasp_messages import read_external_wrench
 from isotruss_ros.nodes.conversions.messages import check_frame, MessageError, read_pose
 from isotruss_ros.nodes.framework.cycle import Cycle
@@ -125,17 +124,12 @@ class Simulator(ManagedNode):
         if speed > 0.0:
             ClockSource(self, self.values.rate, speed)
         self._time = self._commanded = self.now()
-        self.create_subscription(
-            Float64MultiArray,
-            'roller_velocity_controller/commands',
-            self._receive_command,
-            RELIABLE,
-        )
         for kind, topic, receive in (
+            (Float64MultiArray, 'roller_velocity_controller/commands', self._receive_command),
             (PoseStamped, 'place_object', self._place_object),
             (WrenchStamped, 'external_wrench', self._receive_wrench),
         ):
-            NewestMessage(self, kind, topic, receive, self._report_missing)
+            self.create_subscription(kind, topic, receive, RELIABLE)
         self.cycle = Cycle(self, self._step, self._stop_on_clock_jump)
 
     def deactivate(self) -> None:
@@ -240,9 +234,6 @@ class Simulator(ManagedNode):
             return
         self._simulated.replace_object(self._put_object(pose))
         self._simulated.advance(0.0)
-
-    def _report_missing(self, why: str) -> None:
-        self.get_logger().warning(f'{why}: if it sent one, publish it again')
 
     def _receive_wrench(self, message: WrenchStamped) -> None:
         try:

@@ -28,7 +28,7 @@ from isotruss_ros.core.control.inputs import require_fresh, StampedInput
 from isotruss_ros.core.control.roller_trajectory import RollerTrajectoryServo
 from isotruss_ros.core.manipulation.status import RollerCommand
 from isotruss_ros.nodes.components.single_goal import Ending, SingleGoal
-from isotruss_ros.nodes.components.sparse_messages import NewestMessage
+from isotruss_ros.nodes.components.sparse_messages import SparseMessages
 from isotruss_ros.nodes.conversions.messages import MessageError, read_stamp
 from isotruss_ros.nodes.conversions.path_messages import (
     read_roller_trajectory,
@@ -76,7 +76,7 @@ class TrajectoryFollowing:
     def subscribe(self) -> None:
         """Accept trajectories from now on."""
         self._outcome = None
-        NewestMessage(self._node, JointTrajectory, TOPIC, self._receive, self._report_missing)
+        SparseMessages(self._node, JointTrajectory, TOPIC, self._receive, self._report_missing)
 
     def decide(self, now: float) -> Decision:
         """
@@ -121,11 +121,11 @@ class TrajectoryFollowing:
         self._end(Status.HALT_TRAJECTORY, f'trajectory aborted: {why}')
         return True
 
-    def _receive(self, message: JointTrajectory) -> None:
-        if not message.points:
+    def _receive(self, messages: list[JointTrajectory]) -> None:
+        if messages[-1].points:
+            self._begin(messages[-1])
+        else:
             self.abort('an empty trajectory was received')
-            return
-        self._begin(message)
 
     def _report_missing(self, why: str) -> None:
         """Stop: what was lost may have been a trajectory in place of this one, or its end."""

@@ -39,7 +39,7 @@ ACKNOWLEDGE_TIME = Duration(seconds=0.5)
 EVENTS = QoSProfile(depth=100)
 #: For what holds until the next message: late joiners receive it.
 LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-#: For `EveryMessage`: all publishers, and what those that latch have published before. Reliable
+#: For `SparseMessages`: all publishers, and what those that latch have published before. Reliable
 #: both: what a publisher sends before a best-effort subscription has discovered it is lost. All
 #: messages are kept, up to the 5000 of Fast DDS; then the publishers wait, and where they do not,
 #: an event reports the loss.
