@@ -29,7 +29,7 @@ from isotruss_ros.cli.plan_options import (
     worker_count,
 )
 from isotruss_ros.cli.plan_report import as_json, table
-from isotruss_ros.cli.progress_bar import ProgressBar
+from isotruss_ros.cli.progress_bar import show_progress
 from isotruss_ros.core import (
     Configuration,
     ConvexObject,
@@ -100,8 +100,8 @@ def _search(
     """Search on the cores asked for, until it is done, interrupted, or its time is up."""
     stop = Stop(options.time_limit)
     # One worker is a process of its own too: with other BLAS threads the last digits differ.
-    with WorkerPool(options.workers) as pool, ProgressBar() as bar, _interruptible(stop):
-        return plan_grasps(config, body, needs, options.seed, pool.executor, bar.show, stop)
+    with WorkerPool(options.workers) as pool, show_progress() as show, _interruptible(stop):
+        return plan_grasps(config, body, needs, options.seed, pool.executor, show, stop)
 
 
 @contextlib.contextmanager

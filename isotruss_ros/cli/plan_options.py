@@ -12,8 +12,10 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from dataclasses import fields
 import math
+import sys
 from typing import Any
 
 from isotruss_ros.core import GraspRequirements
@@ -79,44 +81,29 @@ def requirements(options: argparse.Namespace) -> GraspRequirements:
     return GraspRequirements(**{name: getattr(options, name) for name in OPTIONS})
 
 
-def worker_count(text: str) -> int:
+def read_number(kind: type, high: float, words: str) -> Callable[[str], float]:
     """
-    Return a number of processes, 0 for as many as there are cores.
+    Return what reads the number of an option, from 0 on.
 
-    :param text: the argument.
+    :param kind: int or float.
+    :param high: largest number.
+    :param words: what it must be, for the error.
     """
-    try:
-        value = int(text)
-    except ValueError:
-        value = -1
-    if not 0 <= value <= MAX_WORKERS:
-        raise argparse.ArgumentTypeError(
-            f'{text!r}: must be from 0 (as many as there are cores) to {MAX_WORKERS}'
-        )
-    return value
+
+    def read(text: str) -> float:
+        try:
+            value = kind(text)
+        except ValueError:
+            value = -1
+        if not 0 <= value <= high:
+            raise argparse.ArgumentTypeError(f'{text!r}: must be {words}')
+        return value
+
+    return read
 
 
-def seed(text: str) -> int:
-    """
-    Return a seed, an integer that is not negative.
-
-    :param text: the argument.
-    """
-    if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f'seed {text!r}: must be an integer, not negative')
-    return int(text)
-
-
-def duration(text: str) -> float:
-    """
-    Return a time that is not negative [s].
-
-    :param text: the argument [s].
-    """
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not 0.0 <= value < math.inf:
-        raise argparse.ArgumentTypeError(f'{text!r}: must be a number of seconds, not negative')
-    return value
+worker_count = read_number(
+    int, MAX_WORKERS, f'from 0 (as many as there are cores) to {MAX_WORKERS}'
+)
+seed = read_number(int, math.inf, 'an integer, not negative')
+duration = read_number(float, sys.float_info.max, 'a number of seconds, not negative')
