@@ -26,6 +26,7 @@ import math
 import time
 from typing import Any
 import uuid
+from weakref import WeakKeyDictionary
 
 from action_msgs.msg import GoalInfo
 from geometry_msgs.msg import Twist
@@ -156,7 +157,7 @@ class World(Watched):
         self._remaps = remaps
         self._queue: deque[tuple[str, Any, QoSProfile, int]] = deque()
         self._latched: dict[tuple[Publisher, str], tuple[str, Any, QoSProfile, int]] = {}
-        self._numbers: dict[Publisher, Iterator[int]] = {}
+        self._numbers: WeakKeyDictionary[Publisher, Iterator[int]] = WeakKeyDictionary()
         self._served: set[Subscription] = set()
         self._due: dict[Timer, float] = {}
         self._goals: list[Goal] = []

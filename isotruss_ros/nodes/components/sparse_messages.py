@@ -101,7 +101,7 @@ class SparseMessages:
         )
         self._subscriptions.append(subscription)
         if self._every:
-            self._node.keep(subscription)
+            self._node.kept.add(subscription)
 
     def _subscribe_to_latched(self) -> None:
         """Subscribe to what latching publishers hold, if there is one and it was not done yet."""

@@ -134,7 +134,7 @@ class TrajectoryFollowing:
 
     def _begin(self, message: JointTrajectory, goal: SingleGoal | None = None) -> None:
         """Follow a trajectory from now on, or report why not."""
-        self._end_goals(Ending.ABORTED, Result.PATH_TOLERANCE_VIOLATED, REPLACED, goal)
+        self._end_goals(REPLACED, spared=goal)
         self._accepted = False
         now, start, servo = self._node.now(), read_stamp(message.header), self._servo
         self._follower.rollers, self._follower.timeout = servo.rollers, servo.timeout
@@ -160,9 +160,7 @@ class TrajectoryFollowing:
             name,
             lambda request: self._begin(request.trajectory, goal),
             self._cancel,
-            preempted=lambda: self._end_goals(
-                Ending.ABORTED, Result.PATH_TOLERANCE_VIOLATED, REPLACED
-            ),
+            preempted=lambda: self._end_goals(REPLACED),
             supervised=True,
         )
         return goal
@@ -194,13 +192,17 @@ class TrajectoryFollowing:
         else:
             self._node.get_logger().info(message)
         if status is Status.ARRIVED:
-            self._end_goals(Ending.SUCCEEDED, Result.SUCCESSFUL, message)
+            self._end_goals(message, Ending.SUCCEEDED, Result.SUCCESSFUL)
         else:
             failed = Result.PATH_TOLERANCE_VIOLATED if self._accepted else Result.INVALID_GOAL
-            self._end_goals(ending, failed, message)
+            self._end_goals(message, ending, failed)
 
     def _end_goals(
-        self, ending: Ending, code: int, text: str, spared: SingleGoal | None = None
+        self,
+        text: str,
+        ending: Ending = Ending.ABORTED,
+        code: int = Result.PATH_TOLERANCE_VIOLATED,
+        spared: SingleGoal | None = None,
     ) -> None:
         """End the goal whose trajectory is over, if it came by an action."""
         for goal in self._goals:

@@ -55,6 +55,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
     :ivar robot: loaded before `configure`.
     :ivar inputs: the `Inputs` that `configure` has made, whose ages are reported; None without.
     :ivar configured: whether `configure` has succeeded, and what it made is there.
+    :ivar kept: entities that outlive the state in which they were created.
     :ivar active: whether publishers are enabled, in the transitions to and from `active` too.
     :ivar diagnostics: status of the node.
     :ivar cycle: None while the node is not active, too.
@@ -107,6 +108,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
         :raises IsotrussError: a step failed.
         """
         self.diagnostics = Diagnostics(self, self.describe)
+        self.kept: set[object] = set()
         #: The entities that were there before each state.
         self._before: dict[str, dict[Any, Callable[[Any], object]]] = {}
         self.add_on_set_parameters_callback(self._check_change)
@@ -128,15 +130,6 @@ class ManagedNode(StoppableNode, LifecycleNode):
         except RuntimeError:  # of rcl: it was interrupted in a transition, or has ended
             if self.active:
                 self.deactivate()
-
-    def keep(self, entity: object) -> None:
-        """
-        Have an entity outlive the present state, as if it had been created with the node.
-
-        :param entity: of this node.
-        """
-        for before in self._before.values():
-            before[entity] = None
 
     def fail(self, error: Exception) -> None:
         """
@@ -288,7 +281,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
             return
         before = self._before.pop(state)
         for entity, destroy in self._list_entities().items():
-            if entity not in before:
+            if entity not in before and entity not in self.kept:
                 destroy(entity)
         # rclpy keeps a weak reference to everything that ever was in the group: without this, a
         # node that is configured again and again grows.
