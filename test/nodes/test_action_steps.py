@@ -39,10 +39,7 @@ from isotruss_ros.nodes.components.action_steps import (
     set_parameters,
     StepError,
 )
-from isotruss_ros.nodes.components.grasp_sequences import (
-    check_grip,
-    GraspSequences,
-)
+from isotruss_ros.nodes.components.grasp_sequences import GraspSequences
 from isotruss_ros.nodes.conversions.messages import to_pose_message
 from isotruss_ros.nodes.conversions.path_messages import read_duration
 from isotruss_ros.nodes.conversions.plan_messages import read_goal
@@ -341,14 +338,6 @@ def test_a_service_that_is_missing_ends_the_steps(waited):
     with pytest.raises(StepError, match='no node offers the service') as error:
         next(steps)
     assert error.value.outcome is Outcome.NOT_READY
-
-
-def test_a_grip_of_two_or_three_members_can_be_opened():
-    for count in (2, 3):
-        check_grip(ROBOT.member_names[:count])
-    for count in (0, 1, 4):
-        with pytest.raises(StepError, match='must be 2 or 3 to open'):
-            check_grip(ROBOT.member_names[:count])
 
 
 def sequences_at(grasp_age=0.0, held=True, pose_age=0.0, y=0.3, **values):

@@ -167,7 +167,7 @@ class StatusReport:
         self._publisher = node.create_lifecycle_publisher(
             ManipulationStatus, 'manipulation/status', RELIABLE
         )
-        self._frame, self._node, self._gain = frame, node, 0.0
+        self._frame, self._node = frame, node
         self.status = Status.OK
 
     def publish(self, decision: Decision, now: float) -> None:
@@ -196,7 +196,6 @@ class StatusReport:
             squeeze_deviation=deviation,
         )
         self._publisher.publish(message)
-        self._log_gain(decision)
         level = DiagnosticStatus.WARN if status < Status.HALT_NO_TWIST else DiagnosticStatus.ERROR
         if status in NORMAL:
             level = DiagnosticStatus.WARN if decision.failed else DiagnosticStatus.OK
@@ -206,12 +205,3 @@ class StatusReport:
         self._node.diagnostics.set_status(level, text)
         if level != DiagnosticStatus.OK:
             self._node.warn(status.name, f'{status}: {text}')
-
-    def _log_gain(self, decision: Decision) -> None:
-        """Log the gain, and the frequency from which it follows, when an object is taken."""
-        before, self._gain = self._gain, decision.pose_gain
-        if decision.pose_gain and not before:
-            known = f'{decision.frequency:.3g} rad/s' if decision.frequency else 'not known'
-            self._node.get_logger().info(
-                f'lowest frequency of the held object: {known}; pose gain {self._gain:.3g} 1/s'
-            )
