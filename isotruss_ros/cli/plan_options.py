@@ -71,6 +71,24 @@ def add_requirements(parser: argparse.ArgumentParser) -> None:
         group.add_argument(option, default=field.default, help=said, **kind)
 
 
+def add_search(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
+    """
+    Return the group of options of a search, with its seed and its processes.
+
+    :param parser: gets the options.
+    """
+    group = parser.add_argument_group('search')
+    group.add_argument('--seed', type=_seed, default=0, help='the same seed, the same answer')
+    group.add_argument(
+        '--workers',
+        type=_worker_count,
+        default=0,
+        metavar='N',
+        help='processes on this machine; as many as there are cores if 0 (default)',
+    )
+    return group
+
+
 def requirements(options: argparse.Namespace) -> GraspRequirements:
     """
     Return the requirements that the options ask for.
@@ -81,14 +99,8 @@ def requirements(options: argparse.Namespace) -> GraspRequirements:
     return GraspRequirements(**{name: getattr(options, name) for name in OPTIONS})
 
 
-def read_number(kind: type, high: float, words: str) -> Callable[[str], float]:
-    """
-    Return what reads the number of an option, from 0 on.
-
-    :param kind: int or float.
-    :param high: largest number.
-    :param words: what it must be, for the error.
-    """
+def _read_number(kind: type, high: float, words: str) -> Callable[[str], float]:
+    """Return what reads a number from 0 to the highest; the words say what it must be."""
 
     def read(text: str) -> float:
         try:
@@ -102,8 +114,8 @@ def read_number(kind: type, high: float, words: str) -> Callable[[str], float]:
     return read
 
 
-worker_count = read_number(
+_worker_count = _read_number(
     int, MAX_WORKERS, f'from 0 (as many as there are cores) to {MAX_WORKERS}'
 )
-seed = read_number(int, math.inf, 'an integer, not negative')
-duration = read_number(float, sys.float_info.max, 'a number of seconds, not negative')
+_seed = _read_number(int, math.inf, 'an integer, not negative')
+duration = _read_number(float, sys.float_info.max, 'a number of seconds, not negative')

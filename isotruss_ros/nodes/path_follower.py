@@ -144,7 +144,7 @@ class PathFollower(ManagedNode):
                 self._servo.measured(self.now()),
             )
             foreseen = self._thread.submit(
-                check_path, self.robot, values, self._servo.rollers, path, self.now()
+                _check_path, self.robot, values, self._servo.rollers, path, self.now()
             )
             self._waiting = foreseen, path, settings
         except NoMotionError as error:
@@ -212,7 +212,7 @@ def _read_status(message: ManipulationStatus) -> ServoFeedback:
     return ServoFeedback(message.code, message.scale, message.message, message.frequency)
 
 
-def check_path(
+def _check_path(
     robot: Robot, values: Parameters, rollers: Input, path: ObjectPath, now: float
 ) -> None:
     """
@@ -220,13 +220,6 @@ def check_path(
 
     Without roller positions, or where no members hold the object as it is described at the
     beginning of the path, nothing is foreseen: what members push has no slip margin.
-
-    :param robot: the robot.
-    :param values: of the node.
-    :param rollers: the measured state of the rollers.
-    :param path: of the object.
-    :param now: time on the clock of the inputs [s].
-    :raises PathError: names the place where the path would end, and why.
     """
     try:
         (state,) = require_fresh(now, values.command_timeout, joint_states=rollers)

@@ -123,7 +123,7 @@ class PickAndPlace(ManagedNode):
         goal, self._course = self._goal, None
         outcome = Outcome.SUCCEEDED
         if isinstance(ended, IsotrussError):
-            outcome = find_outcome(ended)
+            outcome = _find_outcome(ended)
             details = getattr(ended, 'details', {})
             ended = goal.kind.Result(code=outcome, message=str(ended), **details)
         if hasattr(ended, 'object_pose') and (pose := self._sequences.measured_pose()):
@@ -134,12 +134,8 @@ class PickAndPlace(ManagedNode):
         goal.report_end(outcome, ended, 'no goal', f'{goal.kind.__name__}: ')
 
 
-def find_outcome(error: IsotrussError) -> Outcome:
-    """
-    Return the code of the result that an error stands for.
-
-    :param error: that ended a sequence.
-    """
+def _find_outcome(error: IsotrussError) -> Outcome:
+    """Return the code of the result that an error stands for."""
     if isinstance(error, StepError):
         return error.outcome
     if isinstance(error, CancelledError):

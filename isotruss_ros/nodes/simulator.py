@@ -12,6 +12,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped, WrenchStamped
@@ -37,7 +38,6 @@ from isotruss_ros.mujoco_plant.recording import PlantRecorder
 from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.mujoco_object import (
     make_driven_robot,
-    make_recorder,
     MUJOCO_SPECS,
 )
 from isotruss_ros.nodes.components.simulated_object import place_at_start
@@ -113,8 +113,12 @@ class Simulator(ManagedNode):
     def configure(self) -> None:
         """Put the robot at home, with the object grasped or free."""
         self._simulated = self._make_robot()
-        plant = None if self._driven is None else self._driven.plant
-        self._recorder = make_recorder(plant, self.values.recording)
+        if path := self.values.recording:
+            if self._driven is None:
+                raise ParameterError(
+                    f'parameter recording: {path!r}: must be empty but with plant mujoco'
+                )
+            self._recorder = PlantRecorder(self._driven.plant, Path(path))
         self._sensors = SimulatedSensors(self, self.robot, self.values, self.values.seed)
         self._truth = SimulatedTruth(self, self.robot)
 

@@ -43,7 +43,7 @@ from isotruss_ros.nodes.components.grasp_sequences import GraspSequences
 from isotruss_ros.nodes.conversions.messages import to_pose_message
 from isotruss_ros.nodes.conversions.path_messages import read_duration
 from isotruss_ros.nodes.conversions.plan_messages import read_goal
-from isotruss_ros.nodes.pick_and_place import find_outcome
+from isotruss_ros.nodes.pick_and_place import _find_outcome
 from nav_msgs.msg import Path
 import numpy as np
 from probe import ROBOT
@@ -470,7 +470,7 @@ def test_inputs_that_stay_late_end_the_steps_as_not_ready(monkeypatch):
     assert [next(steps), next(steps)] == [0.0, 0.0]
     with pytest.raises(InputError, match='command_timeout') as error:
         next(steps)
-    assert find_outcome(error.value) is Outcome.NOT_READY
+    assert _find_outcome(error.value) is Outcome.NOT_READY
 
 
 @pytest.mark.parametrize(
@@ -483,7 +483,7 @@ def test_inputs_that_stay_late_end_the_steps_as_not_ready(monkeypatch):
     ],
 )
 def test_the_code_of_a_result_is_that_of_the_error(error, outcome):
-    assert find_outcome(error) is outcome
+    assert _find_outcome(error) is outcome
 
 
 @pytest.mark.parametrize(('age', 'outcome'), [(0.0, Outcome.NOT_HELD), (100.0, Outcome.NOT_READY)])
