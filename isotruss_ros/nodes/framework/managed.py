@@ -153,24 +153,24 @@ class ManagedNode(StoppableNode, LifecycleNode):
             self._release()
         return result
 
-    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+    def on_activate(self, _state: LifecycleState) -> TransitionCallbackReturn:
         """Activate: publishers first, then the timers that publish."""
         self._enter('active')
         self.active = True
-        super().on_activate(state)
+        super().on_activate(_state)
         self.diagnostics.set_status(DiagnosticStatus.OK, 'active')
         result = self._try_step('activate', self.activate)
         if result != SUCCESS:
-            self._disable(state)
+            self._disable(_state)
         else:
             names = ', '.join(map(self.resolve_topic_name, self.awaited))
             self.get_logger().info(f'active, waits for {names}')
         return result
 
-    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+    def on_deactivate(self, _state: LifecycleState) -> TransitionCallbackReturn:
         """Deactivate; after an error that escaped a callback this leads to the error state."""
         self._try_step('deactivate', self.deactivate)
-        self._disable(state)
+        self._disable(_state)
         if self._failure is not None:
             return ERROR
         self.diagnostics.set_status(DiagnosticStatus.WARN, 'inactive')
@@ -183,10 +183,10 @@ class ManagedNode(StoppableNode, LifecycleNode):
         self.diagnostics.set_status(DiagnosticStatus.WARN, 'unconfigured')
         return SUCCESS
 
-    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+    def on_shutdown(self, _state: LifecycleState) -> TransitionCallbackReturn:
         """Stop from any state."""
         if self.active:
-            self.on_deactivate(state)
+            self.on_deactivate(_state)
         self._try_step('clean up', self._release)
         self.diagnostics.set_status(DiagnosticStatus.WARN, 'finalized')
         return SUCCESS
