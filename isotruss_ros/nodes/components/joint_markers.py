@@ -85,7 +85,6 @@ class JointMarkers:
         :raises MeasurementError: a topic is silent, or the rollers turn.
         """
         for topic, kept in (('joint_states', self._rollers), ('joint_markers', self._markers)):
-            kept.discard_before(now - self._window)
             if not kept or now - kept.last[0] > LATEST:
                 why = f': {self._last_error}' if self._last_error else ''
                 raise MeasurementError(f'no {topic} in the last {LATEST:g} s{why}')
