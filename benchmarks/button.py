@@ -20,7 +20,6 @@ import os
 import sys
 import time
 
-from geometry_msgs.msg import PoseStamped, WrenchStamped
 import rclpy
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import Bool, String
@@ -32,8 +31,6 @@ MESSAGES = {
     'emergency_stop': Bool(data=True),
     'failed_rollers': String(data='nobody'),
     'joint_trajectory_controller/joint_trajectory': JointTrajectory(),
-    'place_object': PoseStamped(),
-    'external_wrench': WrenchStamped(),
 }
 
 

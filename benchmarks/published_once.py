@@ -33,19 +33,16 @@ import sys
 import time
 from typing import Protocol
 
-from button import MESSAGES
 from isotruss_ros.demo.processes import NodeProcess
-from isotruss_ros.nodes.components.sparse_messages import NewestMessage
+from isotruss_ros.nodes.components.sparse_messages import SparseMessages
 from isotruss_ros.nodes.components.trajectory_following import TOPIC as TRAJECTORIES
 from isotruss_ros.nodes.components.trajectory_following import TrajectoryFollowing
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.manipulation import Manipulation
-from isotruss_ros.nodes.simulator import Simulator
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.logging import LoggingSeverity, set_logger_level
 from std_msgs.msg import Bool, String
-from std_srvs.srv import Trigger
 
 #: From the end of the process until the message counts as missed [s].
 WAIT = 2.0
@@ -83,7 +80,7 @@ class Halting:
 
     def heard(self) -> str | None:
         """Return why the rollers are halted."""
-        halt = self.node._halt()
+        halt = self.node._find_halt()
         return None if halt is None else halt[1]
 
     def forget(self) -> None:
@@ -95,24 +92,18 @@ class Halting:
             # The service asks for a false first.
             owner = self.node._stop
             owner._receive([Bool(data=False)])
-            owner._release(Trigger.Request(), Trigger.Response())
+            owner._release()
 
 
 class Called:
-    """
-    A node with functions that are called for each message, and for the loss of one.
+    """Manipulation with functions that are called for a trajectory, and for the loss of one."""
 
-    :param kind: of the node.
-    :param owner: class of the functions.
-    :param receive: name of the function for messages.
-    """
-
-    def __init__(self, kind: type[ManagedNode], owner: type, receive: str) -> None:
+    def __init__(self) -> None:
         self._heard: str | None = None
         # Before the node subscribes with them.
-        setattr(owner, receive, lambda *_: self._note('received'))
-        owner._report_missing = lambda _, why: self._note(why)
-        self.node = kind()
+        TrajectoryFollowing._receive = lambda *_: self._note('received')
+        TrajectoryFollowing._report_missing = lambda _, why: self._note(why)
+        self.node = Manipulation()
 
     def _note(self, what: str) -> None:
         self._heard = what
@@ -129,9 +120,7 @@ class Called:
 LISTENERS: dict[str, Callable[[], Listener]] = {
     'emergency_stop': partial(Halting, 'emergency_stop'),
     'failed_rollers': partial(Halting, 'failed_rollers'),
-    TRAJECTORIES: partial(Called, Manipulation, TrajectoryFollowing, '_receive'),
-    'place_object': partial(Called, Simulator, Simulator, '_place_object'),
-    'external_wrench': partial(Called, Simulator, Simulator, '_receive_wrench'),
+    TRAJECTORIES: Called,
 }
 
 
@@ -140,7 +129,7 @@ def expect_the_next(node: ManagedNode) -> None:
     for subscription in node.subscriptions:
         for handler in subscription.event_handlers:
             owner = getattr(handler.callback, '__self__', None)
-            if isinstance(owner, NewestMessage):
+            if isinstance(owner, SparseMessages):
                 owner._received = -math.inf
 
 
@@ -192,7 +181,7 @@ def main() -> None:
     """Print how many messages were received."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--trials', type=int, default=1000)
-    parser.add_argument('--topic', choices=MESSAGES, default='emergency_stop')
+    parser.add_argument('--topic', choices=LISTENERS, default='emergency_stop')
     parser.add_argument('--latched', action='store_true')
     parser.add_argument('--busy', action='store_true', help='keep a core busy meanwhile')
     parser.add_argument('--beside', action='store_true', help='run the other nodes beside')

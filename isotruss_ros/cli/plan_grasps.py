@@ -23,13 +23,12 @@ from types import FrameType
 
 from isotruss_ros.cli.plan_options import (
     add_requirements,
+    add_search,
     duration,
     requirements,
-    seed,
-    worker_count,
 )
 from isotruss_ros.cli.plan_report import as_json, table
-from isotruss_ros.cli.progress_bar import ProgressBar
+from isotruss_ros.cli.progress_bar import show_progress
 from isotruss_ros.core import (
     Configuration,
     ConvexObject,
@@ -100,8 +99,8 @@ def _search(
     """Search on the cores asked for, until it is done, interrupted, or its time is up."""
     stop = Stop(options.time_limit)
     # One worker is a process of its own too: with other BLAS threads the last digits differ.
-    with WorkerPool(options.workers) as pool, ProgressBar() as bar, _interruptible(stop):
-        return plan_grasps(config, body, needs, options.seed, pool.executor, bar.show, stop)
+    with WorkerPool(options.workers) as pool, show_progress() as show, _interruptible(stop):
+        return plan_grasps(config, body, needs, options.seed, pool.executor, show, stop)
 
 
 @contextlib.contextmanager
@@ -166,15 +165,7 @@ def _parser() -> argparse.ArgumentParser:
         '--angle', type=float, default=0.0, help='at which that one lies [rad] (default 0)'
     )
     add_requirements(parser)
-    group = parser.add_argument_group('search')
-    group.add_argument('--seed', type=seed, default=0, help='the same seed, the same answer')
-    group.add_argument(
-        '--workers',
-        type=worker_count,
-        default=0,
-        metavar='N',
-        help='processes; as many as there are cores if 0 (default)',
-    )
+    group = add_search(parser)
     group.add_argument(
         '--time-limit',
         type=duration,

@@ -12,8 +12,10 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from dataclasses import fields
 import math
+import sys
 from typing import Any
 
 from isotruss_ros.core import GraspRequirements
@@ -69,6 +71,24 @@ def add_requirements(parser: argparse.ArgumentParser) -> None:
         group.add_argument(option, default=field.default, help=said, **kind)
 
 
+def add_search(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
+    """
+    Return the group of options of a search, with its seed and its processes.
+
+    :param parser: gets the options.
+    """
+    group = parser.add_argument_group('search')
+    group.add_argument('--seed', type=_seed, default=0, help='the same seed, the same answer')
+    group.add_argument(
+        '--workers',
+        type=_worker_count,
+        default=0,
+        metavar='N',
+        help='processes on this machine; as many as there are cores if 0 (default)',
+    )
+    return group
+
+
 def requirements(options: argparse.Namespace) -> GraspRequirements:
     """
     Return the requirements that the options ask for.
@@ -79,44 +99,23 @@ def requirements(options: argparse.Namespace) -> GraspRequirements:
     return GraspRequirements(**{name: getattr(options, name) for name in OPTIONS})
 
 
-def worker_count(text: str) -> int:
-    """
-    Return a number of processes, 0 for as many as there are cores.
+def _read_number(kind: type, high: float, words: str) -> Callable[[str], float]:
+    """Return what reads a number from 0 to the highest; the words say what it must be."""
 
-    :param text: the argument.
-    """
-    try:
-        value = int(text)
-    except ValueError:
-        value = -1
-    if not 0 <= value <= MAX_WORKERS:
-        raise argparse.ArgumentTypeError(
-            f'{text!r}: must be from 0 (as many as there are cores) to {MAX_WORKERS}'
-        )
-    return value
+    def read(text: str) -> float:
+        try:
+            value = kind(text)
+        except ValueError:
+            value = -1
+        if not 0 <= value <= high:
+            raise argparse.ArgumentTypeError(f'{text!r}: must be {words}')
+        return value
+
+    return read
 
 
-def seed(text: str) -> int:
-    """
-    Return a seed, an integer that is not negative.
-
-    :param text: the argument.
-    """
-    if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f'seed {text!r}: must be an integer, not negative')
-    return int(text)
-
-
-def duration(text: str) -> float:
-    """
-    Return a time that is not negative [s].
-
-    :param text: the argument [s].
-    """
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not 0.0 <= value < math.inf:
-        raise argparse.ArgumentTypeError(f'{text!r}: must be a number of seconds, not negative')
-    return value
+_worker_count = _read_number(
+    int, MAX_WORKERS, f'from 0 (as many as there are cores) to {MAX_WORKERS}'
+)
+_seed = _read_number(int, math.inf, 'an integer, not negative')
+duration = _read_number(float, sys.float_info.max, 'a number of seconds, not negative')

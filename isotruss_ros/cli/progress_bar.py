@@ -11,53 +11,32 @@
 
 from __future__ import annotations
 
-from types import TracebackType
+from collections.abc import Callable, Iterator
+import contextlib
 
 from isotruss_ros.core.planning.grasp_plan import Progress as SearchProgress
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
 
-class ProgressBar:
-    """Shows what `plan_grasps` tells, on standard error, while that is a terminal."""
+@contextlib.contextmanager
+def show_progress() -> Iterator[Callable[[SearchProgress], None]]:
+    """Yield what shows the progress of a search on standard error, while that is a terminal."""
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield lambda _: None
+        return
+    words = TextColumn('{task.fields[words]}')
+    columns = (TextColumn('searching'), BarColumn(), TaskProgressColumn(), words)
+    with Progress(*columns, console=console, transient=True) as bar:
+        task = bar.add_task('', total=1.0, words='')
 
-    def __init__(self) -> None:
-        console = Console(stderr=True)
-        self._progress = Progress(
-            TextColumn('searching'),
-            BarColumn(),
-            TaskProgressColumn(),
-            TextColumn('{task.fields[words]}'),
-            console=console,
-            transient=True,
-            disable=not console.is_terminal,
-        )
-        self._task = self._progress.add_task('', total=1.0, words='')
+        def show(progress: SearchProgress) -> None:
+            words = f'{progress.evaluations} evaluations, {progress.found} found'
+            if progress.best is not None:
+                words += f', best {progress.best:.4g}'
+            if progress.time_left is not None:
+                words += f', {progress.time_left:.0f} s left'
+            bar.update(task, completed=progress.share, words=words)
 
-    def __enter__(self) -> ProgressBar:
-        """Begin to draw."""
-        self._progress.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Leave the terminal as it was."""
-        if not self._progress.disable:  # it would end a line that it did not begin
-            self._progress.stop()
-
-    def show(self, progress: SearchProgress) -> None:
-        """
-        Draw how far it is.
-
-        :param progress: of the search.
-        """
-        words = f'{progress.evaluations} evaluations, {progress.found} found'
-        if progress.best is not None:
-            words += f', best {progress.best:.4g}'
-        if progress.time_left is not None:
-            words += f', {progress.time_left:.0f} s left'
-        self._progress.update(self._task, completed=progress.share, words=words)
+        yield show

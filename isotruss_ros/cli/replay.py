@@ -62,23 +62,14 @@ def replay(view: View, path: Path, speed: float, wait: Callable[[float], None]) 
     return count
 
 
-def wait_on_the_wall() -> Callable[[float], None]:
+def _wait_on_the_wall() -> Callable[[float], None]:
     """Return a function that sleeps until so much time has passed since this call [s]."""
     began = time.monotonic()
     return lambda end: time.sleep(max(0.0, end - (time.monotonic() - began)))
 
 
-def write_page(view: View, path: Path, speed: float, page: Path) -> None:
-    """
-    Write a page that plays a recording, and needs neither a server nor a network.
-
-    :param view: draws it.
-    :param path: of the MCAP file.
-    :param speed: against that of the recording.
-    :param page: the HTML file to write.
-    :raises RecordingError: the file cannot be read, or holds no complete message.
-    :raises MissingPackageError: mcap or rosbags is not installed.
-    """
+def _write_page(view: View, path: Path, speed: float, page: Path) -> None:
+    """Write a page that plays a recording, and needs neither a server nor a network."""
     scene, written = view.server.get_scene_serializer(), 0.0
 
     def keep(end: float) -> None:
@@ -119,12 +110,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print(f'replay: {options.file} breaks off: what is complete is shown', file=sys.stderr)
         view = View(Picture(robot, options.diameter), LOCAL, options.port)
         if options.page is not None:
-            write_page(view, options.file, options.speed, options.page)
+            _write_page(view, options.file, options.speed, options.page)
             print(f'written: {options.page}')
         else:
             print(f'replay: {view.address}', flush=True)
             while (
-                replay(view, options.file, options.speed, wait_on_the_wall()) and not options.once
+                replay(view, options.file, options.speed, _wait_on_the_wall()) and not options.once
             ):
                 view.picture.samples.clear()
         view.close()

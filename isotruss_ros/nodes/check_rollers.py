@@ -15,7 +15,6 @@ It ends with the first roller of a wrong sign, scale or assignment, before anoth
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Generator, Sequence
 from pathlib import Path
 
@@ -25,13 +24,14 @@ from isotruss_ros.calibration.roller_check import judge_roller
 from isotruss_ros.core import load_robot
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.nodes.components import common_parameters as common
+from isotruss_ros.nodes.components.commands import RollerCommands
 from isotruss_ros.nodes.components.joint_markers import DEVIATION, JointMarkers, WINDOW
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.parameters import FixedSpec, ROBOT, Spec
 from isotruss_ros.nodes.framework.runner import StoppableNode
-from isotruss_ros.nodes.framework.topics import LATCHED, RELIABLE
+from isotruss_ros.nodes.framework.topics import LATCHED
 import numpy as np
-from std_msgs.msg import Bool, Float64MultiArray
+from std_msgs.msg import Bool
 
 SPECS = (
     ROBOT,
@@ -43,7 +43,6 @@ SPECS = (
     DEVIATION,
     FixedSpec('output', '', 'Robot file in which the rollers are noted as checked; none if empty'),
 )
-COMMANDS = 'roller_velocity_controller/commands'
 
 
 class CheckRollers(StoppableNode):
@@ -60,42 +59,35 @@ class CheckRollers(StoppableNode):
         """Subscribe, and begin to wait for the markers."""
         self._robot = load_robot(self.values.robot)
         self.right: list[str] = []
-        self._commands = self.create_publisher(Float64MultiArray, COMMANDS, RELIABLE)
+        self._commands = RollerCommands(self, len(self._robot.roller_names))
+        self._commands.subscribe()
         self._markers = JointMarkers(self, self._robot, self.values.window)
         self.create_subscription(Bool, 'emergency_stop', self._receive_stop, LATCHED)
         self._velocities = np.zeros(len(self._robot.roller_names))
-        #: Own commands that may be on their way.
-        self._sent: deque[list[float]] = deque([self._velocities.tolist()], maxlen=10)
-        self.create_subscription(Float64MultiArray, COMMANDS, self._receive_command, RELIABLE)
         self._course = self._check_all()
         self._due = self.now() + self.values.window + self.values.settle_time
         create_steady_timer(self, 1.0 / self.values.rate, self._cycle)
 
     def stop(self) -> None:
         """Command all rollers to stand still."""
-        self._commands.publish(Float64MultiArray(data=[0.0] * len(self._velocities)))
+        self._commands.stop()
 
     def _receive_stop(self, message: Bool) -> None:
         if message.data:
-            self.stop()
             raise MeasurementError('emergency stop')
-
-    def _receive_command(self, message: Float64MultiArray) -> None:
-        """End where a command is none of this node's."""
-        if message.data.tolist() not in self._sent:
-            self.stop()
-            raise MeasurementError(f'another node publishes on {COMMANDS}: deactivate it first')
 
     def _cycle(self) -> None:
         """Command the present velocities; go on where the present wait is over."""
+        others = self._commands.find_others()
+        if others is not None:
+            raise MeasurementError(others)
         if self.now() >= self._due:
             wait = next(self._course, None)
             if wait is None:
                 self._finish()
                 return
             self._due = self.now() + wait
-        self._sent.append(self._velocities.tolist())
-        self._commands.publish(Float64MultiArray(data=self._sent[-1]))
+        self._commands.publish(self._velocities)
 
     def _check_all(self) -> Generator[float, None, None]:
         """Check one roller after the other; yields how long to wait before it goes on [s]."""

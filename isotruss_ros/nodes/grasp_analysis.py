@@ -15,6 +15,7 @@ from dataclasses import replace
 from functools import partial
 import time
 
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import WrenchStamped
 from isotruss_msgs.msg import GraspState
 from isotruss_msgs.srv import AnalyzeGrasp
@@ -33,7 +34,6 @@ from isotruss_ros.nodes.conversions.grasp_messages import (
 from isotruss_ros.nodes.conversions.markers import GraspMarkers
 from isotruss_ros.nodes.conversions.messages import make_header, name_object_frame
 from isotruss_ros.nodes.framework.cycle import Cycle
-from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import Spec
 from isotruss_ros.nodes.framework.topics import RELIABLE
@@ -59,6 +59,8 @@ SPECS = (
         'and only whether the object is held with flattening',
     ),
 )
+#: Parameters that the monitor has by the same name.
+MONITORED = ('object_diameter', 'friction', 'spacing', 'flattening', 'pressure_timeout')
 #: Markers are published at most this often, as RViz draws [s].
 MARKER_PERIOD = 1.0 / 30.0
 
@@ -82,7 +84,6 @@ class GraspAnalysisNode(ManagedNode):
             values.spacing,
             values.command_timeout,
             common.read_described(values),
-            values.flattening,
         )
         self._states = self.create_lifecycle_publisher(GraspState, 'grasp/state', RELIABLE)
         self._held = self.create_lifecycle_publisher(Bool, 'grasp/held', RELIABLE)
@@ -105,12 +106,9 @@ class GraspAnalysisNode(ManagedNode):
 
     def _apply(self) -> None:
         """Apply the parameters from the next cycle on."""
-        self._monitor.object_diameter = self.values.object_diameter
-        self._monitor.friction = self.values.friction
-        self._monitor.spacing = self.values.spacing
-        self._monitor.flattening = self.values.flattening
+        for name in MONITORED:
+            setattr(self._monitor, name, getattr(self.values, name))
         self._monitor.timeout = self.values.command_timeout
-        self._monitor.pressure_timeout = self.values.pressure_timeout
 
     def _analyze(
         self, request: AnalyzeGrasp.Request, response: AnalyzeGrasp.Response
@@ -134,21 +132,19 @@ class GraspAnalysisNode(ManagedNode):
         held = Bool(data=state.held)
         self._held.publish(held)
         self._closures.publish(held)
+        words, level = f'{report.code}: {report.message}', DiagnosticStatus.ERROR
         if report.grasp is not None:
             # A wrench has no code: without a result, none is published.
             header = make_header(report.time, name_object_frame(self.robot.frame))
             self._wrenches.publish(WrenchStamped(header=header, wrench=state.normal_wrench))
             grasp = report.grasp
-            pose = grasp.body.pose
-            self._transforms.broadcast(grasp.config, pose[:2], report.time)
+            self._transforms.broadcast(grasp.config, grasp.body.pose[:2], report.time)
             used, _ = max(grasp.utilisation.values())
-            level = Level.OK if used <= MAX_UTILISATION else Level.WARN
-            if report.code is not GraspCode.OK:
-                self.warn(report.code.name, f'{report.code}: {report.message}')
-            self.diagnostics.set_status(level, report.message or 'analysing')
-        else:
-            self.warn(report.code.name, f'{report.code}: {report.message}')
-            self.diagnostics.set_status(Level.ERROR, f'{report.code}: {report.message}')
+            level = DiagnosticStatus.OK if used <= MAX_UTILISATION else DiagnosticStatus.WARN
+        if report.code is not GraspCode.OK:
+            self.warn(report.code.name, words)
+        status = words if report.grasp is None else report.message or 'analysing'
+        self.diagnostics.set_status(level, status)
         self._draw(report)
 
     def _draw(self, report: GraspReport) -> None:

@@ -11,6 +11,7 @@
 
 from __future__ import annotations
 
+from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_msgs.action import PlanGrasp
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.core.control.inputs import InputError
@@ -26,7 +27,6 @@ from isotruss_ros.nodes.conversions.plan_messages import (
     to_result_message,
 )
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
-from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import FixedSpec
 
@@ -70,7 +70,7 @@ class GraspPlanner(ManagedNode):
 
     def activate(self) -> None:
         """Accept goals from now on."""
-        self.diagnostics.set_status(Level.OK, 'no search')
+        self.diagnostics.set_status(DiagnosticStatus.OK, 'no search')
         create_steady_timer(self, PERIOD, self._poll)
 
     def deactivate(self) -> None:
@@ -112,7 +112,7 @@ class GraspPlanner(ManagedNode):
             self._end(Answer(Outcome.NO_JOINT_STATES, str(error)))
             return
         self._searcher.begin(config, *arguments)
-        self.diagnostics.set_status(Level.OK, 'searching')
+        self.diagnostics.set_status(DiagnosticStatus.OK, 'searching')
 
     def _poll(self) -> None:
         """Publish feedback of the search, or end the goal with its answer."""

@@ -58,8 +58,6 @@ class Manipulation(ManagedNode):
     _report: StatusReport | None = None
     _servo: TwistServo | None = None
     _trajectory: TrajectoryFollowing | None = None
-    #: Why the rollers are not this node's alone; None if they are.
-    _others: str | None = None
 
     def create(self) -> None:
         """Listen to what stops the rollers, in every state."""
@@ -85,7 +83,6 @@ class Manipulation(ManagedNode):
         )
         self._servo.body = common.read_described(values)
         self._trajectory = TrajectoryFollowing(self, self._servo)
-        self._others = None
         self._commands = RollerCommands(self, len(self.robot.roller_names))
         inputs = self.inputs = Inputs(self, self.robot, self._servo)
         stamped = values.use_stamped_twist
@@ -142,13 +139,16 @@ class Manipulation(ManagedNode):
         """Return whether the subscribers have received the last command, zero."""
         return not self.active or self._commands.wait_for_subscribers()
 
-    def _halt(self) -> tuple[Status, str] | None:
+    def _find_halt(self) -> tuple[Status, str] | None:
         """Return why the rollers are halted whatever the inputs are."""
         reason = self._stop.reason
         if reason is not None:
             return Status.HALT_EMERGENCY_STOP, reason
-        if self._others is not None:
-            return Status.HALT_OTHER_COMMANDS, self._others
+        others = self._commands.find_others()
+        if others is not None:
+            # The rollers do not follow this node then.
+            self._servo.detector.reset(())
+            return Status.HALT_OTHER_COMMANDS, others
         fault = self._failed_rollers.find_fault(self.robot)
         return None if fault is None else (Status.HALT_INVALID_FAILED_ROLLERS, fault)
 
@@ -156,20 +156,12 @@ class Manipulation(ManagedNode):
         """Halt at once; after a release, only a twist received from then on moves the object."""
         if self._servo is None:
             return
-        self._servo.stopped = self._halt()
+        self._servo.stopped = self._find_halt()
         self._discard_twist()
         if self._servo.stopped is not None:
             self._trajectory.abort('emergency stop')
             if self.active:
                 self._commands.stop()
-
-    def _check_others(self) -> None:
-        """Halt while another node commands the rollers, which do not follow this one then."""
-        others = self._commands.find_others()
-        if others != self._others:
-            self._others = others
-            self._servo.detector.reset(())
-            self._apply_halt()
 
     def _discard_twist(self) -> None:
         """Forget the last twist and those that wait: only a later one may move the object."""
@@ -184,24 +176,14 @@ class Manipulation(ManagedNode):
     def _halt_on_stopped_clock(self, now: float) -> None:
         """Halt: while the clock is stopped, old inputs do not age."""
         self._clear_inputs()
-        if self._servo.stopped is None:
-            self._servo.stopped = (Status.HALT_CLOCK, f'simulated time stopped at {now:.3f} s')
-        self._step(now)
-        self._servo.stopped = self._halt()
+        self._step(now, (Status.HALT_CLOCK, f'simulated time stopped at {now:.3f} s'))
 
     def _apply_failures(self) -> None:
         """Hold the rollers at zero that the topic or the parameter names."""
-        if self._servo is None:
-            return
-        by_parameter = set(self.values.failed_rollers) - {''}
-        self._servo.failed = self._failed_rollers.select_named(self.robot) | by_parameter
-        self._apply_halt()
-
-    def _apply_halt(self) -> None:
-        """Halt the rollers whatever the inputs are, or no longer."""
-        self._servo.stopped = self._halt()
-        if self._servo.stopped is not None:
-            self._trajectory.abort(self._servo.stopped[1])
+        if self._servo is not None:
+            by_parameter = set(self.values.failed_rollers) - {''}
+            named = self._failed_rollers.select_named(self.robot)
+            self._servo.failed = named | by_parameter
 
     def _check(self, new: dict[str, Value]) -> None:
         """Check grip, rollers and mode."""
@@ -263,8 +245,10 @@ class Manipulation(ManagedNode):
         elif twist == rejected:
             servo.twist = None
 
-    def _step(self, now: float) -> None:
-        self._check_others()
+    def _step(self, now: float, clock: tuple[Status, str] | None = None) -> None:
+        stopped = self._servo.stopped = self._find_halt() or clock
+        if stopped is not None:
+            self._trajectory.abort(stopped[1])
         decision = self._trajectory.decide(now)
         self._commands.publish(decision.command.roller_velocities)
         self._report.publish(decision, now)

@@ -14,6 +14,7 @@ from __future__ import annotations
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 
+from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_msgs.action import FollowObjectPath
 from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.core import IsotrussError, Robot
@@ -33,7 +34,6 @@ from isotruss_ros.nodes.conversions.path_messages import (
     to_path_result,
 )
 from isotruss_ros.nodes.framework.cycle import Cycle
-from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import Parameters, Spec
 import numpy as np
@@ -100,7 +100,7 @@ class PathFollower(ManagedNode):
 
     def activate(self) -> None:
         """Accept goals from now on."""
-        self.diagnostics.set_status(Level.OK, 'no path to follow')
+        self.diagnostics.set_status(DiagnosticStatus.OK, 'no path to follow')
         self.cycle = Cycle(self, self._step, self.inputs.clear, self._abort_on_stopped_clock)
 
     def deactivate(self) -> None:
@@ -144,7 +144,7 @@ class PathFollower(ManagedNode):
                 self._servo.measured(self.now()),
             )
             foreseen = self._thread.submit(
-                check_path, self.robot, values, self._servo.rollers, path, self.now()
+                _check_path, self.robot, values, self._servo.rollers, path, self.now()
             )
             self._waiting = foreseen, path, settings
         except NoMotionError as error:
@@ -200,7 +200,7 @@ class PathFollower(ManagedNode):
             return
         self._publish_twist(step.twist)
         self._goal.publish_feedback(lambda: to_path_feedback(step.tracking))
-        self.diagnostics.set_status(Level.OK, step.tracking.phase.name.lower())
+        self.diagnostics.set_status(DiagnosticStatus.OK, step.tracking.phase.name.lower())
 
     def _abort_on_stopped_clock(self, now: float) -> None:
         """Abort the goal: while the clock is stopped, old inputs do not age."""
@@ -212,7 +212,7 @@ def _read_status(message: ManipulationStatus) -> ServoFeedback:
     return ServoFeedback(message.code, message.scale, message.message, message.frequency)
 
 
-def check_path(
+def _check_path(
     robot: Robot, values: Parameters, rollers: Input, path: ObjectPath, now: float
 ) -> None:
     """
@@ -220,13 +220,6 @@ def check_path(
 
     Without roller positions, or where no members hold the object as it is described at the
     beginning of the path, nothing is foreseen: what members push has no slip margin.
-
-    :param robot: the robot.
-    :param values: of the node.
-    :param rollers: the measured state of the rollers.
-    :param path: of the object.
-    :param now: time on the clock of the inputs [s].
-    :raises PathError: names the place where the path would end, and why.
     """
     try:
         (state,) = require_fresh(now, values.command_timeout, joint_states=rollers)

@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_msgs.action import MoveObject, PickObject, PlaceObject
 from isotruss_msgs.msg import GraspState
 from isotruss_ros.core import IsotrussError
@@ -25,7 +26,6 @@ from isotruss_ros.nodes.components.grasp_sequences import GraspSequences
 from isotruss_ros.nodes.components.sensors import Inputs
 from isotruss_ros.nodes.components.single_goal import SingleGoal
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
-from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
 
 SPECS = (*common.OBJECT_SPECS, common.COMMAND_TIMEOUT)
@@ -59,7 +59,7 @@ class PickAndPlace(ManagedNode):
 
     def activate(self) -> None:
         """Accept goals from now on."""
-        self.diagnostics.set_status(Level.OK, 'no goal')
+        self.diagnostics.set_status(DiagnosticStatus.OK, 'no goal')
         create_steady_timer(self, PERIOD, self._tick)
 
     def deactivate(self) -> None:
@@ -88,7 +88,7 @@ class PickAndPlace(ManagedNode):
     def _offer(self, kind: type, name: str, sequence: Callable[[Any], Steps]) -> SingleGoal:
         def begin(goal: Any) -> None:
             self._course, self._cancelling = sequence(goal), False
-            self.diagnostics.set_status(Level.OK, name)
+            self.diagnostics.set_status(DiagnosticStatus.OK, name)
 
         return SingleGoal(
             self, kind, name, begin, self._request_cancel, ready=lambda: self._goal is None
@@ -123,7 +123,7 @@ class PickAndPlace(ManagedNode):
         goal, self._course = self._goal, None
         outcome = Outcome.SUCCEEDED
         if isinstance(ended, IsotrussError):
-            outcome = find_outcome(ended)
+            outcome = _find_outcome(ended)
             details = getattr(ended, 'details', {})
             ended = goal.kind.Result(code=outcome, message=str(ended), **details)
         if hasattr(ended, 'object_pose') and (pose := self._sequences.measured_pose()):
@@ -134,12 +134,8 @@ class PickAndPlace(ManagedNode):
         goal.report_end(outcome, ended, 'no goal', f'{goal.kind.__name__}: ')
 
 
-def find_outcome(error: IsotrussError) -> Outcome:
-    """
-    Return the code of the result that an error stands for.
-
-    :param error: that ended a sequence.
-    """
+def _find_outcome(error: IsotrussError) -> Outcome:
+    """Return the code of the result that an error stands for."""
     if isinstance(error, StepError):
         return error.outcome
     if isinstance(error, CancelledError):

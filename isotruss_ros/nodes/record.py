@@ -137,7 +137,7 @@ class Record(StoppableNode):
         )
         offered = [p.qos_profile for p in self.get_publishers_info_by_topic(topic)]
         # rosbag2 reads YAML, of which JSON is a part.
-        qualities = {'offered_qos_profiles': json.dumps(list(map(describe_quality, offered)))}
+        qualities = {'offered_qos_profiles': json.dumps(list(map(_describe_quality, offered)))}
         name = self.resolve_topic_name(topic)
         return self._writer.register_channel(name, 'cdr', schema, qualities)
 
@@ -161,12 +161,8 @@ class Record(StoppableNode):
             ) from error
 
 
-def describe_quality(profile: QoSProfile) -> dict[str, object]:
-    """
-    Return a quality of service with the keys and values of rosbag2.
-
-    :param profile: of a publisher.
-    """
+def _describe_quality(profile: QoSProfile) -> dict[str, object]:
+    """Return a quality of service with the keys and values of rosbag2."""
 
     def parts(duration: Duration) -> dict[str, int]:
         seconds, nanoseconds = divmod(duration.nanoseconds, 10**9)

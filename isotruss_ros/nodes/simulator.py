@@ -12,7 +12,9 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from isotruss_ros.calibration.home import move_home
 from isotruss_ros.core import (
@@ -36,18 +38,15 @@ from isotruss_ros.mujoco_plant.recording import PlantRecorder
 from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.mujoco_object import (
     make_driven_robot,
-    make_recorder,
     MUJOCO_SPECS,
 )
 from isotruss_ros.nodes.components.simulated_object import place_at_start
 from isotruss_ros.nodes.components.simulated_object import SPECS as OBJECT_SPECS
 from isotruss_ros.nodes.components.simulated_sensors import SENSOR_SPECS, SimulatedSensors
 from isotruss_ros.nodes.components.simulated_truth import CLOCK_SPEED, ClockSource, SimulatedTruth
-from isotruss_ros.nodes.components.sparse_messages import NewestMessage
 from isotruss_ros.nodes.conversions.grasp_messages import read_external_wrench
 from isotruss_ros.nodes.conversions.messages import check_frame, MessageError, read_pose
 from isotruss_ros.nodes.framework.cycle import Cycle
-from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import FixedSpec, ParameterError, Spec, Value
 from isotruss_ros.nodes.framework.topics import RELIABLE
@@ -114,8 +113,12 @@ class Simulator(ManagedNode):
     def configure(self) -> None:
         """Put the robot at home, with the object grasped or free."""
         self._simulated = self._make_robot()
-        plant = None if self._driven is None else self._driven.plant
-        self._recorder = make_recorder(plant, self.values.recording)
+        if path := self.values.recording:
+            if self._driven is None:
+                raise ParameterError(
+                    f'parameter recording: {path!r}: must be empty but with plant mujoco'
+                )
+            self._recorder = PlantRecorder(self._driven.plant, Path(path))
         self._sensors = SimulatedSensors(self, self.robot, self.values, self.values.seed)
         self._truth = SimulatedTruth(self, self.robot)
 
@@ -125,17 +128,12 @@ class Simulator(ManagedNode):
         if speed > 0.0:
             ClockSource(self, self.values.rate, speed)
         self._time = self._commanded = self.now()
-        self.create_subscription(
-            Float64MultiArray,
-            'roller_velocity_controller/commands',
-            self._receive_command,
-            RELIABLE,
-        )
         for kind, topic, receive in (
+            (Float64MultiArray, 'roller_velocity_controller/commands', self._receive_command),
             (PoseStamped, 'place_object', self._place_object),
             (WrenchStamped, 'external_wrench', self._receive_wrench),
         ):
-            NewestMessage(self, kind, topic, receive, self._report_missing)
+            self.create_subscription(kind, topic, receive, RELIABLE)
         self.cycle = Cycle(self, self._step, self._stop_on_clock_jump)
 
     def deactivate(self) -> None:
@@ -241,9 +239,6 @@ class Simulator(ManagedNode):
         self._simulated.replace_object(self._put_object(pose))
         self._simulated.advance(0.0)
 
-    def _report_missing(self, why: str) -> None:
-        self.get_logger().warning(f'{why}: if it sent one, publish it again')
-
     def _receive_wrench(self, message: WrenchStamped) -> None:
         try:
             wrench = read_external_wrench(message, self.robot.frame)
@@ -322,23 +317,25 @@ class Simulator(ManagedNode):
         """State in the diagnostics which members press on the object."""
         members = simulated.grasping_members
         if len(members) > 1:
-            self.diagnostics.set_status(Level.OK, f'the object is between {", ".join(members)}')
+            self.diagnostics.set_status(
+                DiagnosticStatus.OK, f'the object is between {", ".join(members)}'
+            )
         else:
-            self.diagnostics.set_status(Level.WARN, 'the object is not held')
+            self.diagnostics.set_status(DiagnosticStatus.WARN, 'the object is not held')
 
     def _report_hold(self, simulated: ElasticObject) -> None:
         """State in the diagnostics whether the object is held, and log once why it is not."""
         dropped, before = simulated.dropped, self._dropped
         self._dropped = dropped
         if simulated.grasp is not None:
-            self.diagnostics.set_status(Level.OK, 'the object is held')
+            self.diagnostics.set_status(DiagnosticStatus.OK, 'the object is held')
             return
         words = 'the object is not held'
         if dropped is HoldStatus.NO_CONTACT:
             words = f'the object is free: {dropped.value}'
         elif dropped is not None:
             words = f'the object was dropped: {dropped.value}'
-        self.diagnostics.set_status(Level.WARN, words)
+        self.diagnostics.set_status(DiagnosticStatus.WARN, words)
         if dropped is HoldStatus.NO_CONTACT and before is not dropped:
             self.get_logger().info(words)
         elif dropped is not None and before is not dropped:

@@ -14,6 +14,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.msg import StateEstimate as StateEstimateMessage
 from isotruss_ros.core.control.inputs import fresh_pressures, Input, InputError
@@ -28,7 +29,6 @@ from isotruss_ros.nodes.conversions.estimate_messages import to_estimate_message
 from isotruss_ros.nodes.conversions.joint_state_messages import RollerStateReader
 from isotruss_ros.nodes.conversions.messages import read_stamp
 from isotruss_ros.nodes.framework.cycle import Cycle
-from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import FixedSpec, Spec, Value
 from isotruss_ros.nodes.framework.topics import RELIABLE, subscribe_newest
@@ -177,15 +177,15 @@ class StateEstimatorNode(ManagedNode):
         try:
             estimate = self._estimator.estimate()
         except IsotrussError as error:
-            self.diagnostics.set_status(Level.ERROR, str(error))
+            self.diagnostics.set_status(DiagnosticStatus.ERROR, str(error))
             return
         if estimate is None:
-            self.diagnostics.set_status(Level.WARN, 'no joint_states received yet')
+            self.diagnostics.set_status(DiagnosticStatus.WARN, 'no joint_states received yet')
             return
         age, most = now - estimate.time, self.values.command_timeout
         if age > most:
             self.diagnostics.set_status(
-                Level.ERROR, f'joint_states: {age:.3f} s old; must be at most {most} s'
+                DiagnosticStatus.ERROR, f'joint_states: {age:.3f} s old; must be at most {most} s'
             )
             return
         self._last = estimate
@@ -193,7 +193,9 @@ class StateEstimatorNode(ManagedNode):
         doubts = '; '.join(filter(None, (stale, _describe_doubts(estimate))))
         if doubts:
             self.warn('doubts', doubts)
-        self.diagnostics.set_status(Level.WARN if doubts else Level.OK, doubts or 'estimating')
+        self.diagnostics.set_status(
+            DiagnosticStatus.WARN if doubts else DiagnosticStatus.OK, doubts or 'estimating'
+        )
 
 
 def _describe_doubts(estimate: StateEstimate) -> str:

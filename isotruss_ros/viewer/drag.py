@@ -42,7 +42,7 @@ class Drag:
         self, position: tuple[float, float], max_speed: float, now: float
     ) -> tuple[float, float]:
         """
-        Return the velocity (vx, vy) toward the target [m/s], and note the progress.
+        Return the velocity (vx, vy) toward the target, zero there [m/s], and note the progress.
 
         :param position: (x, y) of what is dragged [m].
         :param max_speed: largest speed [m/s].
@@ -52,7 +52,10 @@ class Drag:
         (x, y), (vx, vy) = self._position, self._velocity
         if speed := math.hypot(vx, vy):
             self._way += ((position[0] - x) * vx + (position[1] - y) * vy) / speed
-        velocity = drag_twist(position, self.target, max_speed)
+        dx, dy = self.target[0] - position[0], self.target[1] - position[1]
+        distance = math.hypot(dx, dy)
+        gain = 0.0 if distance < REACHED else min(GAIN, max_speed / distance)
+        velocity = gain * dx, gain * dy
         asked = PATIENCE * math.hypot(*velocity)
         if asked == 0.0 or self._way >= PROGRESS * asked:
             self._since, self._way = now, 0.0
@@ -66,24 +69,6 @@ class Drag:
         :param now: time [s].
         """
         return now - self._since >= PATIENCE
-
-
-def drag_twist(
-    position: tuple[float, float], target: tuple[float, float], max_speed: float
-) -> tuple[float, float]:
-    """
-    Return the velocity (vx, vy) toward a target [m/s], zero once it is reached.
-
-    :param position: (x, y) of what is dragged [m].
-    :param target: (x, y) of the handle [m].
-    :param max_speed: largest speed [m/s].
-    """
-    dx, dy = target[0] - position[0], target[1] - position[1]
-    distance = math.hypot(dx, dy)
-    if distance < REACHED:
-        return 0.0, 0.0
-    speed = min(GAIN * distance, max_speed)
-    return speed * dx / distance, speed * dy / distance
 
 
 def place_on_circle(angle: float, near: float = 0.0) -> tuple[float, float]:

@@ -20,7 +20,6 @@ from isotruss_ros.nodes.conversions.message_text import schema_text, type_name
 from isotruss_ros.viewer.control import Control, ZERO
 from isotruss_ros.viewer.drag import (
     Drag,
-    drag_twist,
     LEVER,
     PATIENCE,
     place_on_circle,
@@ -75,8 +74,9 @@ def test_a_wrinkling_tube_is_red_and_an_unloaded_one_is_not():
 
 def test_a_drag_goes_straight_to_its_target_and_not_faster_than_allowed():
     x, y = 0.0, 0.0
+    drag = Drag((0.3, 0.4), 0.0)
     for _ in range(2000):
-        vx, vy = drag_twist((x, y), (0.3, 0.4), 0.05)
+        vx, vy = drag.follow((x, y), 0.05, 0.0)
         assert math.hypot(vx, vy) <= 0.05 + 1e-12
         assert 0.4 * vx == pytest.approx(0.3 * vy)
         x, y = x + 0.01 * vx, y + 0.01 * vy

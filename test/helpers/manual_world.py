@@ -21,10 +21,12 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 import contextlib
 import inspect
+import itertools
 import math
 import time
 from typing import Any
 import uuid
+from weakref import WeakKeyDictionary
 
 from action_msgs.msg import GoalInfo
 from geometry_msgs.msg import Twist
@@ -64,11 +66,11 @@ def match(offered: QoSProfile, requested: QoSProfile) -> bool:
     return durable and reliable
 
 
-def call_back(subscription: Subscription, message: Any) -> None:
-    """Hand a message over in the form in which the subscription takes it."""
+def call_back(subscription: Subscription, message: Any, number: int) -> None:
+    """Hand a message over in the form in which the subscription takes it, with its number."""
     given = [serialize_message(message) if subscription.raw else message]
     if len(inspect.signature(subscription.callback).parameters) == 2:
-        given.append({'publication_sequence_number': None})
+        given.append({'publication_sequence_number': number})
     subscription.callback(*given)
 
 
@@ -153,8 +155,9 @@ class World(Watched):
         self.now = self.shift = 0.0
         self.nodes: list[Node] = []
         self._remaps = remaps
-        self._queue: deque[tuple[str, Any, QoSProfile]] = deque()
-        self._latched: dict[tuple[Publisher, str], tuple[str, Any, QoSProfile]] = {}
+        self._queue: deque[tuple[str, Any, QoSProfile, int]] = deque()
+        self._latched: dict[tuple[Publisher, str], tuple[str, Any, QoSProfile, int]] = {}
+        self._numbers: WeakKeyDictionary[Publisher, Iterator[int]] = WeakKeyDictionary()
         self._served: set[Subscription] = set()
         self._due: dict[Timer, float] = {}
         self._goals: list[Goal] = []
@@ -191,7 +194,8 @@ class World(Watched):
         data = message if isinstance(message, bytes) else serialize_message(message)
         copied = deserialize_message(data, publisher.msg_type)
         topic = self._resolve(publisher)
-        sent = (topic, copied, publisher.qos_profile)
+        number = next(self._numbers.setdefault(publisher, itertools.count(1)))
+        sent = (topic, copied, publisher.qos_profile, number)
         self._queue.append(sent)
         if publisher.qos_profile.durability == TRANSIENT:
             self._latched[publisher, topic] = sent
@@ -247,9 +251,9 @@ class World(Watched):
             self._serve_late_joiners()
             if not self._queue:
                 break
-            topic, message, offered = self._queue.popleft()
+            topic, message, offered, number = self._queue.popleft()
             for subscription in self._subscribers(topic, type(message), offered):
-                call_back(subscription, message)
+                call_back(subscription, message, number)
         for goal in self._goals:
             goal.advance()
 
@@ -272,10 +276,10 @@ class World(Watched):
                 self._served.add(subscription)
                 if subscription.qos_profile.durability != TRANSIENT:
                     continue
-                waiting = {id(message) for _, message, _ in self._queue}
-                for topic, message, _ in self._latched.values():
+                waiting = {id(message) for _, message, *_ in self._queue}
+                for topic, message, _, number in self._latched.values():
                     if topic == subscription.topic_name and id(message) not in waiting:
-                        call_back(subscription, message)
+                        call_back(subscription, message, number)
 
     # -- What tests ask for --
 

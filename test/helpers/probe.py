@@ -24,7 +24,7 @@ from isotruss_ros.core import load_robot, Pose, tangent_center
 from isotruss_ros.nodes.conversions.grasp_messages import to_wrench_message
 from isotruss_ros.nodes.conversions.messages import (
     make_header,
-    read_angle,
+    read_pose,
     to_pose_message,
     to_twist_message,
 )
@@ -75,8 +75,7 @@ manipulation = maker(Manipulation, failure_time=0.0)
 
 def planar(message: PoseStamped) -> np.ndarray:
     """Return the pose of an object (x, y, angle) [m, rad]."""
-    pose = message.pose
-    return np.array([pose.position.x, pose.position.y, read_angle(pose)])
+    return np.array(read_pose('pose', message.pose))
 
 
 class Probe(Node):

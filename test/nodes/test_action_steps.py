@@ -39,14 +39,11 @@ from isotruss_ros.nodes.components.action_steps import (
     set_parameters,
     StepError,
 )
-from isotruss_ros.nodes.components.grasp_sequences import (
-    check_grip,
-    GraspSequences,
-)
+from isotruss_ros.nodes.components.grasp_sequences import GraspSequences
 from isotruss_ros.nodes.conversions.messages import to_pose_message
 from isotruss_ros.nodes.conversions.path_messages import read_duration
 from isotruss_ros.nodes.conversions.plan_messages import read_goal
-from isotruss_ros.nodes.pick_and_place import find_outcome
+from isotruss_ros.nodes.pick_and_place import _find_outcome
 from nav_msgs.msg import Path
 import numpy as np
 from probe import ROBOT
@@ -343,14 +340,6 @@ def test_a_service_that_is_missing_ends_the_steps(waited):
     assert error.value.outcome is Outcome.NOT_READY
 
 
-def test_a_grip_of_two_or_three_members_can_be_opened():
-    for count in (2, 3):
-        check_grip(ROBOT.member_names[:count])
-    for count in (0, 1, 4):
-        with pytest.raises(StepError, match='must be 2 or 3 to open'):
-            check_grip(ROBOT.member_names[:count])
-
-
 def sequences_at(grasp_age=0.0, held=True, pose_age=0.0, y=0.3, **values):
     """Return sequences whose inputs are so old [s], the object at (0.6, y)."""
     made = GraspSequences.__new__(GraspSequences)
@@ -481,7 +470,7 @@ def test_inputs_that_stay_late_end_the_steps_as_not_ready(monkeypatch):
     assert [next(steps), next(steps)] == [0.0, 0.0]
     with pytest.raises(InputError, match='command_timeout') as error:
         next(steps)
-    assert find_outcome(error.value) is Outcome.NOT_READY
+    assert _find_outcome(error.value) is Outcome.NOT_READY
 
 
 @pytest.mark.parametrize(
@@ -494,7 +483,7 @@ def test_inputs_that_stay_late_end_the_steps_as_not_ready(monkeypatch):
     ],
 )
 def test_the_code_of_a_result_is_that_of_the_error(error, outcome):
-    assert find_outcome(error) is outcome
+    assert _find_outcome(error) is outcome
 
 
 @pytest.mark.parametrize(('age', 'outcome'), [(0.0, Outcome.NOT_HELD), (100.0, Outcome.NOT_READY)])

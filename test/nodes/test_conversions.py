@@ -43,7 +43,6 @@ from isotruss_ros.nodes.conversions.marker_messages import read_joint_markers, t
 from isotruss_ros.nodes.conversions.messages import (
     make_header,
     MessageError,
-    read_angle,
     read_stamp,
     read_twist,
     to_pose_message,
@@ -151,7 +150,6 @@ def test_poses_that_cannot_be_are_rejected(changes, words):
 def test_poses_there_and_back(x, y, angle):
     message = PoseStamped(header=Header(frame_id=FRAME), pose=to_pose_message(Pose(x, y, angle)))
     assert RobotFrame(ROBOT).read_pose(message) == pytest.approx((x, y, angle), abs=1e-12)
-    assert read_angle(message.pose) == pytest.approx(angle, abs=1e-12)
 
 
 # Joints

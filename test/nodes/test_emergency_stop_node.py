@@ -17,6 +17,7 @@ from matches import follow
 import numpy as np
 from probe import manipulation as node
 import pytest
+from rclpy.event_handler import QoSSubscriptionEventType
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
@@ -131,6 +132,21 @@ def test_a_publisher_that_left_before_its_message_counts_as_a_stop(events):
         follow(w.nodes[1], 'emergency_stop', *events)
         status = w.until_code(Status.HALT_EMERGENCY_STOP, w.probe.send_all)
         assert 'left before a message was received' in status.message
+
+
+def test_a_message_that_the_middleware_lost_counts_as_a_stop():
+    with world(node()) as w:
+        w.until_code(Status.OK, w.probe.send_all)
+        lost, *_ = (
+            handler
+            for subscription in w.nodes[1].subscriptions
+            if subscription.topic_name == '/emergency_stop'
+            for handler in subscription.event_handlers
+            if handler.event_type == QoSSubscriptionEventType.RCL_SUBSCRIPTION_MESSAGE_LOST
+        )
+        lost.callback(None)
+        status = w.until_code(Status.HALT_EMERGENCY_STOP, w.probe.send_all)
+        assert 'messages of emergency_stop were lost' in status.message
 
 
 @pytest.mark.parametrize('message_first', [True, False])

@@ -15,7 +15,7 @@ from carries import FRICTION, make_robot, place
 from isotruss_ros.core import ObjectPath
 from isotruss_ros.core.control.inputs import RollerState, StampedInput
 from isotruss_ros.core.errors import PathError
-from isotruss_ros.nodes.path_follower import check_path
+from isotruss_ros.nodes.path_follower import _check_path
 import numpy as np
 import pytest
 
@@ -37,7 +37,7 @@ def check(displacement, time=NOW, begin=BODY.pose):
     """Check a straight path, with rollers at home measured at a time."""
     path = ObjectPath([begin, np.add(begin, displacement)], 0.02, 0.1)
     rollers = StampedInput(RollerState(STILL, STILL), time)
-    check_path(ROBOT, VALUES, rollers, path, NOW)
+    _check_path(ROBOT, VALUES, rollers, path, NOW)
 
 
 def test_a_path_on_which_the_margin_ends_is_refused_with_the_place():

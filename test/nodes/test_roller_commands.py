@@ -22,7 +22,7 @@ OWN = [1, 2, 3]
 class SilentNode:
     """Publishes nothing."""
 
-    def create_lifecycle_publisher(self, *_arguments):
+    def create_publisher(self, *_arguments):
         """Return what takes messages."""
         return self
 

@@ -17,7 +17,6 @@ from isotruss_ros.core import Disc, place_between, solve_twist
 from isotruss_ros.nodes.conversions.messages import to_pose_message
 from isotruss_ros.nodes.simulator import Simulator
 from manual_world import world
-from matches import follow
 from mujoco_worlds import needs_mujoco
 import numpy as np
 from probe import maker
@@ -60,13 +59,6 @@ def test_a_free_box_stays_and_is_put_elsewhere_with_its_angle():
         w.probe.seen['pose'].clear()
         w.until(lambda: w.place() is not None)
         assert w.place() == pytest.approx(np.array(box_between().body.pose), abs=3e-3)
-
-
-@pytest.mark.parametrize('topic', ['place_object', 'external_wrench'])
-def test_a_publisher_that_left_before_its_message_was_received_is_named(topic, capfd):
-    with world(node()) as w:
-        follow(w.nodes[1], topic, (1, 1))
-        assert f'a publisher of {topic} left before a message' in capfd.readouterr().err
 
 
 def test_a_disc_between_two_sides_that_do_not_meet():

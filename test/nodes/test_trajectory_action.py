@@ -21,7 +21,7 @@ from manual_world import Manager, world
 import numpy as np
 from probe import overrides, ROBOT
 import pytest
-from std_msgs.msg import Bool
+from std_msgs.msg import Bool, String
 from trajectories import AWAY, HOME, TOPIC, trajectory
 from trajectory_msgs.msg import JointTrajectory
 
@@ -86,7 +86,9 @@ def test_a_goal_that_begins_elsewhere_is_aborted_at_once(w):
     assert 'must begin within 0.01 m' in result.error_string
 
 
-@pytest.mark.parametrize('how', ['stop', 'goal', 'topic', 'deactivate', 'empty'])
+@pytest.mark.parametrize(
+    'how', ['stop', 'goal', 'topic', 'deactivate', 'empty', 'failed', 'other']
+)
 def test_what_ends_a_trajectory_aborts_its_goal(w, how):
     topic = w.probe.create_publisher(JointTrajectory, TOPIC, 1)
     stop = w.probe.create_publisher(Bool, 'emergency_stop', 1)
@@ -101,12 +103,22 @@ def test_what_ends_a_trajectory_aborts_its_goal(w, how):
         topic.publish(trajectory(here, HOME))
     elif how == 'empty':
         topic.publish(JointTrajectory())
+    elif how == 'failed':
+        w.probe.create_publisher(String, 'failed_rollers', 1).publish(String(data='nobody'))
+    elif how == 'other':
+        w.probe.send_command(HOME)
     else:
         assert Manager(w, 'manipulation').ask(Transition.TRANSITION_DEACTIVATE)
     status, result = ending(w, goal)
     assert status == GoalStatus.STATUS_ABORTED
     assert result.error_code == Result.PATH_TOLERANCE_VIOLATED
-    words = {'stop': 'emergency', 'deactivate': 'deactivated', 'empty': 'empty'}
+    words = {
+        'stop': 'emergency',
+        'deactivate': 'deactivated',
+        'empty': 'empty',
+        'failed': 'no such roller',
+        'other': 'another node publishes',
+    }
     assert words.get(how, 'newer') in result.error_string
     if how == 'goal':
         assert ending(w, newer)[0] == GoalStatus.STATUS_SUCCEEDED

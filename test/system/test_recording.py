@@ -16,7 +16,7 @@ import resource
 import subprocess
 import sys
 
-from isotruss_ros.nodes.record import describe_quality, Record, RecordError, TOPICS
+from isotruss_ros.nodes.record import _describe_quality, Record, RecordError, TOPICS
 import numpy as np
 from probe import overrides, world
 import pytest
@@ -68,7 +68,7 @@ def test_a_quality_has_the_keys_and_words_of_rosbag2():
         durability=DurabilityPolicy.TRANSIENT_LOCAL,
         reliability=ReliabilityPolicy.BEST_EFFORT,
     )
-    said = describe_quality(profile)
+    said = _describe_quality(profile)
     assert (said['history'], said['depth']) == ('keep_last', 7)
     assert (said['durability'], said['reliability']) == ('transient_local', 'best_effort')
     durations = ('deadline', 'lifespan', 'liveliness_lease_duration')

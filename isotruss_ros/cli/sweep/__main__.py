@@ -19,7 +19,7 @@ from pathlib import Path
 import sys
 
 from distributed import Client, LocalCluster
-from isotruss_ros.cli.plan_options import add_requirements, requirements, seed, worker_count
+from isotruss_ros.cli.plan_options import add_requirements, add_search, requirements
 from isotruss_ros.cli.sweep.evaluation import SweepResult
 from isotruss_ros.cli.sweep.sweeping import sweep
 from isotruss_ros.cli.sweep.table import COLUMNS, read_objects, row
@@ -111,17 +111,8 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument('--output', type=Path, required=True, help='CSV file to write')
     add_requirements(parser)
-    group = parser.add_argument_group('search')
-    group.add_argument('--seed', type=seed, default=0, help='of every search')
-    group.add_argument(
+    add_search(parser).add_argument(
         '--scheduler', metavar='ADDRESS', help='of a Dask cluster; one on this machine if left out'
-    )
-    group.add_argument(
-        '--workers',
-        type=worker_count,
-        default=0,
-        metavar='N',
-        help='processes on this machine; as many as there are cores if 0 (default)',
     )
     return parser
 

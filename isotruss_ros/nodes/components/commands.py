@@ -19,10 +19,10 @@ from typing import Any
 from geometry_msgs.msg import Twist, TwistStamped
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.nodes.conversions.messages import make_header, to_twist_message
-from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.runner import StoppableNode
 from isotruss_ros.nodes.framework.topics import ACKNOWLEDGE_TIME, NEWEST, RELIABLE
 import numpy as np
+from rclpy.publisher import Publisher
 from std_msgs.msg import Float64MultiArray
 
 TOPIC = 'roller_velocity_controller/commands'
@@ -38,13 +38,13 @@ class RollerCommands:
     does not tell who has published a message. One without such numbers, as Cyclone DDS, leaves
     other nodes unnoticed.
 
-    :param node: publishes while it is active.
+    :param node: publishes; a managed one only while it is active.
     :param count: number of rollers.
     """
 
-    def __init__(self, node: ManagedNode, count: int) -> None:
+    def __init__(self, node: StoppableNode, count: int) -> None:
         self._node, self._count = node, count
-        self._publisher = node.create_lifecycle_publisher(Float64MultiArray, TOPIC, RELIABLE)
+        self._publisher = _create_publisher(node, Float64MultiArray, TOPIC)
         #: Sequence numbers of the last own message, published and received.
         self._sent = self._received = 0
         self._heard = -math.inf
@@ -102,8 +102,7 @@ def create_twist_publisher(
     :param stamped: whether as TwistStamped, not as Twist.
     :param frame: of a TwistStamped.
     """
-    create = getattr(node, 'create_lifecycle_publisher', node.create_publisher)
-    publisher = create(TwistStamped if stamped else Twist, 'cmd_vel', RELIABLE)
+    publisher = _create_publisher(node, TwistStamped if stamped else Twist, 'cmd_vel')
 
     def publish(twist: Sequence[float]) -> None:
         message = to_twist_message(twist)
@@ -112,3 +111,9 @@ def create_twist_publisher(
         publisher.publish(message)
 
     return publish
+
+
+def _create_publisher(node: StoppableNode, kind: type, topic: str) -> Publisher:
+    """Return a publisher; that of a managed node publishes only while the node is active."""
+    create = getattr(node, 'create_lifecycle_publisher', node.create_publisher)
+    return create(kind, topic, RELIABLE)

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from isotruss_ros.core import IsotrussError
-from isotruss_ros.nodes.components.sparse_messages import EveryMessage
+from isotruss_ros.nodes.components.sparse_messages import SparseMessages
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from std_msgs.msg import Bool
 
@@ -50,12 +50,13 @@ class EmergencyStop:
         self._stopped = False
         #: What else stops the rollers; the first of the reasons is kept.
         self._cause: str | None = None
-        self._messages = EveryMessage(
+        self._messages = SparseMessages(
             node,
             Bool,
             NAME,
             self._receive,
             lambda why: self._stop_for(f'{why}: one of its messages may have been true'),
+            every=True,
         )
         node.offer(NAME, self._carry_out_stop)
         node.offer(RELEASE, self._release)

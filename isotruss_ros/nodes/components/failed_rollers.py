@@ -18,7 +18,7 @@ from isotruss_ros.core.control.inputs import StampedInput
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.model.topology import check_roller_names
 from isotruss_ros.core.safety.roller_failure import FailureDetector
-from isotruss_ros.nodes.components.sparse_messages import EveryMessage
+from isotruss_ros.nodes.components.sparse_messages import SparseMessages
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from std_msgs.msg import String
 
@@ -41,7 +41,7 @@ class FailedRollers:
         self._detector: FailureDetector | None = None
         #: Why the rollers that the topic names are not known; None if they are.
         self._unknown: str | None = None
-        EveryMessage(node, String, NAME, self._receive, self._report_missing)
+        SparseMessages(node, String, NAME, self._receive, self._report_missing, every=True)
         node.offer(SERVICE, self._reset)
 
     def select_named(self, robot: Robot) -> frozenset[str]:

@@ -11,7 +11,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 import math
 import time
@@ -35,7 +35,6 @@ from isotruss_ros.core.control.path_tracking import (
     RETURN_SPEED,
     RETURN_TURN_RATE,
 )
-from isotruss_ros.core.manipulation.grip import FEWEST, MOST
 from isotruss_ros.core.model.pose import pose_difference
 from isotruss_ros.core.planning.describe_plan import path_times
 from isotruss_ros.core.planning.release import plan_release, Release
@@ -214,7 +213,6 @@ class GraspSequences(TrackedShape):
         state = yield from self._await_held(Outcome.NOT_READY)
         pose = self.pose.value
         config = self.configuration(self._node.now())
-        check_grip(state.grasping_members)
         body = common.read_body(self._node.values).moved_to(pose)
         planned: Future[Release] = self._thread.submit(
             plan_release, config, body, state.grasping_members, goal.clearance
@@ -356,20 +354,6 @@ class GraspSequences(TrackedShape):
         if state.held:
             return f'the object is held, with a slip margin of {state.slip_margin:.3g} N'
         return f'the object is not held: {state.message or state.hold_message}'
-
-
-def check_grip(members: Sequence[str]) -> None:
-    """
-    Check that a grip can be opened.
-
-    :param members: names of the grasping members.
-    :raises StepError: they are not two or three.
-    """
-    if not FEWEST <= len(members) <= MOST:
-        held = ', '.join(members) or 'none'
-        raise StepError(
-            Outcome.NOT_READY, f'grasping members {held}: must be {FEWEST} or {MOST} to open'
-        )
 
 
 def _plan_error(plan: PlanGrasp.Result) -> StepError:

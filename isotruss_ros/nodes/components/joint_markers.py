@@ -11,13 +11,14 @@
 
 from __future__ import annotations
 
-from collections import deque
-from typing import NamedTuple
+from collections.abc import Callable
+from functools import partial
+from typing import Any, NamedTuple
 
 from isotruss_ros.calibration.home import Posture
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.core import Robot
-from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.control.inputs import Timeline
 from isotruss_ros.nodes.components.robot_frame import RobotFrame
 from isotruss_ros.nodes.conversions.joint_state_messages import RollerStateReader
 from isotruss_ros.nodes.conversions.messages import MessageError, read_stamp
@@ -57,7 +58,6 @@ class JointMarkers:
     The messages of `joint_markers` and `joint_states` of the last while.
 
     :ivar frame: of the robot, in which the joints are.
-    :ivar last_error: why the last message that is not usable is none; empty before.
     :param node: subscribes.
     :param robot: whose joints and rollers they are.
     :param window: for so long they are kept [s].
@@ -66,12 +66,16 @@ class JointMarkers:
     def __init__(self, node: Node, robot: Robot, window: float) -> None:
         self._window = window
         self.frame = RobotFrame.heard_by(node, robot)
-        self._reader = RollerStateReader(robot.roller_names)
-        self._markers: deque[tuple[float, dict[str, tuple[float, float]]]] = deque()
-        self._rollers: deque[tuple[float, Array]] = deque()
-        self.last_error = ''
-        node.create_subscription(MultiDOFJointState, 'joint_markers', self._take_markers, RELIABLE)
-        node.create_subscription(JointState, 'joint_states', self._take_rollers, RELIABLE)
+        self._markers, self._rollers = Timeline(), Timeline()
+        #: Why the last message that is not usable is none; empty before.
+        self._last_error = ''
+        read = RollerStateReader(robot.roller_names).read
+        for kind, topic, kept, reader in (
+            (MultiDOFJointState, 'joint_markers', self._markers, self.frame.read_markers),
+            (JointState, 'joint_states', self._rollers, lambda message: read(message).positions),
+        ):
+            take = partial(self._take, kept, reader)
+            node.create_subscription(kind, topic, take, RELIABLE)
 
     def measure(self, now: float) -> MeasuredJoints:
         """
@@ -80,42 +84,25 @@ class JointMarkers:
         :param now: time on the clock of the stamps [s].
         :raises MeasurementError: a topic is silent, or the rollers turn.
         """
-        self._forget(now)
         for topic, kept in (('joint_states', self._rollers), ('joint_markers', self._markers)):
-            if not kept or now - kept[-1][0] > LATEST:
-                why = f': {self.last_error}' if self.last_error else ''
+            if not kept or now - kept.last[0] > LATEST:
+                why = f': {self._last_error}' if self._last_error else ''
                 raise MeasurementError(f'no {topic} in the last {LATEST:g} s{why}')
-        readings = np.array([positions for _, positions in self._rollers])
+        readings = np.array(self._rollers.values)
         if np.ptp(readings, axis=0).max() > STILL:
             raise MeasurementError('the rollers turn: joints are measured while they stand still')
         seen: dict[str, list[tuple[float, float]]] = {}
-        for _, joints in self._markers:
+        for joints in self._markers.values:
             for name, place in joints.items():
                 seen.setdefault(name, []).append(place)
         means = {name: tuple(np.mean(places, axis=0).tolist()) for name, places in seen.items()}
         least = min(map(len, seen.values()))
         return MeasuredJoints(Posture(readings.mean(axis=0), means), least)
 
-    def _forget(self, now: float) -> None:
-        """Forget what is older than the window."""
-        for kept in (self._markers, self._rollers):
-            while kept and now - kept[0][0] > self._window:
-                kept.popleft()
-
-    def _take_markers(self, message: MultiDOFJointState) -> None:
+    def _take(self, kept: Timeline, read: Callable[[Any], Any], message: Any) -> None:
         try:
-            joints = self.frame.read_markers(message)
+            kept.add(read_stamp(message.header), read(message))
         except MessageError as error:
-            self.last_error = str(error)
+            self._last_error = str(error)
             return
-        self._markers.append((read_stamp(message.header), joints))
-        self._forget(self._markers[-1][0])
-
-    def _take_rollers(self, message: JointState) -> None:
-        try:
-            state = self._reader.read(message)
-        except MessageError as error:
-            self.last_error = str(error)
-            return
-        self._rollers.append((read_stamp(message.header), state.positions))
-        self._forget(self._rollers[-1][0])
+        kept.discard_before(kept.last[0] - self._window)

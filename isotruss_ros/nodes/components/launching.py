@@ -14,7 +14,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
 
 from isotruss_ros.nodes.framework.parameters import ParameterError, Spec, Value
 from isotruss_ros.nodes.framework.runner import find_node
@@ -79,8 +78,8 @@ def describe_launch(
     }
     started = []
     for executable in ('simulator', *NODES) if simulated else NODES:
-        given = [USE_SIM_TIME]
-        for spec in _specs_of(executable):
+        given, kind = [USE_SIM_TIME], find_node(executable)
+        for spec in (*kind.base_specs, *kind.specs):
             if executable == 'simulator' or spec.name in ARGUMENTS:
                 shared = arguments.setdefault(spec.name, spec)
                 if shared.default == spec.default:  # the viewer has another rate, for example
@@ -102,12 +101,6 @@ def describe_launch(
     return LaunchDescription([*declared, check, *started])
 
 
-def _specs_of(executable: str) -> Sequence[Spec]:
-    """Return the declarations of the parameters of a node."""
-    kind = find_node(executable)
-    return (*kind.base_specs, *kind.specs)
-
-
 def _declare(name: str, default: Value | None, description: str) -> DeclareLaunchArgument:
     """Return an argument; one without default must be given."""
     text = str(default).lower() if isinstance(default, bool) else str(default)
@@ -117,12 +110,12 @@ def _declare(name: str, default: Value | None, description: str) -> DeclareLaunc
 
 
 def _describe_node(executable: str, specs: Sequence[Spec]) -> Node:
-    parameters = {
-        spec.name: ParameterValue(
-            LaunchConfiguration(spec.name), value_type=_type_of(spec.default)
-        )
-        for spec in specs
-    }
+    parameters = {}
+    for spec in specs:
+        # All lists are of texts.
+        kind = list[str] if isinstance(spec.default, list) else type(spec.default)
+        given = LaunchConfiguration(spec.name)
+        parameters[spec.name] = ParameterValue(given, value_type=kind)
     optional = NODES.get(executable) is not None
     return Node(
         package='isotruss_ros',
@@ -132,11 +125,6 @@ def _describe_node(executable: str, specs: Sequence[Spec]) -> Node:
         condition=IfCondition(LaunchConfiguration(executable)) if optional else None,
         on_exit=Shutdown(reason=f'{executable} ended'),
     )
-
-
-def _type_of(value: Value) -> Any:
-    """Return the type that launch reads from a text; all lists are of texts."""
-    return list[str] if isinstance(value, list) else type(value)
 
 
 def _check_arguments(context: LaunchContext, known: set[str]) -> list[LogInfo]:

@@ -11,14 +11,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from isotruss_ros.core import ConvexObject, Robot, RollerFaults
 from isotruss_ros.mujoco_plant.driven_robot import DrivenRobot
 from isotruss_ros.mujoco_plant.options import PlantOptions
-from isotruss_ros.mujoco_plant.plant import MujocoPlant
-from isotruss_ros.mujoco_plant.recording import PlantRecorder
-from isotruss_ros.nodes.framework.parameters import FixedSpec, ParameterError, Parameters
+from isotruss_ros.nodes.framework.parameters import FixedSpec, Parameters
 
 #: More than this is not simulated at once where time is the wall's, but reported as lag [s].
 LONGEST_STEP = 0.1
@@ -71,21 +67,6 @@ MUJOCO_SPECS = (
         'File to which the states of MuJoCo are written, to be drawn later; none if empty',
     ),
 )
-
-
-def make_recorder(plant: MujocoPlant | None, path: str) -> PlantRecorder | None:
-    """
-    Return what writes the states of a plant to a file; None where no file is given.
-
-    :param plant: in MuJoCo; None for another one.
-    :param path: of the file, empty for none.
-    :raises IsotrussError: the file cannot be written, or the plant is another one.
-    """
-    if not path:
-        return None
-    if plant is None:
-        raise ParameterError(f'parameter recording: {path!r}: must be empty but with plant mujoco')
-    return PlantRecorder(plant, Path(path))
 
 
 def make_driven_robot(

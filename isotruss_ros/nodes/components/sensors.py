@@ -83,7 +83,7 @@ class Inputs:
             except MessageError as error:
                 setattr(holder, name, RejectedInput(str(error)))
                 return
-            setattr(holder, name, select_latest(getattr(holder, name), received, holder.timeout))
+            setattr(holder, name, _select_latest(getattr(holder, name), received, holder.timeout))
 
         return subscribe_newest(self._node, kind, topic, receive)
 
@@ -182,16 +182,12 @@ class TrackedShape:
         return self._shapes.configuration(given.value.positions)
 
 
-def select_latest(kept: Input, received: StampedInput, timeout: float) -> Input:
+def _select_latest(kept: Input, received: StampedInput, timeout: float) -> Input:
     """
     Return the later of two inputs: messages may overtake each other in transport.
 
-    What is older by more than the timeout was not overtaken: a clock was set back, and what is
+    What is older by more than the timeout [s] was not overtaken: a clock was set back, and what is
     kept is no longer valid.
-
-    :param kept: the input so far.
-    :param received: the new input.
-    :param timeout: largest age of an input [s].
     """
     if isinstance(kept, StampedInput) and 0.0 < kept.time - received.time < timeout:
         return kept

@@ -14,6 +14,7 @@ from __future__ import annotations
 from dataclasses import replace
 import math
 
+from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.core import ShapeGuard, Status, TwistServo
 from isotruss_ros.core.control.decision import Decision
@@ -23,7 +24,6 @@ from isotruss_ros.core.safety.roller_failure import FailureCriterion, FailureDet
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.conversions.messages import make_header, to_twist_message
-from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import Parameters, Spec
 from isotruss_ros.nodes.framework.topics import RELIABLE
@@ -167,7 +167,7 @@ class StatusReport:
         self._publisher = node.create_lifecycle_publisher(
             ManipulationStatus, 'manipulation/status', RELIABLE
         )
-        self._frame, self._node, self._gain = frame, node, 0.0
+        self._frame, self._node = frame, node
         self.status = Status.OK
 
     def publish(self, decision: Decision, now: float) -> None:
@@ -196,22 +196,12 @@ class StatusReport:
             squeeze_deviation=deviation,
         )
         self._publisher.publish(message)
-        self._log_gain(decision)
-        level = Level.WARN if status < Status.HALT_NO_TWIST else Level.ERROR
+        level = DiagnosticStatus.WARN if status < Status.HALT_NO_TWIST else DiagnosticStatus.ERROR
         if status in NORMAL:
-            level = Level.WARN if decision.failed else Level.OK
+            level = DiagnosticStatus.WARN if decision.failed else DiagnosticStatus.OK
         text = decision.message or status.name
         if decision.failed:
             text = f'failed rollers: {", ".join(decision.failed)}; {text}'
         self._node.diagnostics.set_status(level, text)
-        if level is not Level.OK:
+        if level != DiagnosticStatus.OK:
             self._node.warn(status.name, f'{status}: {text}')
-
-    def _log_gain(self, decision: Decision) -> None:
-        """Log the gain, and the frequency from which it follows, when an object is taken."""
-        before, self._gain = self._gain, decision.pose_gain
-        if decision.pose_gain and not before:
-            known = f'{decision.frequency:.3g} rad/s' if decision.frequency else 'not known'
-            self._node.get_logger().info(
-                f'lowest frequency of the held object: {known}; pose gain {self._gain:.3g} 1/s'
-            )

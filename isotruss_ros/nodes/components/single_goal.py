@@ -17,7 +17,7 @@ import time
 from typing import Any
 
 from action_msgs.msg import GoalInfo
-from isotruss_ros.nodes.framework.diagnostics import Level
+from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.topics import subscribe_newest
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
@@ -162,7 +162,7 @@ class SingleGoal:
         self.end(ENDINGS.get(outcome.name, Ending.ABORTED), result)
         text = f'{prefix}{outcome.name.lower().replace("_", " ")}: {result.message}'
         good, logger = outcome.name in ENDINGS, self._node.get_logger()
-        level = Level.OK if good else Level.WARN
+        level = DiagnosticStatus.OK if good else DiagnosticStatus.WARN
         self._node.diagnostics.set_status(level, f'{idle}; last goal {text}')
         if good:
             logger.info(text)

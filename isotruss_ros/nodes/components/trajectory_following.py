@@ -28,7 +28,7 @@ from isotruss_ros.core.control.inputs import require_fresh, StampedInput
 from isotruss_ros.core.control.roller_trajectory import RollerTrajectoryServo
 from isotruss_ros.core.manipulation.status import RollerCommand
 from isotruss_ros.nodes.components.single_goal import Ending, SingleGoal
-from isotruss_ros.nodes.components.sparse_messages import NewestMessage
+from isotruss_ros.nodes.components.sparse_messages import SparseMessages
 from isotruss_ros.nodes.conversions.messages import MessageError, read_stamp
 from isotruss_ros.nodes.conversions.path_messages import (
     read_roller_trajectory,
@@ -76,7 +76,7 @@ class TrajectoryFollowing:
     def subscribe(self) -> None:
         """Accept trajectories from now on."""
         self._outcome = None
-        NewestMessage(self._node, JointTrajectory, TOPIC, self._receive, self._report_missing)
+        SparseMessages(self._node, JointTrajectory, TOPIC, self._receive, self._report_missing)
 
     def decide(self, now: float) -> Decision:
         """
@@ -121,11 +121,11 @@ class TrajectoryFollowing:
         self._end(Status.HALT_TRAJECTORY, f'trajectory aborted: {why}')
         return True
 
-    def _receive(self, message: JointTrajectory) -> None:
-        if not message.points:
+    def _receive(self, messages: list[JointTrajectory]) -> None:
+        if messages[-1].points:
+            self._begin(messages[-1])
+        else:
             self.abort('an empty trajectory was received')
-            return
-        self._begin(message)
 
     def _report_missing(self, why: str) -> None:
         """Stop: what was lost may have been a trajectory in place of this one, or its end."""
@@ -134,7 +134,7 @@ class TrajectoryFollowing:
 
     def _begin(self, message: JointTrajectory, goal: SingleGoal | None = None) -> None:
         """Follow a trajectory from now on, or report why not."""
-        self._end_goals(Ending.ABORTED, Result.PATH_TOLERANCE_VIOLATED, REPLACED, goal)
+        self._end_goals(REPLACED, spared=goal)
         self._accepted = False
         now, start, servo = self._node.now(), read_stamp(message.header), self._servo
         self._follower.rollers, self._follower.timeout = servo.rollers, servo.timeout
@@ -160,9 +160,7 @@ class TrajectoryFollowing:
             name,
             lambda request: self._begin(request.trajectory, goal),
             self._cancel,
-            preempted=lambda: self._end_goals(
-                Ending.ABORTED, Result.PATH_TOLERANCE_VIOLATED, REPLACED
-            ),
+            preempted=lambda: self._end_goals(REPLACED),
             supervised=True,
         )
         return goal
@@ -194,13 +192,17 @@ class TrajectoryFollowing:
         else:
             self._node.get_logger().info(message)
         if status is Status.ARRIVED:
-            self._end_goals(Ending.SUCCEEDED, Result.SUCCESSFUL, message)
+            self._end_goals(message, Ending.SUCCEEDED, Result.SUCCESSFUL)
         else:
             failed = Result.PATH_TOLERANCE_VIOLATED if self._accepted else Result.INVALID_GOAL
-            self._end_goals(ending, failed, message)
+            self._end_goals(message, ending, failed)
 
     def _end_goals(
-        self, ending: Ending, code: int, text: str, spared: SingleGoal | None = None
+        self,
+        text: str,
+        ending: Ending = Ending.ABORTED,
+        code: int = Result.PATH_TOLERANCE_VIOLATED,
+        spared: SingleGoal | None = None,
     ) -> None:
         """End the goal whose trajectory is over, if it came by an action."""
         for goal in self._goals:

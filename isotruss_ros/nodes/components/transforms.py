@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 
 from geometry_msgs.msg import TransformStamped
 from isotruss_ros.nodes.conversions.messages import make_header, name_object_frame
+from isotruss_ros.nodes.framework.topics import EVENTS
 import numpy as np
-from rclpy.qos import QoSProfile
 
 if TYPE_CHECKING:
     from isotruss_ros.core import Configuration, Robot
@@ -26,9 +26,6 @@ try:
     from tf2_msgs.msg import TFMessage
 except ModuleNotFoundError:  # every ROS installation has it, but there are no wheels of it
     TFMessage = None
-
-#: As the broadcasters of tf2 have it.
-TRANSFORMS = QoSProfile(depth=100)
 
 
 class TransformBroadcaster:
@@ -53,7 +50,7 @@ class TransformBroadcaster:
                 f'tf2_msgs is not installed: {names[0]} and the modules are not on /tf'
             )
             return
-        self._transforms = node.create_lifecycle_publisher(TFMessage, '/tf', TRANSFORMS)
+        self._transforms = node.create_lifecycle_publisher(TFMessage, '/tf', EVENTS)
         self._message = TFMessage(
             transforms=[TransformStamped(child_frame_id=name) for name in names]
         )

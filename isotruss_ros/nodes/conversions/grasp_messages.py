@@ -31,6 +31,14 @@ import numpy as np
 
 #: No wrench is larger [N, N m]; what is beyond is a broken sensor, not a load.
 MAX_WRENCH = 1e6
+#: What an analysis has by member, and its message in the order of `contact_members`.
+BY_MEMBER = (
+    'contact_lengths',
+    'contact_widths',
+    'contact_areas',
+    'contact_pressures',
+    'peak_pressures',
+)
 
 
 def read_external_wrench(message: WrenchStamped, frame: str) -> tuple[float, float, float]:
@@ -137,18 +145,13 @@ def to_state_message(report: GraspReport, frame: str) -> GraspState:
     state.friction_used = list(settled.friction_used.values())
     analysis = report.grasp.analysis
     state.force_closure = report.force_closure
-    state.closure_residual = analysis.closure_residual
-    state.closure_tolerance = analysis.closure_tolerance
-    state.required_friction = analysis.required_friction
-    state.closure_margin = analysis.closure_margin
+    for name in ('closure_residual', 'closure_tolerance', 'required_friction', 'closure_margin'):
+        setattr(state, name, getattr(analysis, name))
     state.normal_wrench = to_wrench_message(analysis.normal_wrench)
     state.contacts = _to_contact_messages(analysis)
     state.contact_members = list(analysis.contact_lengths)
-    state.contact_lengths = list(analysis.contact_lengths.values())
-    state.contact_widths = list(analysis.contact_widths.values())
-    state.contact_areas = list(analysis.contact_areas.values())
-    state.contact_pressures = list(analysis.contact_pressures.values())
-    state.peak_pressures = list(analysis.peak_pressures.values())
+    for name in BY_MEMBER:
+        setattr(state, name, list(getattr(analysis, name).values()))
     utilisation = report.grasp.utilisation
     state.members = list(utilisation)
     state.utilisation = [used for used, _ in utilisation.values()]
@@ -161,6 +164,8 @@ def to_state_message(report: GraspReport, frame: str) -> GraspState:
 def _to_contact_messages(analysis: GraspAnalysis) -> list[Contact]:
     """Return the contact points that carry a normal force."""
     touching = np.flatnonzero(analysis.normal_forces > 0.0)
+    points, normals = analysis.points[touching].tolist(), analysis.normals[touching].tolist()
+    numbers = (analysis.normal_forces, analysis.friction_forces, analysis.gaps)
     return [
         Contact(
             position=Point(x=x, y=y),
@@ -170,11 +175,6 @@ def _to_contact_messages(analysis: GraspAnalysis) -> list[Contact]:
             gap=gap,
         )
         for (x, y), (nx, ny), normal, friction, gap in zip(
-            analysis.points[touching].tolist(),
-            analysis.normals[touching].tolist(),
-            analysis.normal_forces[touching].tolist(),
-            analysis.friction_forces[touching].tolist(),
-            analysis.gaps[touching].tolist(),
-            strict=True,
+            points, normals, *(each[touching].tolist() for each in numbers), strict=True
         )
     ]

@@ -138,17 +138,8 @@ def read_pose(what: str, message: PoseMessage) -> Pose:
     norm = math.hypot(q.x, q.y, q.z, q.w)
     if not abs(norm - 1.0) <= QUATERNION_TOLERANCE:
         raise MessageError(f'{what}: the quaternion has norm {norm}; must be 1')
-    return Pose(position.x, position.y, read_angle(message))
-
-
-def read_angle(message: PoseMessage) -> float:
-    """
-    Return the angle about z of a pose [rad]; tilts about x and y are ignored.
-
-    :param message: pose.
-    """
-    q = message.orientation
-    return math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y**2 + q.z**2))
+    angle = math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y**2 + q.z**2))
+    return Pose(position.x, position.y, angle)
 
 
 def to_pose_message(pose: Pose) -> PoseMessage:

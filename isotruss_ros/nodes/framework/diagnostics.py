@@ -11,26 +11,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-import enum
 import time
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
-from isotruss_ros.nodes.framework.topics import DIAGNOSTICS
+from isotruss_ros.nodes.framework.topics import EVENTS
 from rclpy.node import Node
 
 #: From one report to the next when nothing changes [s].
 PERIOD = 1.0
 #: Changes for the worse are reported at once, those for the better not oftener than this [s].
 SHORTEST_PERIOD = 0.1
-
-
-class Level(enum.IntEnum):
-    """Levels of `diagnostic_msgs/DiagnosticStatus`."""
-
-    OK = ord(DiagnosticStatus.OK)
-    WARN = ord(DiagnosticStatus.WARN)
-    ERROR = ord(DiagnosticStatus.ERROR)
 
 
 class Diagnostics:
@@ -49,20 +40,20 @@ class Diagnostics:
     def __init__(self, node: Node, details: Callable[[], Mapping[str, object]]) -> None:
         self.hardware_id = ''
         self._node, self._details = node, details
-        self._level, self._message = Level.OK, ''
-        self._sent_level, self._sent = Level.OK, 0.0
-        self._reports = node.create_publisher(DiagnosticArray, '/diagnostics', DIAGNOSTICS)
+        self._level, self._message = DiagnosticStatus.OK, ''
+        self._sent_level, self._sent = DiagnosticStatus.OK, 0.0
+        self._reports = node.create_publisher(DiagnosticArray, '/diagnostics', EVENTS)
         create_steady_timer(node, PERIOD, self.report)
 
-    def set_status(self, level: Level, message: str) -> None:
+    def set_status(self, level: bytes, message: str) -> None:
         """
         Set the status; report it at once if the level is another one.
 
-        :param level: how bad it is.
+        :param level: constant of `DiagnosticStatus`.
         :param message: for a person to read.
         """
         self._level, self._message = level, message
-        if level is not self._sent_level and (
+        if level != self._sent_level and (
             level > self._sent_level or time.monotonic() - self._sent >= SHORTEST_PERIOD
         ):
             self.report()
@@ -70,7 +61,7 @@ class Diagnostics:
     def report(self) -> None:
         """Publish the present status."""
         status = DiagnosticStatus(
-            level=bytes([self._level]),
+            level=self._level,
             name=self._node.get_fully_qualified_name().lstrip('/'),
             message=self._message,
             hardware_id=f'{self._node.get_namespace()}/{self.hardware_id}'.strip('/'),

@@ -16,8 +16,9 @@ import inspect
 import traceback
 from typing import Any, ClassVar
 
+from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_ros.core import IsotrussError, load_robot, Robot
-from isotruss_ros.nodes.framework.diagnostics import Diagnostics, Level
+from isotruss_ros.nodes.framework.diagnostics import Diagnostics
 from isotruss_ros.nodes.framework.parameters import (
     AUTOSTART,
     ParameterError,
@@ -54,6 +55,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
     :ivar robot: loaded before `configure`.
     :ivar inputs: the `Inputs` that `configure` has made, whose ages are reported; None without.
     :ivar configured: whether `configure` has succeeded, and what it made is there.
+    :ivar kept: entities that outlive the state in which they were created.
     :ivar active: whether publishers are enabled, in the transitions to and from `active` too.
     :ivar diagnostics: status of the node.
     :ivar cycle: None while the node is not active, too.
@@ -64,7 +66,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
     robot: Robot
     inputs: Any = None
     configured = active = False
-    _failure: Exception | None = None
+    _failure: IsotrussError | None = None
 
     # -- The steps, for subclasses to override --
 
@@ -106,7 +108,8 @@ class ManagedNode(StoppableNode, LifecycleNode):
         :raises IsotrussError: a step failed.
         """
         self.diagnostics = Diagnostics(self, self.describe)
-        #: The entities that were there before a state, whose end they outlive.
+        self.kept: set[object] = set()
+        #: The entities that were there before each state.
         self._before: dict[str, dict[Any, Callable[[Any], object]]] = {}
         self.add_on_set_parameters_callback(self._check_change)
         self.add_post_set_parameters_callback(lambda _: self._apply_change())
@@ -114,14 +117,11 @@ class ManagedNode(StoppableNode, LifecycleNode):
         _reject_unknown_transitions(self)
         self.create()
         if not self.values.autostart:
-            self.diagnostics.set_status(Level.WARN, 'unconfigured')
+            self.diagnostics.set_status(DiagnosticStatus.WARN, 'unconfigured')
             return
         for step in (self.trigger_configure, self.trigger_activate):
             if step() != SUCCESS:
-                reason = self._failure
-                if isinstance(reason, IsotrussError):
-                    raise reason
-                raise IsotrussError(f'{type(reason).__name__}: {reason}') from reason
+                raise self._failure
 
     def stop(self) -> None:
         """Shut the node down before the process ends; publishers still work."""
@@ -130,15 +130,6 @@ class ManagedNode(StoppableNode, LifecycleNode):
         except RuntimeError:  # of rcl: it was interrupted in a transition, or has ended
             if self.active:
                 self.deactivate()
-
-    def keep(self, entity: object) -> None:
-        """
-        Have an entity outlive the present state, as if it had been created with the node.
-
-        :param entity: of this node.
-        """
-        for before in self._before.values():
-            before[entity] = None
 
     def fail(self, error: Exception) -> None:
         """
@@ -155,30 +146,25 @@ class ManagedNode(StoppableNode, LifecycleNode):
 
     def on_configure(self, _state: LifecycleState) -> TransitionCallbackReturn:
         """Configure; release what a failure leaves behind."""
-        self._failure = None
+        self._enter('configured')
         ignore_negative_time(self)  # which may be simulated since it was unconfigured
-        self._before['configured'] = self._list_entities()
         result = self._try_step('configure', self._configure)
-        if result == SUCCESS:
-            self.configured = True
-            self.diagnostics.set_status(Level.WARN, 'inactive')
-        else:
+        if result != SUCCESS:
             self._release()
         return result
 
     def on_activate(self, _state: LifecycleState) -> TransitionCallbackReturn:
         """Activate: publishers first, then the timers that publish."""
-        self._failure = None
-        self._before['active'] = self._list_entities()
+        self._enter('active')
         self.active = True
         super().on_activate(_state)
-        self.diagnostics.set_status(Level.OK, 'active')
+        self.diagnostics.set_status(DiagnosticStatus.OK, 'active')
         result = self._try_step('activate', self.activate)
         if result != SUCCESS:
             self._disable(_state)
-            return result
-        names = ', '.join(map(self.resolve_topic_name, self.awaited))
-        self.get_logger().info(f'active, waits for {names}')
+        else:
+            names = ', '.join(map(self.resolve_topic_name, self.awaited))
+            self.get_logger().info(f'active, waits for {names}')
         return result
 
     def on_deactivate(self, _state: LifecycleState) -> TransitionCallbackReturn:
@@ -187,23 +173,22 @@ class ManagedNode(StoppableNode, LifecycleNode):
         self._disable(_state)
         if self._failure is not None:
             return ERROR
-        self.diagnostics.set_status(Level.WARN, 'inactive')
+        self.diagnostics.set_status(DiagnosticStatus.WARN, 'inactive')
         return SUCCESS
 
     def on_cleanup(self, _state: LifecycleState) -> TransitionCallbackReturn:
         """Release all that `configure` created, so that it can be created again."""
         if self._try_step('clean up', self._release) != SUCCESS:
             return ERROR
-        self.diagnostics.set_status(Level.WARN, 'unconfigured')
+        self.diagnostics.set_status(DiagnosticStatus.WARN, 'unconfigured')
         return SUCCESS
 
     def on_shutdown(self, _state: LifecycleState) -> TransitionCallbackReturn:
         """Stop from any state."""
         if self.active:
-            self._try_step('deactivate', self.deactivate)
-            self._disable(_state)
+            self.on_deactivate(_state)
         self._try_step('clean up', self._release)
-        self.diagnostics.set_status(Level.WARN, 'finalized')
+        self.diagnostics.set_status(DiagnosticStatus.WARN, 'finalized')
         return SUCCESS
 
     def on_error(self, _state: LifecycleState) -> TransitionCallbackReturn:
@@ -220,18 +205,22 @@ class ManagedNode(StoppableNode, LifecycleNode):
 
     def _record_failure(self, what: str, error: Exception) -> TransitionCallbackReturn:
         """Keep, log and report the reason of a failure; return what it makes of a transition."""
-        self._failure = error
         known = isinstance(error, IsotrussError)
-        reason = str(error) if known else f'{type(error).__name__}: {error}'
-        self.get_logger().error(f'could not {what}: {reason}')
-        self.diagnostics.set_status(Level.ERROR, f'could not {what}: {reason}')
+        self._failure = error if known else IsotrussError(f'{type(error).__name__}: {error}')
+        self.get_logger().error(f'could not {what}: {self._failure}')
+        self.diagnostics.set_status(DiagnosticStatus.ERROR, f'could not {what}: {self._failure}')
         return FAILURE if known else ERROR
 
-    def _disable(self, _state: LifecycleState) -> None:
+    def _enter(self, state: str) -> None:
+        """Note the entities that are there before a state, whose end they outlive."""
+        self._failure = None
+        self._before[state] = self._list_entities()
+
+    def _disable(self, state: LifecycleState) -> None:
         """Destroy what `activate` created and disable the publishers."""
         self._destroy_since('active')
         self.cycle = None
-        super().on_deactivate(_state)
+        super().on_deactivate(state)
         self.active = False
 
     def _configure(self) -> None:
@@ -241,6 +230,8 @@ class ManagedNode(StoppableNode, LifecycleNode):
         self._check({name: parameter.value for name, parameter in present.items()})
         self.configure()
         self._apply()
+        self.configured = True
+        self.diagnostics.set_status(DiagnosticStatus.WARN, 'inactive')
 
     def _release(self) -> None:
         self.configured, self.inputs = False, None
@@ -290,7 +281,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
             return
         before = self._before.pop(state)
         for entity, destroy in self._list_entities().items():
-            if entity not in before:
+            if entity not in before and entity not in self.kept:
                 destroy(entity)
         # rclpy keeps a weak reference to everything that ever was in the group: without this, a
         # node that is configured again and again grows.

@@ -28,14 +28,13 @@ from rclpy.logging import LoggingSeverity, set_logger_level
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
+from scipy import interpolate, optimize  # noqa: F401 - the core would load them in a cycle
 from std_srvs.srv import Trigger
 
 #: Ctrl-C, `kill`, and a terminal that is closed.
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 #: Warnings of one kind are logged at most this often [s].
 WARNING_PERIOD = 1.0
-#: What the core would load when it first uses it: not in a cycle.
-USED_LATE = ('scipy.optimize', 'scipy.interpolate')
 
 
 class StoppableNode(Node):
@@ -129,30 +128,23 @@ class StoppableNode(Node):
         raise error
 
 
-class Interruption:
+def catch_signals() -> list[int]:
     """
-    Handle signals that end a process: the first sets a flag, the second raises an error.
+    Return a list that gets the first signal that is to end the process; the second one raises.
 
     KeyboardInterrupt raised in the middle of a conversion from C comes out of rclpy as another
     error.
-
-    :ivar received: whether a signal was received.
     """
+    received: list[int] = []
 
-    def __init__(self) -> None:
-        self.received = False
-        for which in STOP_SIGNALS:
-            signal.signal(which, self._handle)
-
-    def _handle(self, _signal: int, _frame: FrameType | None) -> None:
-        if self.received:
+    def handle(which: int, _frame: FrameType | None) -> None:
+        if received:
             raise KeyboardInterrupt
-        self.received = True
+        received.append(which)
 
-    def ignore(self) -> None:
-        """Ignore further signals."""
-        for which in STOP_SIGNALS:
-            signal.signal(which, signal.SIG_IGN)
+    for which in STOP_SIGNALS:
+        signal.signal(which, handle)
+    return received
 
 
 def find_node(name: str) -> type[StoppableNode]:
@@ -173,8 +165,6 @@ def run(kind: Callable[[], StoppableNode], args: Sequence[str] | None = None) ->
     :param args: command line, that of the process when left out.
     :return: exit code: 0 when interrupted, 1 when the node could not start or go on.
     """
-    for name in USED_LATE:
-        importlib.import_module(name)
     # Of arguments that it cannot parse rcl would print a line that does not say which.
     set_logger_level('rcl', LoggingSeverity.FATAL)
     try:
@@ -183,10 +173,10 @@ def run(kind: Callable[[], StoppableNode], args: Sequence[str] | None = None) ->
     except RuntimeError as error:  # of rcl, such as a file of parameters that is not there
         # Behind the reason are lines of rcl's sources.
         why = ' '.join(str(error).partition(', at /')[0].split())
-        return _report('cannot start', f'ROS arguments: {why}')
+        print(f'cannot start: ROS arguments: {why}', file=sys.stderr)
+        return 1
     set_logger_level('rcl', LoggingSeverity.UNSET)
-    interruption = Interruption()
-    node, what = None, 'cannot start'
+    received, node, what = catch_signals(), None, 'cannot start'
     try:
         try:
             node = kind()
@@ -194,34 +184,24 @@ def run(kind: Callable[[], StoppableNode], args: Sequence[str] | None = None) ->
             what = 'cannot go on'
             # What exists by now stays: the garbage collector need not walk it between cycles.
             gc.freeze()
-            _spin(node, interruption)
+            executor = PacedExecutor(node)
+            while not (received or node.done):
+                try:
+                    # A signal ends no wait, but every node has a timer.
+                    executor.spin_once()
+                except Exception as error:  # noqa: BLE001 - whatever it is, the robot must stop
+                    node.fail(error)
         except KeyboardInterrupt:
             pass
         finally:
-            interruption.ignore()
+            for which in STOP_SIGNALS:
+                signal.signal(which, signal.SIG_IGN)
             if node is not None:
                 node.stop()
                 node.destroy_node()
     except IsotrussError as error:
-        return _report(what, str(error))
+        print(f'{what}: {error}', file=sys.stderr)
+        return 1
     finally:
         rclpy.shutdown()
     return 0
-
-
-def _report(what: str, why: str) -> int:
-    """Print why a node ends, and return the exit code."""
-    print(f'{what}: {why}', file=sys.stderr)
-    return 1
-
-
-def _spin(node: StoppableNode, interruption: Interruption) -> None:
-    """Spin until interrupted; an error out of a callback stops the robot, not the process."""
-    executor = PacedExecutor(node)
-    while not (interruption.received or node.done):
-        try:
-            # A signal ends no wait, but every node has a timer. A timeout would create one more
-            # for every callback.
-            executor.spin_once()
-        except Exception as error:  # noqa: BLE001 - whatever it is, the robot must stop
-            node.fail(error)

@@ -35,24 +35,17 @@ NEWEST = QoSProfile(depth=2, reliability=ReliabilityPolicy.BEST_EFFORT)
 RELIABLE = QoSProfile(depth=1)
 #: Subscribers have this long to acknowledge the last command.
 ACKNOWLEDGE_TIME = Duration(seconds=0.5)
-#: What tools that show `/diagnostics` expect.
-DIAGNOSTICS = QoSProfile(depth=10)
-#: For a record of what is published seldom: a best-effort subscription loses what a publisher
-#: sends at once.
+#: For all of what comes in bursts, with room for what waits.
 EVENTS = QoSProfile(depth=100)
 #: For what holds until the next message: late joiners receive it.
 LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-#: For `EveryMessage`: all publishers, and what those that latch have published before. Reliable
+#: For `SparseMessages`: all publishers, and what those that latch have published before. Reliable
 #: both: what a publisher sends before a best-effort subscription has discovered it is lost. All
 #: messages are kept, up to the 5000 of Fast DDS; then the publishers wait, and where they do not,
 #: an event reports the loss.
-EVERY, EVERY_LATCHED = (
-    QoSProfile(
-        history=HistoryPolicy.KEEP_ALL,
-        reliability=ReliabilityPolicy.RELIABLE,
-        durability=durability,
-    )
-    for durability in (DurabilityPolicy.VOLATILE, DurabilityPolicy.TRANSIENT_LOCAL)
+EVERY = QoSProfile(history=HistoryPolicy.KEEP_ALL)
+EVERY_LATCHED = QoSProfile(
+    history=HistoryPolicy.KEEP_ALL, durability=DurabilityPolicy.TRANSIENT_LOCAL
 )
 
 
