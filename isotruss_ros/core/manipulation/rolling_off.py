@@ -49,10 +49,13 @@ def roll_off_faces(config: Configuration, grip: Grip, reach: Reach, twist: Array
     least, working = _missed(reach, twist), reach.working
     if least <= REACH_TOLERANCE:
         return reach
-    contacts, (hand, rigid) = find_contacts(config, grip), contact_rows(config, grip)
-    members = member_rows(config, grip.members)
+    contacts = find_contacts(config, grip)
+    choices = list(rolled_corners(contacts, grip.friction))
+    if not choices:
+        return reach
+    (hand, rigid), members = contact_rows(config, grip), member_rows(config, grip.members)
     inward = as_xy(-np.array([contact.normal for contact in contacts]))
-    for kept in rolled_corners(contacts, grip.friction):
+    for kept in choices:
         found = Reach.of(rows_of_two(grip, kept, members), working, reach.weights)
         missed, task = _missed(found, twist), find_task(found, twist)
         if missed >= least * (1.0 - LEAST_GAIN) or task.speed == 0.0:
