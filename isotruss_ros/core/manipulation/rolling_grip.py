@@ -166,8 +166,8 @@ class RollingGrip:
     def _lines(self, config: Configuration) -> _Lines:
         """Return the members in a configuration."""
         nodes = find_members(config.robot, self.grip.members)
-        starts = config.points[nodes.starts]
-        spans = config.points[nodes.ends] - starts
+        starts, ends = config.points[nodes.lines.T]
+        spans = ends - starts
         axes = spans / np.abs(spans)
         travel = np.zeros(len(nodes.members))
         travel[nodes.driven] = config.roller_positions[nodes.rollers]
