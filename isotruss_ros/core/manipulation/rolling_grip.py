@@ -189,8 +189,7 @@ class RollingGrip:
             owners, corners, points = map(np.array, touched)
         else:
             owners, corners = chosen
-            touching = zip(corners.tolist(), own[owners].tolist(), strict=True)
-            points = np.array([shape.point_at(corner, normal) for corner, normal in touching])
+            points = shape.surface_at(corners, own[owners])[0]
         axes, sides = lines.axes[owners], self.sides[owners]
         arms = turn * points
         local, turned = axes.conj() * (center + arms - lines.starts[owners]), axes.conj() * arms
