@@ -165,7 +165,7 @@ def root_by_hybr(near: core.Configuration, travel: Array) -> Array | None:
 def task_rows(config: core.Configuration, grip: core.Grip) -> tuple[Array, float]:
     """Return (14) to (16) on node velocities (4, 2 n), and (17), what a roller adds to (16)."""
     nodes, points = find_members(config.robot, grip.members), config.points
-    (b, c_prev), (b_next, c) = nodes.starts, nodes.ends
+    (b, c_prev), (b_next, c) = nodes.lines.T
     rows = np.zeros((4, len(points)), dtype=np.complex128)
     ahead, back = points[b_next] - points[b], points[c_prev] - points[c]
     # (16), and the same of the member behind: Re(conj(row) v) is the turning rate.

@@ -44,8 +44,8 @@ def sides(config: Configuration, module: str = MODULE) -> tuple[Points, Points]:
     """
     nodes = find_members(config.robot, members_at(config.robot, module))
     # The member ahead starts at the module's B, the one behind ends at its C.
-    near = config.points[[nodes.starts[0], nodes.ends[1]]]
-    far = config.points[[nodes.ends[0], nodes.starts[1]]]
+    ahead, behind = config.points[nodes.lines]
+    near, far = np.stack([ahead, behind[::-1]], axis=1)
     return near, far - near
 
 

@@ -34,7 +34,7 @@ def laid_grip(held: HeldGrip, friction: float) -> Grip:
             continue
         robot, points = held.config.robot, held.config.points
         nodes = find_members(robot, (robot.member_names[contacts.members[ends[0]]],))
-        axis = complex(points[nodes.ends[0]] - points[nodes.starts[0]])
+        axis = complex(np.diff(points[nodes.lines[0]])[0])
         normals = np.full(2, 1j * axis / (abs(axis) * body.turn))
         first, last = body.shape.surface_at(contacts.corners[ends], normals)[0] * body.turn
         # The shorter way to where both are parallel, either way around.

@@ -126,9 +126,7 @@ class MemberNodes(NamedTuple):
     """Members and the nodes at their ends."""
 
     members: Indices  #: (k,) numbers of the members: those of the modules that they leave
-    starts: Indices  #: (k,) nodes B at which they start
-    ends: Indices  #: (k,) nodes C at which they end
-    both: Indices  #: (2 k,) nodes at which they start, then those at which they end
+    lines: Indices  #: (k, 2) nodes B at which they start, and C at which they end
     driven: Indices  #: (d,) which of the k members start at a module with a roller
     rollers: Indices  #: (d,) numbers of these rollers
     entries: Indices  #: (4 k,) places of the entries of `member_rows` among (3 k, n)
@@ -152,16 +150,14 @@ def find_members(robot: Robot, names: tuple[str, ...]) -> MemberNodes:
     topology = robot.topology
     members = np.array([robot.member_names.index(name) for name in names], dtype=np.intp)
     driven = np.flatnonzero(np.isin(members, topology.driven))
-    starts, ends = topology.b[members], topology.c[topology.following[members]]
+    lines = np.stack([topology.b[members], topology.c[topology.following[members]]], axis=1)
     rows = topology.n_nodes * np.arange(3 * len(members)).reshape(-1, 3)
     found = MemberNodes(
         members=members,
-        starts=starts,
-        ends=ends,
-        both=np.concatenate([starts, ends]),
+        lines=lines,
         driven=driven,
         rollers=topology.driven.searchsorted(members[driven]),
-        entries=np.stack([*(starts + rows.T), ends + rows[:, 2]], axis=1).ravel(),
+        entries=(lines[:, [0, 0, 0, 1]] + rows[:, [0, 1, 2, 2]]).ravel(),
     )
     for array in found:
         array.flags.writeable = False
@@ -190,10 +186,9 @@ def find_contacts(config: Configuration, grip: Grip) -> list[GripContact]:
         it is off by more than a tube is thick.
     """
     body, nodes = grip.body, find_members(config.robot, grip.members)
-    ends = config.points.take(nodes.both).tolist()
-    count, inside, turned = len(grip.members), body.middle, body.turn.conjugate()
+    inside, turned = body.middle, body.turn.conjugate()
     members: list[tuple[complex, complex, complex, float]] = []
-    for start, end in zip(ends[:count], ends[count:], strict=True):
+    for start, end in config.points.take(nodes.lines).tolist():
         span = end - start
         axis = span / abs(span)
         side = math.copysign(1.0, (axis.conjugate() * (inside - start)).imag)

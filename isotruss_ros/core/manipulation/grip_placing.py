@@ -52,8 +52,8 @@ def place_between(
     turned, depth = finite_array([angle, indentation], 2, 'angle, indentation', GraspError)
     names = Grip(tuple(members), ConvexObject(shape)).members
     nodes = find_members(config.robot, names)
-    starts = config.points[nodes.starts]
-    spans = config.points[nodes.ends] - starts
+    starts, ends = config.points[nodes.lines.T]
+    spans = ends - starts
     middle = complex((starts + 0.5 * spans).mean())
     turn = complex(math.cos(turned), math.sin(turned))
     skin = 0.5 * config.robot.description.tube_diameter - depth
@@ -97,10 +97,11 @@ def tangent_center(
         object would have to be behind the module or beyond the end of a member.
     """
     (depth,) = finite_array([indentation], 1, 'indentation [m]', GraspError)
-    nodes, points = find_members(config.robot, members_at(config.robot, module)), config.points
+    nodes = find_members(config.robot, members_at(config.robot, module))
     # The member ahead starts at the module's B, the one behind ends at its C.
-    feet = np.array([points[nodes.starts[0]], points[nodes.ends[1]]])
-    spans = np.array([points[nodes.ends[0]], points[nodes.starts[1]]]) - feet
+    ahead, behind = config.points[nodes.lines]
+    feet, others = np.stack([ahead, behind[::-1]], axis=1)
+    spans = others - feet
     side = 1.0 if (spans[0].conjugate() * spans[1]).imag > 0.0 else -1.0
     normals = side * np.array([1j, -1j]) * spans / np.abs(spans)
     # Distance from both lines is `reach`: Re(conj(normal) (center - foot)) = reach.

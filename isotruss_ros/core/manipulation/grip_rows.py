@@ -28,7 +28,6 @@ from isotruss_ros.core.manipulation.grip import find_contacts, find_members, Gri
 from isotruss_ros.core.model.pose import MIN_DIAMETER
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
-from scipy.linalg import lapack
 
 
 @functools.lru_cache(maxsize=8)
@@ -58,7 +57,7 @@ def grip_jacobian(config: Configuration, grip: Grip) -> Array:
         normals = np.array([contact.normal for contact in contacts]).view(float)
         hand, rigid = contact_rows(config, grip)
         square = np.concatenate([rigid, _misfits(rigid, normals)], axis=1)
-        jacobian = np.asarray(lapack.dgesv(square, hand)[2])
+        jacobian = np.linalg.solve(square, hand)
     jacobian.flags.writeable = False
     return jacobian
 
@@ -80,8 +79,7 @@ def member_rows(config: Configuration, names: tuple[str, ...]) -> Array:
     :raises ConfigurationError: the configuration is singular.
     """
     nodes, points, count = find_members(config.robot, names), config.points, len(names)
-    ends = points.take(nodes.both).tolist()
-    spans = [end - start for start, end in zip(ends[:count], ends[count:], strict=True)]
+    spans = [end - start for start, end in points.take(nodes.lines).tolist()]
     by_node = np.zeros(3 * count * len(points), dtype=np.complex128)
     # Turning rate of a member: Re(conj(turn) (velocity of its end - velocity of its start)).
     turns = [1j / span.conjugate() for span in spans]
@@ -125,14 +123,8 @@ def _misfits(rigid: Array, normals: Array) -> Array:
     The first is that each member moves away from the object by 0.5 m/s, without the part of it
     that would carry the object along.
     """
-    # QR factorization, all columns of the first factor.
-    tall = np.zeros((len(rigid), len(rigid)), order='F')
-    tall[:, :3], tall[:, 3] = rigid, 0.5 * normals
-    factored, scales, _, _ = lapack.dgeqrf(tall[:, :4])
-    size = factored[3, 3]
-    tall[:, :4] = factored
-    basis = lapack.dorgqr(tall, scales)[0]
-    basis[:, 3] *= size
+    basis, factor = np.linalg.qr(np.column_stack([rigid, 0.5 * normals]), mode='complete')
+    basis[:, 3] *= factor[3, 3]
     return basis[:, 3:]
 
 

@@ -78,6 +78,13 @@ class Limit(Protocol):
         """
 
 
+@functools.lru_cache(maxsize=16)
+def _speed_rows(count: int, max_speed: float) -> Rows:
+    """Return the rows of `RollerSpeedLimit`, which are not to be written to."""
+    bound = np.full(count, max_speed)
+    return Rows(np.eye(count), -bound, bound)
+
+
 @dataclass(frozen=True)
 class RollerSpeedLimit:
     """No roller moves its tube faster than `max_speed`."""
@@ -88,8 +95,7 @@ class RollerSpeedLimit:
 
     def rows(self, config: Configuration) -> Rows:
         """Return one row for each roller; see `Limit.rows`."""
-        bound = np.full(len(config.robot.roller_names), self.max_speed)
-        return Rows(np.eye(len(bound)), -bound, bound)
+        return _speed_rows(len(config.robot.roller_names), self.max_speed)
 
     def row_names(self, config: Configuration) -> tuple[str, ...]:
         """Return the rollers' names; see `Limit.row_names`."""

@@ -166,8 +166,8 @@ class RollingGrip:
     def _lines(self, config: Configuration) -> _Lines:
         """Return the members in a configuration."""
         nodes = find_members(config.robot, self.grip.members)
-        starts = config.points[nodes.starts]
-        spans = config.points[nodes.ends] - starts
+        starts, ends = config.points[nodes.lines.T]
+        spans = ends - starts
         axes = spans / np.abs(spans)
         travel = np.zeros(len(nodes.members))
         travel[nodes.driven] = config.roller_positions[nodes.rollers]
@@ -189,8 +189,7 @@ class RollingGrip:
             owners, corners, points = map(np.array, touched)
         else:
             owners, corners = chosen
-            touching = zip(corners.tolist(), own[owners].tolist(), strict=True)
-            points = np.array([shape.point_at(corner, normal) for corner, normal in touching])
+            points = shape.surface_at(corners, own[owners])[0]
         axes, sides = lines.axes[owners], self.sides[owners]
         arms = turn * points
         local, turned = axes.conj() * (center + arms - lines.starts[owners]), axes.conj() * arms

@@ -46,13 +46,14 @@ def roll_off_faces(config: Configuration, grip: Grip, reach: Reach, twist: Array
     :param twist: (3,) of the object, not zero [m/s, rad/s].
     :raises ConfigurationError: the configuration is singular.
     """
-    least, working = _missed(reach, twist), reach.working
+    contacts = find_contacts(config, grip)
+    choices = list(rolled_corners(contacts, grip.friction))
+    least, working = _missed(reach, twist) if choices else 0.0, reach.working
     if least <= REACH_TOLERANCE:
         return reach
-    contacts, (hand, rigid) = find_contacts(config, grip), contact_rows(config, grip)
-    members = member_rows(config, grip.members)
+    (hand, rigid), members = contact_rows(config, grip), member_rows(config, grip.members)
     inward = as_xy(-np.array([contact.normal for contact in contacts]))
-    for kept in rolled_corners(contacts, grip.friction):
+    for kept in choices:
         found = Reach.of(rows_of_two(grip, kept, members), working, reach.weights)
         missed, task = _missed(found, twist), find_task(found, twist)
         if missed >= least * (1.0 - LEAST_GAIN) or task.speed == 0.0:
@@ -82,7 +83,7 @@ def rolled_corners(
     :param friction: coefficient between tubes and object.
     :return: for each choice that statics has a balance for.
     """
-    if contacts[-1].owner != 1:
+    if contacts[-1].owner != 1 or len(contacts) == 2:
         return
     first, second = ([c for c in contacts if c.owner == owner] for owner in (0, 1))
     for one, other in itertools.product(_choices(first), _choices(second)):

@@ -12,6 +12,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+import functools
 import math
 
 from isotruss_ros.core.errors import GraspError
@@ -79,18 +80,17 @@ def solve_twist(
     if not (usable and all(map(math.isfinite, desired.tolist()))):
         desired = finite_array(twist, 3, 'the twist (vx, vy [m/s], omega [rad/s])', GraspError)
     working = working_rollers(robot, frozenset([failed] if isinstance(failed, str) else failed))
-    reach = _find_reach(config, grip, working, desired)
+    reach = _find_reach(config, grip, working)
+    if len(reach.directions) < 3 and desired.any():
+        reach = roll_off_faces(config, grip, reach, desired)
     return carry_out(config, reach, desired, limits, handling, opening_rate)
 
 
-def _find_reach(config: Configuration, grip: Grip, working: WorkingRollers, twist: Array) -> Reach:
-    """Return the twists of the object that keep its contacts; it may roll off faces for one."""
-    jacobian = grip_jacobian(config, grip)
-    reach = Reach.of(jacobian, working, np.array([1.0, 1.0, grip.body.arm]))
-    faces = len(grip.members) == 2 and len(jacobian) > 4
-    if not faces or len(reach.directions) == 3 or not twist.any():
-        return reach
-    return roll_off_faces(config, grip, reach, twist)
+@functools.lru_cache(maxsize=8)
+def _find_reach(config: Configuration, grip: Grip, working: WorkingRollers) -> Reach:
+    """Return the twists of the object that keep its contacts; the last few results are kept."""
+    weights = np.array([1.0, 1.0, grip.body.arm])
+    return Reach.of(grip_jacobian(config, grip), working, weights)
 
 
 def carry_out(
@@ -174,5 +174,5 @@ def reachable_twists(config: Configuration, grip: Grip, failed: Collection[str] 
     :raises ConfigurationError: the configuration is singular.
     """
     working = working_rollers(config.robot, frozenset(failed))
-    reach = _find_reach(config, grip, working, np.zeros(3))
+    reach = _find_reach(config, grip, working)
     return reach.directions / reach.weights

@@ -49,7 +49,6 @@ class WorkingRollers:
     places: Indices  #: (w,) their numbers among all rollers
     cost: Array  #: (w, w) C^T C, the cost (11) of their speeds [-]
     even: Array  #: (w, w) E with |C E y| = |y|: speeds of equal cost [-]
-    whole: bool  #: whether these are all rollers of the robot
 
     def take(self, rows: Array) -> Array:
         """
@@ -57,7 +56,7 @@ class WorkingRollers:
 
         :param rows: (..., r) on the speeds of all rollers.
         """
-        return rows.copy() if self.whole else rows[..., self.places]
+        return rows.take(self.places, -1)
 
     def spread(self, speeds: Array) -> Array:
         """
@@ -65,8 +64,6 @@ class WorkingRollers:
 
         :param speeds: (w,) of the working rollers [m/s].
         """
-        if self.whole:
-            return speeds
         velocities = np.zeros(self.count)
         velocities[self.places] = speeds
         return velocities
@@ -89,8 +86,7 @@ def working_rollers(robot: Robot, failed: frozenset[str]) -> WorkingRollers:
     incidence = robot.topology.incidence[:, places]
     cost = incidence.T @ incidence
     even = np.linalg.inv(np.linalg.cholesky(cost)).T
-    count = len(robot.roller_names)
-    return WorkingRollers(count, places, cost, even, len(places) == count)
+    return WorkingRollers(len(robot.roller_names), places, cost, even)
 
 
 class Reach(NamedTuple):

@@ -73,15 +73,11 @@ class Ellipse(Shape):
         """Return the largest distance of the surface from the origin [m]."""
         return max(self.semi_axes)
 
-    def support(self, normals: Points) -> Array:
-        """Return h(n), the distance of tangents from the origin, (c,) [m]; see `Shape.support`."""
-        a, b = self.semi_axes
-        return np.hypot(a * normals.real, b * normals.imag)
-
     def support_points(self, normals: Points) -> Points:
         """Return points of the surface on tangents; see `Shape.support_points`."""
         a, b = self.semi_axes
-        return (a**2 * normals.real + 1j * b**2 * normals.imag) / self.support(normals)
+        x, y = a * normals.real, b * normals.imag
+        return (a * x + 1j * b * y) / np.hypot(x, y)
 
     def surface_at(self, corners: Indices, normals: Points) -> tuple[Points, Array]:
         """Return points of the surface with given normals; see `Shape.surface_at`."""

@@ -158,11 +158,6 @@ class Polygon(Shape):
         arcs = zip(self.arc_centers.tolist(), self.radii.tolist(), strict=True)
         return self.normals.conj().tolist(), self._directions.tolist(), list(arcs)
 
-    def support(self, normals: Points) -> Array:
-        """Return h(n), the distance of tangents from the origin, (c,) [m]; see `Shape.support`."""
-        at = self._corner_of(normals)
-        return (self.arc_centers[at] * normals.conj()).real + self.radii[at]
-
     def support_points(self, normals: Points) -> Points:
         """Return points of the surface on tangents; see `Shape.support_points`."""
         at = self._corner_of(normals)

@@ -104,13 +104,13 @@ class Shape(ABC):
     def reach(self) -> float:
         """Return the largest distance of the surface from the origin [m]."""
 
-    @abstractmethod
     def support(self, normals: Points) -> Array:
         """
         Return h(n), the distance of tangents from the origin, (c,) [m].
 
         :param normals: (c,) outward unit normals of the tangents, x + iy.
         """
+        return (self.support_points(normals) * normals.conj()).real
 
     @abstractmethod
     def support_points(self, normals: Points) -> Points:
@@ -263,10 +263,6 @@ class Disc(Shape):
     def reach(self) -> float:
         """Return the largest distance of the surface from the origin [m]."""
         return 0.5 * self.diameter
-
-    def support(self, normals: Points) -> Array:
-        """Return the distance of tangents from the origin, (c,) [m]; see `Shape.support`."""
-        return np.full(len(normals), 0.5 * self.diameter)
 
     def support_points(self, normals: Points) -> Points:
         """Return points of the surface on tangents; see `Shape.support_points`."""

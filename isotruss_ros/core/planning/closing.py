@@ -103,7 +103,7 @@ def evaluate_state(config: Configuration, body: ConvexObject) -> SearchState:
     model = collision_model(config.robot)
     return SearchState(
         config,
-        *model.body_distances(config, body),
+        *model.body_distances(config, body)[:2],
         rigidity_index(config.robot).modes(config),
         model.distances(config),
     )

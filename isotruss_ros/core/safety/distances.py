@@ -36,7 +36,7 @@ import functools
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.convex_object import ConvexObject, segment_gaps
-from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+from isotruss_ros.core.numerics.arrays import Array, as_xy, Indices, Points
 import numpy as np
 
 #: Points closer than this are one [m]; it keeps directions between them finite.
@@ -146,18 +146,27 @@ class CollisionModel:
         _add(rows, self._point[:, pairs], normals)
         return rows.view(np.float64)
 
-    def body_distances(self, config: Configuration, body: ConvexObject) -> tuple[Array, Array]:
+    def body_distances(
+        self, config: Configuration, body: ConvexObject, parts: Indices | slice = slice(None)
+    ) -> tuple[Array, Array, Array]:
         """
-        Return the distances between an object that stands still and all parts of the robot.
+        Return the distances between an object and parts of the robot, and how they change.
 
         :param config: where the robot is.
         :param body: the object in its place.
-        :return: (3m,) members, modules, rods [m], negative by how deep straight parts cut into the
-            object; and (3m, 2n) how they change, rows on the node velocities [-].
+        :param parts: (k,) numbers of parts: members, modules, rods, m of each; all when left out.
+        :return: (k,) distances [m], negative by how deep straight parts cut into the object;
+            (k, 2n) rows on the node velocities [-], and (k, 3) rows on the twist of the object
+            vx, vy [-], omega [m], robot frame.
         """
-        found = segment_gaps(body, *self.part_ends(config))
-        rows = self.part_rows(config, slice(None), found.shares, -found.normals)
-        return found.gaps - self.part_radii, rows.view(np.float64)
+        starts, ends = self.part_ends(config, parts)
+        found = segment_gaps(body, starts, ends)
+        rows = self.part_rows(config, parts, found.shares, -found.normals)
+        # To the segment: the surface is along the normal from there and turns with the same speed.
+        arms = starts + found.shares * (ends - starts) - body.center
+        turning = (found.normals.conj() * 1j * arms).real
+        twist_rows = -np.column_stack([as_xy(found.normals), turning])
+        return found.gaps - self.part_radii[parts], rows.view(np.float64), twist_rows
 
     def _nearest(
         self, config: Configuration, pairs: Indices | slice

@@ -21,7 +21,7 @@ from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import find_members, Grip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.model.convex_object import ConvexObject, segment_gaps
-from isotruss_ros.core.numerics.arrays import Array, as_xy, Indices
+from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.safety.distances import collision_model, nearest_on_segment
 import numpy as np
@@ -119,15 +119,9 @@ def grip_gradients(config: Configuration, grip: Grip, parts: Indices) -> tuple[A
     :raises GraspError: see `find_contacts`.
     :raises ConfigurationError: the configuration is singular.
     """
-    model, body = collision_model(config.robot), grip.body
-    starts, ends = model.part_ends(config, parts)
-    near = segment_gaps(body, starts, ends)
-    rows = model.part_rows(config, parts, near.shares, -near.normals)
-    # To the segment: the surface is along the normal from there, which turns with the same speed.
-    arms = starts + near.shares * (ends - starts) - body.center
-    turning = (near.normals.conj() * 1j * arms).real
-    surface = np.column_stack([as_xy(near.normals), turning])
-    return rows.view(np.float64), -surface @ grip_jacobian(config, grip)[:3]
+    model = collision_model(config.robot)
+    _, by_nodes, by_twist = model.body_distances(config, grip.body, parts)
+    return by_nodes, by_twist @ grip_jacobian(config, grip)[:3]
 
 
 @functools.lru_cache(maxsize=64)

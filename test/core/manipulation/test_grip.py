@@ -167,7 +167,7 @@ def between(*members):
     """Return a configuration with two members in given places, whatever that does to others."""
     nodes, points = find_members(ROBOT, NAMES), ROBOT.home.points.copy()
     for number, (start, end) in enumerate(members):
-        points[nodes.starts[number]], points[nodes.ends[number]] = start, end
+        points[nodes.lines[number]] = start, end
     return Configuration(ROBOT, ROBOT.home.roller_positions.copy(), points)
 
 

@@ -51,9 +51,9 @@ def least_cost(config, grip, twist, failed):
     """Return the twist that is nearest of those that keep the contacts, and its rollers (11)."""
     found = motions(config, grip, failed)
     count = len(config.roller_positions)
-    if found.shape[1] == 0:
-        return np.zeros(count), np.zeros(3)
     rollers, twists = found[:count], found[count:]
+    if np.abs(twists).max(initial=0.0) < 1e-10:  # zero but for rounding
+        return np.zeros(count), np.zeros(3)
     target = surface(grip) * twist
     share = np.linalg.lstsq(twists, target, rcond=1e-9)[0]
     still = null_space(twists, rcond=1e-9)
