@@ -82,9 +82,8 @@ class _Pushes(NamedTuple):
     skin: Array  #: (k,) distance of the dented skin from the centre line [m]
     softs: Array  #: (k,) derivatives of the dents by the normal forces [m/N]
     force: Points  #: (k,) on the tubes along and across [N]
-    changes: Points  #: (3, k) of the forces by inclination, normal and friction force
     loads: Array  #: (k, 3) forces along and across [N] and moments [N m]
-    rates: Array  #: (3, 3, k) of these by the same
+    rates: Array  #: (3, 3, k) of these by inclination, normal and friction force
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,16 +142,27 @@ class ContactStatics:
         begin = self.places.inclinations.start
         turned, normal, friction = unknowns[begin:].reshape(3, -1)
         local = self._aside * np.exp(1j * turned)
-        along = 1j * local
         depths, softs = self.indentation(normal)
         # Friction acts at the skin of a tube, so that it turns the tube as well.
         skin = self.tube_radius - depths
-        force = normal * local + friction * along
-        changes = np.array([1j * force, local, along])
+        force = (normal + 1j * friction) * local
+        changes = np.array([1j * force, local, 1j * local])
         moments = np.array([np.zeros(len(skin)), softs * friction, -skin])
         loads = np.array([force.real, force.imag, -skin * friction]).T
         rates = np.array([changes.real, changes.imag, moments])
-        return _Pushes(local, skin, softs, force, changes, loads, rates)
+        return _Pushes(local, skin, softs, force, loads, rates)
+
+    @functools.cached_property
+    def _constant(self) -> tuple[Array, Array]:
+        """Return (3, k, 3) of the balance by loads, and the Jacobian, as far as they are given."""
+        places, count = self.places, len(self.sides)
+        pushes, jacobian = np.zeros((3, count, 3)), np.zeros((places.size, places.size))
+        forces = -self.compliance.axis[:, None] * [1.0, 1j]
+        pushes[:2, :, :2] = forces.real, forces.imag
+        rows = jacobian[: 3 * count].reshape(count, 3, -1)
+        rows[:, :2, :2] = forces.view(np.float64).reshape(count, 2, 2)
+        rows[:, 0, places.feet] = np.eye(count)
+        return pushes, jacobian
 
     def equations(
         self, unknowns: Array, wrench: Array, closure: Closure
@@ -160,54 +170,53 @@ class ContactStatics:
         """
         Return the residual (3 + 4k,), and the state with its Jacobian.
 
+        Rows are touch along and across the member and inclination, contact after contact, then
+        balance and closure.
+
         :param unknowns: see `ContactForces`.
         :param wrench: (fx, fy, m / arm) on the object [N].
         :param closure: the remaining equations, of friction or of rolling.
         """
         places, count, arm = self.places, len(self.sides), self.body.arm
-        axis, bent = self.compliance.axis, places.inclinations.start
+        axis, moment = self.compliance.axis, places.balance.start + 2
         center, turn = complex(unknowns[0], unknowns[1]), cmath.rect(1.0, unknowns[ANGLE])
         feet, slopes = unknowns[places.feet], np.tan(unknowns[places.inclinations])
-        local, skin, softs, force, changes, loads, rates = self._push(unknowns)
-        normals, back = axis * local, axis.conj()
-        points, radii = self.body.shape.surface_at(
-            self.contacts.corners, normals * turn.conjugate()
-        )
-        arms = turn * points
-        # As the object turns under a tube, the point that touches moves back on its surface.
-        swung = 1j * (arms - radii * normals)
-        residual, jacobian = np.empty(places.size), np.zeros((places.size, places.size))
+        local, skin, softs, force, loads, rates = self._push(unknowns)
+        normals, back, contact = axis * local, axis.conj(), self.compliance.at(feet)
+        own = normals * turn.conjugate()
+        points, radii = self.body.shape.surface_at(self.contacts.corners, own)
+        # Along and across the members. As the object turns under a tube, the point that touches
+        # moves back on its surface.
+        arms = back * turn * points
+        swung = 1j * (arms - radii * local)
 
-        contact = self.compliance.at(feet)
-        gaps = back * (self.compliance.start - center - arms) + feet - skin * local
-        touch = residual[: 3 * count].reshape(3, count)
-        bent_by = contact.matrix.reshape(3 * count, -1) @ loads.ravel()
-        touch[:] = (bent_by.reshape(-1, 3) + self.given).T
-        touch[0] += gaps.real
-        touch[1] += gaps.imag
-        touch[2] -= slopes
-        rows = jacobian[: 3 * count].reshape(3, count, -1)  # response, contact
-        moved = -np.array([back, 1j * back, back * swung]).T
-        rows[0, :, :POSE], rows[1, :, :POSE] = moved.real, moved.imag
-        rows[:, :, places.feet] = contact.rates(loads).transpose(1, 0, 2)
-        bends = np.einsum('raic,cni->arni', contact.matrix, rates)
-        rows[:, :, bent:] = bends.reshape(3, count, -1)
-        # Of each contact by its own foot, inclination and normal force.
-        own = np.einsum('rana->rna', rows[:, :, POSE:].reshape(3, count, 4, count))
-        turned = np.array([-1j * (radii + skin) * local, softs * local])
-        own[0, 0] += 1.0
-        own[0, 1:3] += turned.real
-        own[1, 1:3] += turned.imag
-        own[2, 1] -= 1.0 + slopes**2
+        pushes, jacobian = self._constant
+        residual, jacobian = np.empty(places.size), jacobian.copy()
+        by_loads = np.concatenate([contact.matrix.reshape(3 * count, count, 3), pushes])
+        by_loads[moment, :, 0], by_loads[moment, :, 1] = arms.imag / arm, -arms.real / arm
+        residual[: moment + 1] = by_loads.reshape(moment + 1, -1) @ loads.ravel()
+        bends = np.einsum('rkc,cnk->rnk', by_loads, rates)
+        jacobian[: moment + 1, places.inclinations.start :] = bends.reshape(moment + 1, -1)
 
-        push, pushes = axis * force, axis * changes
-        turning = (arms.conj() * pushes).imag
-        turning[0] -= radii * unknowns[places.normal]
-        balance = np.array([pushes.real, pushes.imag, turning / arm])
-        jacobian[places.balance, bent:] = -balance.reshape(3, -1)
-        jacobian[places.balance.start + 2, ANGLE] = -np.vdot(swung, push).imag / arm
-        total, moment = sum(push.tolist()), np.vdot(arms, push).imag
-        residual[places.balance] = wrench - np.array([total.real, total.imag, moment / arm])
+        gaps = back * (self.compliance.start - center) - arms + feet - skin * local
+        touch = residual[: 3 * count].reshape(count, 3)
+        touch += self.given
+        touch[:, 0] += gaps.real
+        touch[:, 1] += gaps.imag
+        touch[:, 2] -= slopes
+        rows = jacobian[: 3 * count].reshape(count, 3, -1)
+        rows[:, 0, ANGLE], rows[:, 1, ANGLE] = -swung.real, -swung.imag
+        rows[:, :, places.feet] += contact.rates(loads)
+        # Of each contact by its own inclination and normal force.
+        own = np.einsum('kank->kan', rows[:, :, POSE:].reshape(count, 3, 4, count))
+        turned = np.array([-1j * (radii + skin) * local, softs * local]).T
+        own[:, 0, 1:3] += turned.real
+        own[:, 1, 1:3] += turned.imag
+        own[:, 2, 1] -= 1.0 + slopes**2
+
+        residual[places.balance] += wrench
+        jacobian[moment, places.inclinations] += radii * unknowns[places.normal] / arm
+        jacobian[moment, ANGLE] = -np.vdot(swung, force).imag / arm
         residual[places.closure], jacobian[places.closure] = closure(unknowns, normals)
         return residual, ContactForces(unknowns, normals, loads, jacobian)
 
@@ -257,9 +266,9 @@ class ContactStatics:
         longest = np.full(places.size, MAX_MOVE * self.body.arm)
         longest[ANGLE] = longest[places.inclinations] = MAX_TURN
         longest[places.normal] = longest[places.friction] = np.inf
+        least = np.full(places.size, LENGTH_TOLERANCE)
         for _ in range(steps):
             residual, state = self.equations(unknowns, wrench, closure)
-            least = np.full(places.size, LENGTH_TOLERANCE)
             least[places.balance] = FORCE_TOLERANCE * np.abs(unknowns[places.normal]).sum()
             # What is no number is no solution either.
             if (np.abs(residual) <= least).all():

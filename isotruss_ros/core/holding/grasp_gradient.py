@@ -195,7 +195,8 @@ def _response_rates(
         torque += swung[:, j, None].conj() * pushed + arms.conj() * forces
         balance = np.stack([forces.real, forces.imag, torque.imag / statics.body.arm]).sum(axis=1)
         closure = grown * (angle - turned)
-        left[..., i] = np.concatenate([gap.real, gap.imag, slope, -balance, closure])[:, :-3]
+        touch = np.stack([gap.real, gap.imag, slope], axis=1).reshape(3 * len(gap), -1)
+        left[..., i] = np.concatenate([touch, -balance, closure])[:, :-3]
     return -np.linalg.solve(grip.tangent, left.reshape(places.size, -1)).reshape(left.shape)
 
 

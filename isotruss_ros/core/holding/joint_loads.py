@@ -51,8 +51,7 @@ class LoadedParts(NamedTuple):
         own, by_contacts = joint_compliance(grip)
         size, count = len(own), len(grip.anchors)
         right = np.zeros((len(change), size))
-        given = by_contacts.T.reshape(count, 3, size)
-        right[: 3 * count] = -given.transpose(1, 0, 2).reshape(3 * count, size)
+        right[: 3 * count] = -by_contacts.T
         change = np.hstack([change, np.linalg.solve(grip.tangent, right)])
         pushed = grip.statics.load_rates(grip.state.unknowns, change)
         moved = by_contacts @ pushed.reshape(3 * count, -1)

@@ -149,7 +149,8 @@ class LoadedTubes:
         closure = closing[:, places.inclinations] @ spins
         closure -= closing[:, :3] @ self._chosen[self._parameters.place]
         balance = wrench - np.stack([total.real, total.imag, torque / grip.arm])
-        return np.concatenate([gap.real, gap.imag, slope, balance, closure])
+        touch = np.stack([gap.real, gap.imag, slope], axis=1).reshape(3 * len(gap), -1)
+        return np.concatenate([touch, balance, closure])
 
     def respond(self, contacts: ContactRates) -> TubeRates:
         """

@@ -41,8 +41,9 @@ class ContactCompliance:
     matrix: Array
     pieces: Indices
     _work: Array  # (k, 3, 6) what loads do at the ends of their pieces
-    _by_load: Array  # (k, k, 3, 3) of response and load: derivatives by the place of the load
-    _by_response: Array  # (k, k, 3, 3) the same by the place of the response
+    #: (k, k, 6, 6) of response and load: responses, and their derivatives by their own place, to
+    #: unit loads, and derivatives by the place of these.
+    _rates: Array
 
     def respond(self, loads: Array) -> Array:
         """
@@ -68,8 +69,9 @@ class ContactCompliance:
         :param loads: (k, 3) forces along and across the member [N] and moment [N m].
         """
         own = np.arange(len(loads))
-        rates = (self._by_load @ loads[:, :, None])[..., 0].swapaxes(1, 2)
-        rates[own, :, own] += (self._by_response @ loads[:, :, None])[..., 0].sum(axis=1)
+        rates = (self._rates[:, :, :3, 3:] @ loads[:, :, None])[..., 0].swapaxes(1, 2)
+        moved = self._rates[:, :, 3:, :3].swapaxes(1, 2).reshape(len(loads), 3, -1)
+        rates[own, :, own] += moved @ loads.ravel()
         return rates
 
 
@@ -119,48 +121,41 @@ class _LoadedPieces:
     """Pieces of tube under k members with one load each; some may be there twice."""
 
     def __init__(self, structure: Structure, pieces: Indices, ahead: Array, scale: float) -> None:
-        frame, count, self._numbers = structure.frame, len(pieces), pieces
-        self._beams = beams = Beams(*(each[pieces] for each in frame.beams))
-        self._scale, self._ahead = scale, ahead
+        frame, count = structure.frame, len(pieces)
+        self._numbers, self._pairs = pieces, np.nonzero(pieces[:, None] == pieces)
+        first, second = self._pairs
+        beams = Beams(*(each[pieces] for each in frame.beams))
         ends = frame.compliance(pieces) / scale
-        self._ends = ends.reshape(count, 6, count, 6).swapaxes(1, 2)
-        self._pairs = first, second = np.nonzero(pieces[:, None] == pieces)
-        self._parts = slice(count), slice(count, 2 * count), slice(2 * count, None)
-        self._series = np.concatenate([beams.series, beams.series, beams.series[first]])
+        self._length, self._ends = beams.length, ends.reshape(count, 6, count, 6).swapaxes(1, 2)
+        slope = beams.series[:, 1]
         # From the piece's frame to that of the member, along which it may run backward.
-        self._turn = turn = np.stack([ahead, ahead, np.ones(count)], axis=1)[:, :, None]
+        turn = np.stack([ahead, ahead, np.ones(count)], axis=1)[:, :, None]
+        along = ahead[:, None, None] * slope
         # What responds: u, w and w' = theta + V / GA; then their derivatives by the place.
         rows = turn * IDENTITY[:3]
-        rows[:, 2, 4] = beams.series[:, 1, 1, 4]
-        rates = ahead[:, None, None] * rows @ beams.series[:, 1]
-        self._rows = np.concatenate([rows, rates], axis=1)
+        rows[:, 2, 4] = slope[:, 1, 4]
+        rows = np.concatenate([rows, rows @ along], axis=1)[:, None]
         # Jumps of N, V and M by loads; then their derivatives by the place.
         jumps = IDENTITY[:, 3:] * turn.swapaxes(1, 2)
-        rates = -ahead[:, None, None] * beams.series[:, 1] @ jumps
-        self._jumps = np.concatenate([jumps, rates], axis=2)
-        self._rows_of_pairs, self._jumps_of_pairs = self._rows[first], jumps[second]
+        jumps = np.concatenate([jumps, -along @ jumps], axis=2)[:, None] / scale
+        # By powers of the place, of the distance from the other end, and of that between loads.
+        shapes = rows @ beams.series @ beams.by_ends[:, None]
+        between = (rows @ beams.series)[first] @ jumps[second]
+        self._series = np.concatenate([shapes, beams.series @ jumps, between])
+        # Loads turn the sections, which shear does not.
+        self._sheared = np.zeros((count, 6, 6))
+        self._sheared[:, 2] = slope[:, 1, 4, None] * beams.by_ends[:, 4]
 
     def respond(self, x: Array) -> ContactCompliance:
         """Return the compliance at places (k,) from the starts of the pieces [m]."""
         i, j = self._pairs
-        apart = x[i] - x[j]
-        distances = np.concatenate([x, self._beams.length - x, apart])
-        matrices = sum_series(self._series, distances)
-        ahead, behind, between = (matrices[part] for part in self._parts)
-        moved = ahead @ self._beams.by_ends
-        shapes, work = self._rows @ moved, self._turn * moved[:, :3]
-        behind = behind[:, :3] @ self._jumps
+        count, apart = len(x), x[i] - x[j]
+        series = sum_series(self._series, np.concatenate([x, self._length - x, apart]))
+        shapes, behind, between = series[:count], series[count : 2 * count], series[2 * count :]
+        work = shapes - self._sheared
+        rates = shapes[:, None] @ self._ends @ work.swapaxes(1, 2)
         # Of a load at the place itself: the mean of both sides.
-        jumped = self._rows_of_pairs @ between @ self._jumps_of_pairs
-        jumped *= 0.5 * (1.0 + np.sign(apart))[:, None, None]
-        inside = shapes[i, :, 3:] @ behind[j]
-        inside[:, :, :3] -= jumped
-        inside[:, :3, 3:] += jumped[:, 3:]
-        inside /= self._scale
-        by_ends = shapes[:, None] @ self._ends
-        by_load = by_ends[:, :, :3] @ shapes[:, 3:].swapaxes(1, 2)
-        by_load[i, j] += inside[:, :3, 3:]
-        given = by_ends @ work.swapaxes(1, 2)
-        given[i, j] += inside[:, :, :3]
-        matrix = np.ascontiguousarray(given[:, :, :3].swapaxes(1, 2))
-        return ContactCompliance(matrix, self._numbers, work, by_load, given[:, :, 3:])
+        between *= 0.5 * (1.0 + np.sign(apart))[:, None, None]
+        rates[i, j] += shapes[i, :, 3:] @ behind[j, :3] - between
+        matrix = np.ascontiguousarray(rates[:, :, :3, :3].swapaxes(1, 2))
+        return ContactCompliance(matrix, self._numbers, work[:, :3], rates)
