@@ -88,6 +88,7 @@ def compare(phases: Sequence[Phase] = figure_9()) -> Section:
                     'friction used',
                 ),
                 rows,
+                shown=False,
             ),
         ),
         _draw(carried, phases),

@@ -114,9 +114,8 @@ def compare(cases: int = CASES) -> Section:
         'Wedge, indentation, object, friction, load and motion are drawn at random. The load is '
         f'our smallest slip margin on the path divided by {1.0 + ABOVE:g}; every second one pulls '
         f'where the margin is the least. It rises in {RISE:g} s, then the rollers carry the '
-        f'object smoothly for {DURATION:g} s, open loop. Jerks lose objects: what masses add '
-        f'comes out of the same reserve. Grasps with a margin below {LEAST:g} N, and those whose '
-        'tubes would wrinkle, are drawn again.',
+        f'object smoothly for {DURATION:g} s, open loop. Grasps with a margin below {LEAST:g} N, '
+        'and those whose tubes would wrinkle, are drawn again.',
         (check,),
         (
             Table(

@@ -75,6 +75,7 @@ def compare(grips: Sequence[PressedCase] = GRIPS) -> Section:
                 'Coefficient of friction at which the object is lost',
                 ('wedge [°]', 'indentation [mm]', 'MuJoCo', 'ours', 'off by [%]'),
                 rows,
+                shown=False,
             ),
         ),
     )

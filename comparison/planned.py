@@ -109,9 +109,8 @@ def compare(wanted: Sequence[Wanted] = WANTED) -> Section:
         'Planned grasps',
         'An object lies free, held to the ground by half a newton. `plan_grasps` finds a grasp '
         'with a given squeeze, and the rollers of MuJoCo’s robot follow its path open loop, in '
-        'twice the time of the planner: sooner, a member that lags would hit the object before '
-        'the other one is there. Our model leaves the object where it lay. In MuJoCo it moves '
-        'with the square of the squeeze. Like `pick_object`, the path follower then brings it '
+        'twice the time of the planner. Our model leaves the object where it lay; in MuJoCo it '
+        'moves. Like `pick_object`, the path follower then brings it '
         f'back with {1e3 * RETURN_SPEED:g} mm/s. The first grasp is carried along Fig. 9: '
         f'{"lost" if arc.lost else "held"} to the end of the arc, at most '
         f'{number(1e3 * arc.position_error, 2)} mm from it, the squeeze between '

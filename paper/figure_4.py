@@ -107,7 +107,7 @@ def report(result: TubeFit) -> Report:
         picture='Above, load against displacement of a member of 50.8 cm in three modes, at three '
         'pressures; below, stiffness over length',
         stated='A law of pressure and length is fitted to the measured stiffness of each mode; '
-        'Table I lists C, b and R². Its numbers are not here.',
+        'Table I lists C, b and R².',
         computed='The theory of the default tube at the nine combinations, and the nearest power '
         f'laws. The tube made five noisy trials of each (stiffness {100 * SCATTER:g} %, load '
         f'{100 * NOISE:g} % of its largest, an offset), and `fit_tube_stiffness` fitted one beam '
@@ -193,4 +193,5 @@ def _fits(result: TubeFit) -> Table:
         'What made the synthetic points, and what `fit_tube_stiffness` found',
         ('constant', 'made with', 'fitted', '95 % interval', 'inside'),
         rows,
+        shown=False,
     )

@@ -96,4 +96,4 @@ def _limits(shapes: Mapping[str, Shape]) -> Table:
         'force at folding [N]',
     )
     caption = 'Where a tube gives way, by the same theory'
-    return Table('figure_5_limits', caption, headings, rows)
+    return Table('figure_5_limits', caption, headings, rows, shown=False)

@@ -136,10 +136,9 @@ def report(result: Interference) -> Report:
         f'{number(result.middle[at][0].stiffness, 2)} N/m for the smallest cylinder. Stiffness is '
         f'force over depth at {1e3 * DEPTH:g} mm, before the tube wrinkles '
         f'({number(1e3 * result.wrinkling.min(), 2)} to {number(1e3 * result.wrinkling.max(), 2)} '
-        'mm at the middle, M_w = π p r³/2). The membrane elements are those of the reviewers of '
-        'this package, by a program that is not part of it: nonlinear membrane (St. '
-        'Venant-Kirchhoff about the inflated state), follower pressure, rigid cylinder without '
-        'friction, mesh-converged to 1 %.',
+        'mm at the middle, M_w = π p r³/2). The membrane elements are by a program that is not '
+        'part of this package: nonlinear membrane (St. Venant-Kirchhoff about the inflated '
+        'state), follower pressure, rigid cylinder without friction, mesh-converged to 1 %.',
         tables=(_middle(result), _positions(result)),
     )
 
@@ -194,4 +193,4 @@ def _positions(result: Interference) -> Table:
         *(f"paper's model, {number(100 * cylinder)} cm [N/m]" for cylinder in (small, large)),
     )
     caption = f'With flattening, {1e3 * DEPTH:g} mm deep; the other half is its mirror image'
-    return Table('figure_6_positions', caption, headings, rows)
+    return Table('figure_6_positions', caption, headings, rows, shown=False)

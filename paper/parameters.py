@@ -83,6 +83,7 @@ def _stated() -> Table:
         'Stated by the paper',
         ('parameter', 'value', 'unit', 'stated in'),
         rows,
+        shown=False,
     )
 
 

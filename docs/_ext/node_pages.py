@@ -23,7 +23,18 @@ INTERFACES_HEAD = """\
 <!-- Written by `make docs` from msg_defs/. -->
 # Messages, services and actions
 
-The interface package `isotruss_msgs`, as in `msg_defs/`."""
+The interface package `isotruss_msgs`, as in `msg_defs/`. `message` is in words: what is wrong and
+what would be right. An action succeeds with its code 0 only. In the plane x, y and the rotation
+about z count. `t/j` is a module, `t/j-k` a member ([names](robot_file.md))."""
+
+#: What is said of these topics on every page that says nothing else of them.
+COMMON_NOTES = {
+    'joint_states': 'roller travel since home [m] by roller name',
+    'state_estimate': 'of [state_estimator](state_estimator.md), where it runs',
+    'object_pose': 'measured pose of the object, in a frame that [tf2 connects](index.md#frames)',
+    'joint_markers': 'places of joints, in a frame that [tf2 connects](index.md#frames)',
+    'tube_pressures': 'gauge pressures of all tubes [Pa], `effort` by name',
+}
 
 #: Headings, and the attributes of an interface that stand under them.
 SECTIONS = {
@@ -45,12 +56,14 @@ def node_tables(node: str, notes: dict[str, str]) -> str:
     Return the sections of a node: topics, services, actions, parameters.
 
     :param node: name of its executable.
-    :param notes: what to say about each topic, service and action; where a name is subscribed and
-        published, both get it.
+    :param notes: what to say about each topic, service and action, beside `COMMON_NOTES`; where a
+        name is subscribed and published, both get it.
     :raises ValueError: a name has no note, or a note has no such name.
     """
     interface = all_interfaces()[node]
     names = {name for part in SECTIONS.values() for name in getattr(interface, part)}
+    common = {name: COMMON_NOTES[name] for name in names & COMMON_NOTES.keys()}
+    notes = common | notes
     if names != notes.keys():
         wrong = ', '.join(sorted(names ^ notes.keys()))
         raise ValueError(f'node {node}: notes and declared names differ by {wrong}')
