@@ -34,7 +34,7 @@ from types import FrameType
 import isotruss_ros
 from isotruss_ros import core
 from isotruss_ros.core.control.grasp_monitor import GraspMonitor
-from isotruss_ros.core.control.grasp_report import GraspCode
+from isotruss_ros.core.control.grasp_report import GraspCode, GraspQuery
 from isotruss_ros.core.control.inputs import RollerState, StampedInput
 from isotruss_ros.core.safety.roller_failure import FailureCriterion, FailureDetector
 from measuring import print_table
@@ -120,8 +120,10 @@ def closure() -> tuple[list[str], int]:
 def analysis_cycle() -> tuple[list[str], int]:
     """Trace one analysis of the grasp monitor, once it has run for some cycles."""
     robot = core.load_robot('nine_member')
-    monitor = GraspMonitor(robot, DIAMETER, 0.5, 0.005, 0.5)
     x, y = core.tangent_center(robot.home, MODULE, DIAMETER, 0.002)
+    monitor = GraspMonitor(
+        robot, GraspQuery((), core.ConvexObject.disc((x, y), DIAMETER), 0.5), 0.5
+    )
     for step in range(5):
         positions = np.full(len(robot.roller_names), 1e-5 * step)
         rollers = RollerState(positions, np.zeros(len(positions)))

@@ -20,8 +20,10 @@ from geometry_msgs.msg import WrenchStamped
 from isotruss_msgs.msg import GraspState
 from isotruss_msgs.srv import AnalyzeGrasp
 from isotruss_ros.core.control.grasp_monitor import GraspMonitor
-from isotruss_ros.core.control.grasp_report import GraspCode, GraspReport
+from isotruss_ros.core.control.grasp_report import GraspCode, GraspQuery, GraspReport
 from isotruss_ros.core.errors import IsotrussError
+from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.shapes import Disc
 from isotruss_ros.core.statics.wrinkling import MAX_UTILISATION
 from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.sensors import Inputs
@@ -59,8 +61,6 @@ SPECS = (
         'and only whether the object is held with flattening',
     ),
 )
-#: Parameters that the monitor has by the same name.
-MONITORED = ('object_diameter', 'friction', 'spacing', 'flattening', 'pressure_timeout')
 #: Markers are published at most this often, as RViz draws [s].
 MARKER_PERIOD = 1.0 / 30.0
 
@@ -77,14 +77,8 @@ class GraspAnalysisNode(ManagedNode):
     def configure(self) -> None:
         """Create publishers and subscriptions."""
         values = self.values
-        self._monitor = GraspMonitor(
-            self.robot,
-            values.object_diameter,
-            values.friction,
-            values.spacing,
-            values.command_timeout,
-            common.read_described(values),
-        )
+        self._described = common.read_described(values)
+        self._monitor = GraspMonitor(self.robot, self._make_query(), values.command_timeout)
         self._states = self.create_lifecycle_publisher(GraspState, 'grasp/state', RELIABLE)
         self._held = self.create_lifecycle_publisher(Bool, 'grasp/held', RELIABLE)
         self._closures = self.create_lifecycle_publisher(Bool, 'grasp/force_closure', RELIABLE)
@@ -99,6 +93,14 @@ class GraspAnalysisNode(ManagedNode):
         read_wrench = partial(read_external_wrench, frame=self.robot.frame)
         self.inputs.keep(WrenchStamped, 'external_wrench', read_wrench, 'wrench')
 
+    def _make_query(self) -> GraspQuery:
+        """Return what is analysed by the parameters; the object's own friction counts first."""
+        values = self.values
+        body = self._described or ConvexObject(Disc(values.object_diameter))
+        friction = values.friction if body.friction is None else body.friction
+        given = {'spacing': values.spacing, 'flattening': values.flattening}
+        return GraspQuery((), body, friction, **given)
+
     def activate(self) -> None:
         """Start the cycle and offer the service."""
         self.cycle = Cycle(self, self._step, self.inputs.clear)
@@ -106,9 +108,9 @@ class GraspAnalysisNode(ManagedNode):
 
     def _apply(self) -> None:
         """Apply the parameters from the next cycle on."""
-        for name in MONITORED:
-            setattr(self._monitor, name, getattr(self.values, name))
+        self._monitor.query = self._make_query()
         self._monitor.timeout = self.values.command_timeout
+        self._monitor.pressure_timeout = self.values.pressure_timeout
 
     def _analyze(
         self, request: AnalyzeGrasp.Request, response: AnalyzeGrasp.Response

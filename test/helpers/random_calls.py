@@ -22,6 +22,7 @@ import warnings
 
 from isotruss_ros import core
 from isotruss_ros.core.control.grasp_monitor import GraspMonitor
+from isotruss_ros.core.control.grasp_report import GraspQuery
 from isotruss_ros.core.control.inputs import RollerState, StampedInput
 from isotruss_ros.core.control.path_tracking import TrackingSettings
 from isotruss_ros.core.control.roller_trajectory import RollerTrajectory
@@ -277,7 +278,7 @@ def deform(world):
 
 def report(world):
     """Let the monitor report."""
-    monitor = GraspMonitor(world.robot, 0.3, 0.5, 0.005, 0.2, world.body)
+    monitor = GraspMonitor(world.robot, GraspQuery((), world.body, 0.5), 0.2)
     state = RollerState(world.config.roller_positions, np.zeros(len(world.robot.roller_names)))
     monitor.rollers = StampedInput(state, 1.0)
     monitor.pose = StampedInput(world.body.pose, 1.0)

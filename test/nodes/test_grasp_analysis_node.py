@@ -323,9 +323,10 @@ def test_parameters_change_at_run_time():
         }
         w.change(flattening=False, **numbers)
         monitor = w.nodes[1]._monitor
-        names = [name.replace('command_', '') for name in numbers]
-        assert [getattr(monitor, name) for name in names] == list(numbers.values())
-        assert not monitor.flattening
+        query = monitor.query
+        told = (query.body.shape.diameter, query.friction, query.spacing)
+        assert (*told, monitor.timeout, monitor.pressure_timeout) == tuple(numbers.values())
+        assert not query.flattening
         w.change(rate=20.0)
         w.probe.seen['state'].clear()
         w.until(lambda: len(w.probe.seen['state']) >= 10, feed(w))

@@ -61,9 +61,8 @@ def update_belief(
     prior: Belief,
     measured: Array,
     noise: Array,
-    first: Expectation,
+    expect: Callable[[Array], Expectation],
     considered: int | None = None,
-    expect: Callable[[Array], Expectation] | None = None,
 ) -> Belief:
     """
     Return what is believed after a measurement: the most probable state, by Gauss-Newton steps.
@@ -74,24 +73,21 @@ def update_belief(
     :param prior: before.
     :param measured: (m,).
     :param noise: (m, m) covariance of the measurement.
-    :param first: what it would be in the mean of the prior.
+    :param expect: returns what it would be in a state (n,).
     :param considered: number of the state that is only considered; None for none.
-    :param expect: what it would be in a state (n,); None where that is linear.
     """
-    mean, expected = prior.mean, first
-    for step in range(MOST_STEPS):
-        rates = expected.rates
+    mean = prior.mean
+    for _ in range(MOST_STEPS):
+        values, rates = expect(mean)
         crossed = prior.covariance @ rates.T
         gain = np.linalg.solve(rates @ crossed + noise, crossed.T).T
         if considered is not None:
             gain[considered] = 0.0
-        missing = measured - expected.values - rates @ (prior.mean - mean)
+        missing = measured - values - rates @ (prior.mean - mean)
         moved = prior.mean + gain @ missing
         left = np.eye(len(mean)) - gain @ rates
         covariance = left @ prior.covariance @ left.T + gain @ noise @ gain.T
         change, mean = np.abs(moved - mean), moved
-        small = (change <= SMALL * np.sqrt(np.diag(covariance))).all()
-        if small or expect is None or step == MOST_STEPS - 1:
+        if (change <= SMALL * np.sqrt(np.diag(covariance))).all():
             break
-        expected = expect(mean)
     return Belief(mean, 0.5 * (covariance + covariance.T))

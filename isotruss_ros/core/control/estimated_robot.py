@@ -27,6 +27,7 @@ from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import find_members, Grip
 from isotruss_ros.core.model.convex_object import segment_gaps
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.safety.distances import collision_model
 import numpy as np
 
 #: Derivatives of a held object serve for this travel of any roller [m].
@@ -164,23 +165,17 @@ class EstimatedRobot:
         :return: (m,) [m], with derivatives by the state (m, n) and by the pose (m, 3).
         :raises GraspError: the robot has no such members.
         """
-        config, body = self._config, grip.body
-        members, topology = find_members(self.robot, grip.members).members, self.robot.topology
-        ends = [topology.b[members], topology.c[topology.following[members]]]
-        start, end = config.points[ends]
+        config, body, parts = self._config, grip.body, collision_model(self.robot)
+        members = find_members(self.robot, grip.members).members
+        start, end = parts.part_ends(config, members)
         near = segment_gaps(body, start, end)
-        moved = np.ascontiguousarray(config.node_jacobian.T).view(np.complex128).T[ends]
-        shares = near.shares[:, None]
-        away = near.normals.conj()
+        rows = parts.part_rows(config, members, near.shares, -near.normals)
         rates = np.zeros((len(members), len(self.state)))
-        rates[:, self.rollers] = -(
-            away[:, None] * ((1.0 - shares) * moved[0] + shares * moved[1])
-        ).real
+        rates[:, self.rollers] = -rows.view(np.float64) @ config.node_jacobian
         point = start + near.shares * (end - start) - near.gaps * near.normals
-        lever = (1j * (point - body.center) * away).real
+        lever = (1j * (point - body.center) * near.normals.conj()).real
         by_pose = np.column_stack([near.normals.real, near.normals.imag, lever])
-        radius = 0.5 * self.robot.description.tube_diameter
-        return radius - near.gaps, rates, by_pose
+        return parts.part_radii[members] - near.gaps, rates, by_pose
 
     def pressed_depths(self, grip: Grip) -> Array:
         """

@@ -44,8 +44,6 @@ from isotruss_ros.core.errors import (
 from isotruss_ros.core.holding.settle_grasp import settle_grasp
 from isotruss_ros.core.kinematics.configuration import Configuration, ConfigurationTracker
 from isotruss_ros.core.kinematics.robot import Robot
-from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.model.shapes import Disc
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.statics.wrinkling import MAX_UTILISATION
 
@@ -56,7 +54,6 @@ ERRORS = (
     (SolverError, GraspCode.NOT_SOLVED),
     (IsotrussError, GraspCode.INVALID_REQUEST),
 )
-NO_WRENCH = (0.0, 0.0, 0.0)
 NO_CONTACT = 'the object touches nothing'
 
 
@@ -64,6 +61,8 @@ class GraspMonitor:
     """
     The latest input of each kind, and the analysis for them.
 
+    :ivar query: what is analysed; roller positions, the place of the object, the wrench and the
+        pressures are those of the inputs.
     :ivar rollers: input of the measured `RollerState`.
     :ivar estimate: input of the `EstimatedTravel` whose offsets the rollers have; None without.
     :ivar pose: input of the measured `Pose` of the object, robot frame.
@@ -72,33 +71,12 @@ class GraspMonitor:
         file, which has them if None [Pa].
     :ivar pressure_timeout: pressures older than this are not used [s].
     :param robot: the robot.
-    :param object_diameter: the object's own diameter [m].
-    :param friction: coefficient between tube and object.
-    :param spacing: of the contact points along the tubes [m].
+    :param query: what is analysed, without roller positions.
     :param timeout: inputs older than this are not used [s].
-    :param body: the object, wherever; None for a disc of the diameter. Where its friction is
-        known, it counts instead of the other.
-    :param flattening: whether the tubes flatten where they are touched; if not, the analysis of
-        the object held fast is that of the paper's model.
     """
 
-    def __init__(
-        self,
-        robot: Robot,
-        object_diameter: float,
-        friction: float,
-        spacing: float,
-        timeout: float,
-        body: ConvexObject | None = None,
-        flattening: bool = True,
-    ) -> None:
-        self.robot = robot
-        self.object_diameter = object_diameter
-        self.friction = friction
-        self.spacing = spacing
-        self.timeout = timeout
-        self.body = body
-        self.flattening = flattening
+    def __init__(self, robot: Robot, query: GraspQuery, timeout: float) -> None:
+        self.robot, self.query, self.timeout = robot, query, timeout
         self.rollers: Input = None
         self.estimate: Input = None
         self.pose: Input = None
@@ -106,7 +84,7 @@ class GraspMonitor:
         self.pressures: Input = None
         self.pressure_timeout = PRESSURE_TIMEOUT
         self._tracker = ConfigurationTracker(robot.home)
-        self._query: GraspQuery | None = None
+        self._answered: GraspQuery | None = None
         self._report = GraspReport(GraspCode.NO_JOINT_STATES, '', 0.0)
 
     @single_threaded
@@ -124,24 +102,20 @@ class GraspMonitor:
         try:
             rollers, pose, *wrench = require_fresh(now, self.timeout, **inputs)
             pressures = fresh_pressures(now, self.pressure_timeout, self.pressures)
+            body = self.query.body.moved_to(pose.value)
         except InputError as error:
             return GraspReport(GraspCode[error.code], str(error), now)
-        try:
-            body = (self.body or ConvexObject(Disc(self.object_diameter))).moved_to(pose.value)
         except GraspError as error:
             return GraspReport(GraspCode.INVALID_REQUEST, str(error), now)
-        query = GraspQuery(
-            tuple(rollers.value.positions.tolist()),
-            body,
-            self.friction if body.friction is None else body.friction,
-            wrench[0].value if wrench else NO_WRENCH,
-            self.spacing,
-            self.flattening,
-            pressures,
+        query = self.query._replace(
+            roller_positions=tuple(rollers.value.positions.tolist()),
+            body=body,
+            external_wrench=wrench[0].value if wrench else self.query.external_wrench,
+            pressures=pressures,
         )
-        if query != self._query:
+        if query != self._answered:
             self._report = _analyze(query, self._tracker.configuration, self._report.grasp)
-            self._query = query
+            self._answered = query
         analyzed = self._report.grasp is not None
         return replace(self._report, time=min(rollers.time, pose.time) if analyzed else now)
 

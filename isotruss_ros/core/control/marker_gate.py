@@ -11,28 +11,12 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 from isotruss_ros.core.numerics.arrays import Array, Flags
 import numpy as np
 import scipy
 
 #: Markers that are farther off than one in so many is do not fit.
 RARE = 1e-4
-
-
-class Verdict(NamedTuple):
-    """
-    What becomes of the markers of one message.
-
-    :ivar fits: (k,) whether they are used.
-    :ivar slips: the roller that has slipped if they are to fit; None without one.
-    :ivar slipped: by that much [m].
-    """
-
-    fits: Array
-    slips: int | None = None
-    slipped: float = 0.0
 
 
 def fits(innovation: Array, covariance: Array) -> bool:
@@ -47,7 +31,7 @@ def fits(innovation: Array, covariance: Array) -> bool:
 
 def judge_markers(
     innovation: Array, covariance: Array, by_rollers: Array, reach: Array
-) -> Verdict:
+) -> tuple[Flags, Array]:
     """
     Choose the markers that fit together, see `RARE`.
 
@@ -59,40 +43,37 @@ def judge_markers(
     :param covariance: (2k, 2k) of these.
     :param by_rollers: (2k, r) derivatives of the joints by the rollers.
     :param reach: (r,) by how much each roller can have slipped at most [m].
+    :return: (k,) which are used, and (r,) by how much rollers have slipped if these fit [m].
     """
     count, off = len(innovation), innovation.ravel()
-    kept = np.ones(count, dtype=bool)
+    every, kept = np.ones((2, count), dtype=bool)
     if fits(off, covariance):
-        return Verdict(kept)
+        return every, np.zeros_like(reach)
 
     def size(some: Flags) -> float:
         rows = np.flatnonzero(np.repeat(some, 2))
         return _size(off[rows], covariance[np.ix_(rows, rows)]) if len(rows) else 0.0
 
     slip = _find_slip(off, covariance, by_rollers, reach)
+    left = _size(off - by_rollers @ slip, covariance)
+    explained = left <= scipy.special.chdtri(2 * count, RARE)
     while kept.any() and size(kept) > scipy.special.chdtri(2 * kept.sum(), RARE):
         kept = min(kept & ~np.eye(count, dtype=bool)[kept], key=size)
     if 2 * kept.sum() < count:
         kept[:] = False
     # A slip that explains all of them is likelier than two markers that lie at once.
-    if slip is not None and (count - kept.sum() > 1 or not kept.any()):
-        return slip
-    if slip is None or not kept.any():
-        return Verdict(kept)
-    with_slip = _size(off - by_rollers[:, slip.slips] * slip.slipped, covariance)
-    return slip if with_slip / (2 * count - 1) < size(kept) / (2 * kept.sum()) else Verdict(kept)
+    if explained and count - kept.sum() == 1 and kept.any():
+        explained = left / (2 * count - 1) < size(kept) / (2 * kept.sum())
+    return (every, slip) if explained else (kept, np.zeros_like(reach))
 
 
-def _find_slip(off: Array, covariance: Array, by_rollers: Array, reach: Array) -> Verdict | None:
-    """Return the slip of one roller that makes all markers fit, if one does."""
+def _find_slip(off: Array, covariance: Array, by_rollers: Array, reach: Array) -> Array:
+    """Return the slip of one roller, (r,), that leaves the least of what markers are off [m]."""
     weighted = np.linalg.solve(covariance, by_rollers)
     size = np.einsum('ij,ij->j', by_rollers, weighted)
     slipped = np.clip((weighted.T @ off) / np.maximum(size, 1e-12), -reach, reach)
-    left = [_size(off - by_rollers[:, i] * each, covariance) for i, each in enumerate(slipped)]
-    best = int(np.argmin(left))
-    if left[best] > scipy.special.chdtri(len(off), RARE):
-        return None
-    return Verdict(np.ones(len(off) // 2, dtype=bool), best, float(slipped[best]))
+    slips = np.diag(slipped)
+    return min(slips, key=lambda each: _size(off - by_rollers @ each, covariance))
 
 
 def _size(off: Array, covariance: Array) -> float:

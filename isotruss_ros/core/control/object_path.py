@@ -104,12 +104,7 @@ class ObjectPath:
 
         :param time: since the beginning of the path [s].
         """
-        if not 0.0 <= time < self.duration:
-            return self.poses[0 if time < 0.0 else -1].copy()
-        piece = int(np.searchsorted(self.times, time, side='right')) - 1
-        begin, end = self.times[piece], self.times[piece + 1]
-        share = (time - begin) / (end - begin)
-        return (1.0 - share) * self.poses[piece] + share * self.poses[piece + 1]
+        return np.array([np.interp(time, self.times, values) for values in self.poses.T])
 
 
 def _limit(name: str, value: float, most: float, unit: str) -> float:
@@ -174,13 +169,8 @@ def _smoothed(poses: Array, durations: Array) -> Array:
     """
     spans = np.sqrt(durations)
     knots = np.concatenate([[0.0], np.cumsum(spans)])
-    chords = np.diff(poses, axis=0) / spans[:, np.newaxis]
-    before, after = spans[:-1, np.newaxis], spans[1:, np.newaxis]
-    tangents = np.empty_like(poses)
     # Those of the parabola through each pose and its neighbours.
-    tangents[1:-1] = (chords[:-1] * after + chords[1:] * before) / (before + after)
-    first, last = (tangents[1], tangents[-2]) if len(poses) > 2 else (chords[0], chords[-1])
-    tangents[0], tangents[-1] = 2.0 * chords[0] - first, 2.0 * chords[-1] - last
+    tangents = np.gradient(poses, knots, axis=0, edge_order=min(len(poses) - 1, 2))
     steps = np.diff(poses, axis=0)
     wanted = np.maximum(np.hypot(*steps[:, :2].T) / PIECE, np.abs(steps[:, 2]) / PIECE_TURN)
     counts = np.clip(np.ceil(wanted), 1, MAX_PIECES_OF_A_SPAN).astype(int)

@@ -154,7 +154,8 @@ class PathServo:
         except InputError as error:
             return Step(np.zeros(3), Outcome.STOPPED, str(error), None)
         self.tracker.clock.period = self.period
-        held, feedback = self._servo_feedback(now)
+        feedback = self._last_feedback(now)
+        held = feedback.code >= Status.HALT_NO_TWIST
         self.tracker.allow_for_inertia(feedback.frequency)
         tracking = self.tracker.update(pose.value, now - pose.time, elapsed, feedback.scale, held)
         if tracking.phase not in FINISHED:
@@ -164,15 +165,14 @@ class PathServo:
             message = f'{message}; manipulation: {feedback.message}'
         return Step(tracking.twist, outcome, message, tracking)
 
-    def _servo_feedback(self, now: float) -> tuple[bool, ServoFeedback]:
-        """Return whether the robot is stopped, and how it carried out the last twist."""
-        unknown = ServoFeedback(0, 0.0, '')
+    def _last_feedback(self, now: float) -> ServoFeedback:
+        """Return how the manipulation carried out the last twist; a halt if that is not known."""
         try:
             (given,) = require_fresh(now, self.timeout, status=self.servo_feedback)
         except InputError as error:
-            return True, unknown._replace(message=str(error))
+            return ServoFeedback(Status.HALT_NO_TWIST, 0.0, str(error))
         feedback: ServoFeedback = given.value
-        if not 0.0 <= feedback.scale <= 1.0:
-            words = f'status: scale {feedback.scale}: must be from 0 to 1'
-            return True, unknown._replace(message=words)
-        return feedback.code >= Status.HALT_NO_TWIST, feedback
+        if 0.0 <= feedback.scale <= 1.0:
+            return feedback
+        words = f'status: scale {feedback.scale}: must be from 0 to 1'
+        return ServoFeedback(Status.HALT_NO_TWIST, 0.0, words)

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from isotruss_ros.core.control.inputs import Input, require_fresh
+from isotruss_ros.core.control.inputs import Input, require_fresh, RollerState
 from isotruss_ros.core.errors import ConfigurationError, IsotrussError
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.numerics.arrays import Array, finite_array
@@ -41,18 +41,6 @@ PROGRESS_TIMEOUT = 3.0
 #: A cycle takes the trajectory on by at most so much: one that comes later than that would cut its
 #: corners [s].
 MAX_STEP = 0.2
-
-
-class Wanted(NamedTuple):
-    """
-    Where the rollers should be (r,) [m], and how quick (r,) [m/s].
-
-    :ivar positions: (r,) roller travel since home [m].
-    :ivar speeds: (r,) [m/s].
-    """
-
-    positions: Array
-    speeds: Array
 
 
 class RollerTrajectory:
@@ -85,28 +73,25 @@ class RollerTrajectory:
                 f'later than that of the point before, from 0 to {MAX_DURATION:g} s'
             )
         with np.errstate(over='ignore'):  # too quick is too quick
-            self._slopes = np.diff(self._positions, axis=0) / steps[:, None]
-        quickest = float(np.abs(self._slopes).max(initial=0.0))
+            slopes = np.diff(self._positions, axis=0) / steps[:, None]
+        quickest = float(np.abs(slopes).max(initial=0.0))
         fastest = robot.description.max_speed
         if quickest > fastest * (1.0 + 1e-6):
             raise ConfigurationError(
                 f'the trajectory asks a roller for {quickest:.9g} m/s; must be at most {fastest:g}'
             )
+        self._slopes = np.pad(slopes, ((1, 1), (0, 0)))  # at rest before and after
         self.duration = float(self._times[-1])
 
-    def at(self, time: float) -> Wanted:
+    def at(self, time: float) -> RollerState:
         """
         Return what the rollers should do at a time [s]; they stand still before and after.
 
         :param time: since the beginning [s].
         """
-        place = int(np.searchsorted(self._times, time, side='right')) - 1
-        if place < 0:
-            return Wanted(self._positions[0], np.zeros_like(self._positions[0]))
-        if place >= len(self._slopes):
-            return Wanted(self._positions[-1], np.zeros_like(self._positions[-1]))
-        slope = self._slopes[place]
-        return Wanted(self._positions[place] + (time - self._times[place]) * slope, slope)
+        piece = int(np.searchsorted(self._times, time, side='right'))
+        start, slope = max(piece - 1, 0), self._slopes[piece]
+        return RollerState(self._positions[start] + (time - self._times[start]) * slope, slope)
 
 
 class RollerStep(NamedTuple):
@@ -149,7 +134,7 @@ class RollerTrajectoryServo:
         return self._trajectory is not None
 
     @property
-    def wanted(self) -> Wanted | None:
+    def wanted(self) -> RollerState | None:
         """Return where the rollers should be; None where there is no trajectory."""
         return None if self._trajectory is None else self._trajectory.at(self.time)
 
@@ -184,52 +169,51 @@ class RollerTrajectoryServo:
 
         :param now: time on the clock of the inputs [s].
         """
-        still = np.zeros(len(self._robot.roller_names))
         # Cycles come late on a busy machine, or seldom by a clock that ticks seldom.
         longest = min(MAX_STEP, self.timeout)
         elapsed, self._before = min(max(0.0, now - self._before), longest), now
         trajectory = self._trajectory
         if trajectory is None:
-            return RollerStep(still, True, 'there is no trajectory to follow')
+            return self._finish('there is no trajectory to follow')
         try:
             (measured,) = require_fresh(now, self.timeout, joint_states=self.rollers)
         except IsotrussError as error:
-            self._trajectory = None
-            return RollerStep(still, True, str(error))
+            return self._finish(str(error))
         state, ahead = measured.value, min(self.time + elapsed, trajectory.duration)
         if self.time < trajectory.duration:
             self._offsets = state.offsets
         # Each marker moves an estimate by more than the tolerance: at the end the last one counts.
         positions = state.positions - state.offsets + self._offsets
         wanted, behind = trajectory.at(ahead), trajectory.at(self.time).positions - positions
-        error, speeds = wanted.positions - positions, wanted.speeds
+        error, speeds = wanted.positions - positions, wanted.velocities
         # Rollers at rest are behind, those under way are ahead by what they do in a cycle.
         waits = min(float(np.abs(error).max()), float(np.abs(behind).max())) > MAX_LAG
         if waits:
-            error, speeds = behind, still
+            error, speeds = behind, np.zeros_like(behind)
         lag, at_end = float(np.abs(error).max()), ahead >= trajectory.duration
         near = at_end and lag <= TOLERANCE
         if self._rests(near, min(measured.time, now), now):
-            self._trajectory = None
-            return RollerStep(still, True, '')
+            return self._finish()
         if not waits and self.time < trajectory.duration:
             self.time, self._waited = ahead, 0.0
         elif not near:
             self._waited += elapsed
         if self._waited > PROGRESS_TIMEOUT:
-            self._trajectory = None
             if at_end and lag <= NEAR_TOLERANCE:
-                return RollerStep(still, True, '')
+                return self._finish()
             worst = self._robot.roller_names[int(np.abs(error).argmax())]
-            return RollerStep(
-                still, True, f'roller {worst} stays {lag:.4g} m behind the trajectory'
-            )
+            return self._finish(f'roller {worst} stays {lag:.4g} m behind the trajectory')
         speeds = speeds + GAIN * error
         if at_end:
             # What has arrived rests: rollers are uneven only while they move.
             speeds = np.where(np.abs(error) <= TOLERANCE, 0.0, speeds)
         limit = self._robot.description.max_speed
         return RollerStep(np.clip(speeds, -limit, limit), False, '')
+
+    def _finish(self, failure: str = '') -> RollerStep:
+        """End the trajectory, with the rollers still."""
+        self._trajectory = None
+        return RollerStep(np.zeros(len(self._robot.roller_names)), True, failure)
 
     def _rests(self, near: bool, measured: float, now: float) -> bool:
         """

@@ -172,22 +172,21 @@ class StateEstimator:
         expected, spread = believed.expect(rows)
         measured = np.array(list(joints.values()), dtype=float).ravel()
         noise = (deviation**2 + self.settings.joint_error**2) * np.eye(len(rows))
-        verdict = judge_markers(
+        used, slipped = judge_markers(
             (measured - expected.values).reshape(-1, 2),
             spread + noise,
             expected.rates[:, model.rollers],
             np.ptp(self._readings.values, axis=0),
         )
-        if verdict.slips is not None:
-            believed.doubt(verdict.slipped * np.eye(len(readings))[verdict.slips])
+        believed.doubt(slipped)
         told = np.array(list(joints))
-        self._used = tuple(sorted(told[verdict.fits].tolist()))
-        self._left_out = tuple(sorted(told[~verdict.fits].tolist()))
+        self._used = tuple(sorted(told[used].tolist()))
+        self._left_out = tuple(sorted(told[~used].tolist()))
         self._strange = 0 if self._used else self._strange + 1
         if self._strange >= LOST:  # such as after the encoders began anew
             believed.doubt(np.full(len(readings), self.settings.zeros))
             self._strange = 0
-        chosen = np.flatnonzero(np.repeat(verdict.fits, 2))
+        chosen = np.flatnonzero(np.repeat(used, 2))
         if not self._used or not believed.update(
             measured[chosen], noise[np.ix_(chosen, chosen)], rows[chosen]
         ):

@@ -150,15 +150,16 @@ class StateFilter:
         :param rows: (m,) see `expect`.
         :return: whether that worked; the object is released where not.
         """
-        model, prior, first = self.model, self.belief, self._expect(rows)
-        noise = noise + self._encoder_noise(first.rates)
+        model, prior = self.model, self.belief
+        noise = noise + self._encoder_noise(self._expect(rows).rates)
 
         def expect(mean: Array) -> Expectation:
-            model.evaluate(model.readings, mean)
+            if mean is not prior.mean:
+                model.evaluate(model.readings, mean)
             return self._expect(rows)
 
         try:
-            self.belief = update_belief(prior, measured, noise, first, model.stiffness, expect)
+            self.belief = update_belief(prior, measured, noise, expect, model.stiffness)
         except NOT_HELD:
             self.release()
             return False
@@ -181,7 +182,10 @@ class StateFilter:
         :param told: by the contacts of a free object.
         :param readings: (r,) of the encoders then [m].
         """
-        expected = Expectation(np.array([told.value]), told.rates[None])
-        noise, considered = np.array([[told.variance]]), self.model.stiffness
-        self.belief = update_belief(self.belief, np.zeros(1), noise, expected, considered)
+        prior, rates, noise = self.belief, told.rates[None], np.array([[told.variance]])
+
+        def expect(mean: Array) -> Expectation:
+            return Expectation(told.value + rates @ (mean - prior.mean), rates)
+
+        self.belief = update_belief(prior, np.zeros(1), noise, expect, self.model.stiffness)
         self.model.evaluate(readings, self.belief.mean)

@@ -22,7 +22,7 @@ from isotruss_ros.core.control.inputs import RollerState
 from isotruss_ros.core.control.object_path import MAX_POSES
 from isotruss_ros.core.control.path_servo import Outcome
 from isotruss_ros.core.control.path_tracking import Tracking
-from isotruss_ros.core.control.roller_trajectory import RollerTrajectory, Wanted
+from isotruss_ros.core.control.roller_trajectory import RollerTrajectory
 from isotruss_ros.core.errors import quote
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.nodes.conversions.messages import (
@@ -172,7 +172,7 @@ def to_trajectory_message(
 
 
 def to_roller_feedback(
-    kind: type, robot: Robot, wanted: Wanted, measured: RollerState, when: float, now: float
+    kind: type, robot: Robot, wanted: RollerState, measured: RollerState, when: float, now: float
 ) -> Any:
     """
     Return where the rollers should be and where they are.
@@ -192,7 +192,7 @@ def to_roller_feedback(
     return kind(
         header=make_header(now, robot.frame),
         joint_names=list(robot.roller_names),
-        desired=point(wanted.positions, velocities=wanted.speeds.tolist()),
+        desired=point(wanted.positions, velocities=wanted.velocities.tolist()),
         actual=point(measured.positions),
         error=point(wanted.positions - measured.positions),
     )

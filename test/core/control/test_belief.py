@@ -26,8 +26,9 @@ def _draw(size, count):
 
 
 def _update(prior, rates, noise, measured, considered=None):
-    first = Expectation(rates @ prior.mean, rates)
-    return update_belief(prior, measured, noise, first, considered)
+    return update_belief(
+        prior, measured, noise, lambda mean: Expectation(rates @ mean, rates), considered
+    )
 
 
 def test_a_linear_update_is_least_squares():
@@ -58,7 +59,7 @@ def test_a_curved_measurement_is_taken_at_its_most_probable_state():
         return Expectation(mean**2, np.diag(2.0 * mean))
 
     noise = np.eye(1) * 1e-4
-    found = update_belief(prior, np.array([9.0]), noise, expect(prior.mean), expect=expect)
+    found = update_belief(prior, np.array([9.0]), noise, expect)
     best = scipy.optimize.minimize_scalar(
         lambda x: (x - 2.0) ** 2 + (x**2 - 9.0) ** 2 / 1e-4, bracket=(2.5, 3.5)
     ).x

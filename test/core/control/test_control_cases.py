@@ -25,7 +25,7 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.control import twist_servo
 from isotruss_ros.core.control.grasp_monitor import GraspMonitor
-from isotruss_ros.core.control.grasp_report import GraspCode
+from isotruss_ros.core.control.grasp_report import GraspCode, GraspQuery
 from isotruss_ros.core.control.inputs import RejectedInput, RollerState, StampedInput
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
 from isotruss_ros.core.holding.held_grip import HeldGrip
@@ -40,20 +40,20 @@ MEMBERS = ('north/P-Z', 'north/Z-R')
 GRIP = place_between(ROBOT.home, MEMBERS, Disc(0.3), indentation=0.01)
 
 
-@pytest.mark.parametrize('own', [None, 0.4])
-def test_the_monitor_analyzes_a_shape_where_it_is_measured(own):
-    body = ConvexObject(Disc(0.3), friction=own)
-    monitor = GraspMonitor(ROBOT, 0.7, FRICTION, 0.005, TIMEOUT, body)
+@pytest.mark.parametrize('friction', [FRICTION, 0.4])
+def test_the_monitor_analyzes_a_shape_where_it_is_measured(friction):
+    body = ConvexObject(Disc(0.3))
+    monitor = GraspMonitor(ROBOT, GraspQuery((), body, friction), TIMEOUT)
     monitor.rollers = StampedInput(RollerState(REST, REST), NOW)
     monitor.pose = StampedInput(GRIP.body.pose, NOW)
     report = monitor.report(NOW)
     assert report.code is GraspCode.OK
-    there, friction = body.moved_to(GRIP.body.pose), own or FRICTION
+    there = body.moved_to(GRIP.body.pose)
     expected = analyze_grasp(ROBOT.home, there, friction, spacing=0.005)
     assert report.grasp.analysis.normal_forces == pytest.approx(expected.normal_forces)
     assert report.grasp.analysis.closure_residual == pytest.approx(expected.closure_residual)
     settled = settle_grasp(ROBOT.home, there, friction)
-    assert report.held == settled.held == (own is None)
+    assert report.held == settled.held == (friction == FRICTION)
     assert report.grasp.settled.pose == pytest.approx(settled.pose, abs=1e-9)
     monitor.pose = RejectedInput('none')
     assert not monitor.report(NOW).held

@@ -47,9 +47,15 @@ def at(positions, velocities=0.0 * HOME):
     return RollerState(np.asarray(positions, dtype=float), np.asarray(velocities))
 
 
+def question(**changes):
+    """Return a question about the grasp at home, changed as given."""
+    body = ConvexObject.disc(CENTER, DIAMETER)
+    return GraspQuery((), body, FRICTION, spacing=SPACING)._replace(**changes)
+
+
 def monitor(robot=ROBOT, **given):
     """Return a monitor with good inputs at NOW, or those given."""
-    made = GraspMonitor(robot, DIAMETER, FRICTION, SPACING, TIMEOUT)
+    made = GraspMonitor(robot, question(), TIMEOUT)
     made.rollers = StampedInput(at(HOME), NOW)
     made.pose = StampedInput(POSE, NOW)
     made.wrench = StampedInput(WRENCH, NOW)
@@ -158,8 +164,7 @@ def test_measured_pressures_take_the_place_of_those_of_the_file():
 def test_pressures_in_doubt_leave_no_answer(given, code):
     made = monitor(pressures=given)
     assert_no_answer(made.report(NOW), code)
-    query = GraspQuery((), ConvexObject.disc(CENTER, DIAMETER), FRICTION, WRENCH, SPACING)
-    assert_no_answer(made.analyze_request(query, NOW), code)
+    assert_no_answer(made.analyze_request(question(), NOW), code)
 
 
 @pytest.mark.parametrize('name', INPUTS)
@@ -189,9 +194,9 @@ def test_computes_only_when_something_has_changed():
         ('rollers', StampedInput(at(HOME + 1e-9), later)),
         ('pose', StampedInput(POSE._replace(y=POSE.y + 1e-9), later)),
         ('wrench', StampedInput((0.5, -2.0, 0.1 + 1e-9), later)),
-        ('object_diameter', DIAMETER + 1e-9),
-        ('friction', FRICTION + 1e-9),
-        ('spacing', SPACING + 1e-9),
+        ('query', question(body=ConvexObject.disc(CENTER, DIAMETER + 1e-9))),
+        ('query', question(friction=FRICTION + 1e-9)),
+        ('query', question(spacing=SPACING + 1e-9)),
     ):
         before = made.report(later).grasp
         setattr(made, name, value)
@@ -233,7 +238,7 @@ def test_tubes_wrinkle_beyond_the_whole_of_their_moment(used, code, told):
 def test_tubes_bear_the_friction_of_an_object_that_is_held(friction, larger):
     center = tangent_center(ROBOT.home, 'north/Z', DIAMETER, indentation=0.06)
     made = monitor(pose=StampedInput(Pose(*center, 0.0), NOW), wrench=None)
-    made.friction = friction
+    made.query = question(friction=friction)
     report = made.report(NOW)
     grasp = getattr(report.grasp, larger)
     expected = {
@@ -292,12 +297,6 @@ def test_history_does_not_matter():
     assert travelled.report(NOW).grasp.analysis.normal_forces == pytest.approx(
         fresh.report(NOW).grasp.analysis.normal_forces, rel=1e-6
     )
-
-
-def question(**changes):
-    """Return a question about the grasp at home, changed as given."""
-    body = ConvexObject.disc(CENTER, DIAMETER)
-    return GraspQuery((), body, FRICTION, (0.0, 0.0, 0.0), SPACING)._replace(**changes)
 
 
 def test_what_if_answers_and_leaves_the_live_answer_alone():

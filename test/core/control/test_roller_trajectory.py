@@ -52,7 +52,7 @@ def test_is_straight_between_its_points_and_rests_outside(rng):
             there = np.interp(time, times, positions[:, roller])
             assert wanted.positions[roller] == pytest.approx(there, abs=1e-12)
     for time in (-1e9, times[0] - 1e-9, times[-1], times[-1] + 1e-9, 1e9):
-        assert not path.at(time).speeds.any()
+        assert not path.at(time).velocities.any()
     assert np.array_equal(path.at(times[-1]).positions, positions[-1])
     assert np.array_equal(path.at(-1.0).positions, positions[0])
 
@@ -66,16 +66,16 @@ def test_speed_is_the_derivative_of_the_position_and_within_the_limit(rng):
         time = begin + rng.uniform(0.2, 0.8) * (end - begin)
         step = 0.1 * (end - begin)
         found = (path.at(time + step).positions - path.at(time - step).positions) / (2.0 * step)
-        assert path.at(time).speeds == pytest.approx(found, abs=1e-9)
-        assert np.abs(path.at(time).speeds).max() <= MAX_SPEED * (1.0 + 2e-6)
+        assert path.at(time).velocities == pytest.approx(found, abs=1e-9)
+        assert np.abs(path.at(time).velocities).max() <= MAX_SPEED * (1.0 + 2e-6)
         # From a waypoint on, the speed is that of the way ahead.
-        assert path.at(begin).speeds == pytest.approx(found, abs=1e-9)
+        assert path.at(begin).velocities == pytest.approx(found, abs=1e-9)
 
 
 def test_takes_what_rounding_adds_to_the_largest_speed():
     way = MAX_SPEED * 0.3
     path = RollerTrajectory(ROBOT, [ORIGIN, [way] * N], [0.1, 0.4])  # 0.4 - 0.1 is less than 0.3
-    assert path.at(0.2).speeds == pytest.approx([MAX_SPEED] * N)
+    assert path.at(0.2).velocities == pytest.approx([MAX_SPEED] * N)
 
 
 def test_what_is_done_to_the_arrays_afterwards_changes_no_path():
@@ -159,4 +159,4 @@ def test_any_numbers_are_a_path_that_rollers_can_keep_to_or_refused(points):
     for time in (0.0, *times):
         wanted = path.at(time)
         assert np.isfinite(wanted.positions).all()
-        assert np.abs(wanted.speeds).max() <= MAX_SPEED * (1.0 + 1e-6)
+        assert np.abs(wanted.velocities).max() <= MAX_SPEED * (1.0 + 1e-6)
