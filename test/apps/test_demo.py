@@ -17,7 +17,8 @@ from isotruss_msgs.msg import PlannedGrasp, StateEstimate
 from isotruss_ros.core import load_robot, Pose
 from isotruss_ros.demo import processes
 from isotruss_ros.demo import run as demo
-from isotruss_ros.demo.figures import animate, draw_panels
+from isotruss_ros.demo.figures import animate, draw_panels, FRAMES_PER_SECOND, SPEED_UP
+from isotruss_ros.demo.film import film
 from isotruss_ros.demo.gripping import is_sure, slow_down, SURE
 from isotruss_ros.demo.path import figure_9
 from isotruss_ros.demo.record import PhaseRecord, Snapshot
@@ -25,6 +26,7 @@ from isotruss_ros.demo.run import OBJECT_CENTER, OBJECT_DIAMETER, PULL
 from isotruss_ros.demo.sensors import REAL_SENSORS, truth_table
 from isotruss_ros.nodes import simulator
 from isotruss_ros.nodes.conversions.path_messages import read_duration, to_trajectory_message
+from mujoco_worlds import CENTER, needs_egl, needs_mujoco, record
 import numpy as np
 from PIL import Image
 import pytest
@@ -39,25 +41,7 @@ def integral(phase):
     return quad_vec(lambda t: np.array(phase.twist(t)), 0.0, phase.duration)[0]
 
 
-def test_path_is_that_of_figure_9():
-    up, turn, arc = PHASES
-    assert integral(up) == pytest.approx([0.0, 0.25, 0.0], abs=1e-9)
-    assert integral(turn) == pytest.approx([0.0, 0.0, 0.5 * math.pi], abs=1e-9)
-    assert integral(arc) == pytest.approx([0.35, -0.35, -0.5 * math.pi], abs=1e-6)
-
-
-def test_orientation_stays_normal_to_the_arc():
-    _, turn, arc = PHASES
-    angle = integral(turn)[2]
-    times = np.linspace(0.0, arc.duration, 400)
-    for t, step in zip(times, np.diff(times), strict=False):
-        vx, vy, omega = arc.twist(t)
-        across = vx * math.cos(angle) + vy * math.sin(angle)
-        assert abs(across) < 2e-3 * math.hypot(vx, vy) + 1e-9
-        angle += step * arc.twist(t + 0.5 * step)[2]
-        assert omega <= 0.0
-
-
+# What path it is, test_paper tells.
 @pytest.mark.parametrize('phase', PHASES, ids=lambda phase: phase.name)
 def test_phases_begin_and_end_at_rest(phase):
     for time in (0.0, phase.duration, phase.duration + 1.0):
@@ -89,6 +73,30 @@ def test_pictures_are_written(tmp_path):
     animate(ROBOT, OBJECT_DIAMETER, records[:1], tmp_path / 'demo.gif')
     with Image.open(tmp_path / 'demo.gif') as animation:
         assert animation.n_frames == 17
+
+
+@needs_mujoco
+@needs_egl
+def test_frames_show_states_path_and_pull(tmp_path):
+    record(tmp_path / 'states')
+    times, x, y = np.arange(0.0, 1.0, 0.01), CENTER.real, CENTER.imag
+    snapshots = [Snapshot(t, np.zeros(2), Pose(x - 0.3 * t, y, 0.0)) for t in times]
+    still = PhaseRecord('approach', snapshots=snapshots[:50])
+    pulled = PhaseRecord('arc', pull=(0.0, -5.0, 0.0), pulled=(0.5, 1.0), snapshots=snapshots[50:])
+    film(tmp_path / 'states', [still, pulled], tmp_path / 'film.gif')
+    with Image.open(tmp_path / 'film.gif') as animation:
+        assert animation.n_frames == 2 * math.ceil(0.5 * FRAMES_PER_SECOND / SPEED_UP)
+        assert animation.info['duration'] == 80  # in hundredths of a second
+        pages = []
+        for i in (0, animation.n_frames - 1):
+            animation.seek(i)
+            pages.append(np.asarray(animation.convert('RGB')).astype(int))
+    path, pull = [], []
+    for r, g, b in (np.moveaxis(page, -1, 0) for page in pages):
+        path.append((g > np.maximum(r, b) + 25).sum())
+        pull.append((r > np.maximum(g, b) + 110).sum())
+    assert path[0] < 0.2 * path[1]
+    assert pull[1] > pull[0] + 50
 
 
 def test_the_picture_shows_the_robot_that_runs(monkeypatch, tmp_path):

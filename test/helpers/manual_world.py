@@ -32,9 +32,7 @@ from action_msgs.msg import GoalInfo
 from geometry_msgs.msg import Twist
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.nodes.framework.managed import ManagedNode
-from lifecycle_msgs.msg import Transition
-from lifecycle_msgs.srv import ChangeState, GetState
-from probe import Probe, Watched
+from probe import Manager, Probe, Watched
 import pytest
 import rclpy
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
@@ -47,15 +45,13 @@ from rclpy.serialization import deserialize_message, serialize_message
 from rclpy.subscription import Subscription
 from rclpy.time import Time
 from rclpy.timer import Timer
-from std_srvs.srv import Trigger
 
 #: In which everything here comes about [s of the test's clock].
 DEADLINE = 20.0
 #: The system's clock at the beginning [s].
 EPOCH = 1.7e9
 
-UP = (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE)
-DOWN = (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_CLEANUP)
+UP, DOWN = Manager.UP, Manager.DOWN
 TRANSIENT, BEST_EFFORT = DurabilityPolicy.TRANSIENT_LOCAL, ReliabilityPolicy.BEST_EFFORT
 
 
@@ -319,10 +315,6 @@ class World(Watched):
                     return response
         raise AssertionError(f'no service {name}')
 
-    def release_stop(self) -> Any:
-        """Release the emergency stop; return the response."""
-        return self.call('release_emergency_stop', Trigger.Request())
-
     def send_goal(self, request: Any) -> Goal:
         """Send a goal to the only server of its action."""
         (server,) = (
@@ -335,31 +327,6 @@ class World(Watched):
         self._goals.append(goal)
         self.deliver()
         return goal
-
-
-class Manager:
-    """
-    Requests transitions of a managed node.
-
-    :param name: of the node.
-    """
-
-    def __init__(self, w: World, name: str) -> None:
-        self._world, self._name = w, name
-
-    def ask(self, transition: int, label: str = '') -> bool:
-        """Request a transition; return whether it came about."""
-        wanted = ChangeState.Request(transition=Transition(id=transition, label=label))
-        return self._world.call(f'{self._name}/change_state', wanted).success
-
-    def state(self) -> str:
-        """Return the label of the state."""
-        state = self._world.call(f'{self._name}/get_state', GetState.Request())
-        return state.current_state.label
-
-    def restart(self) -> None:
-        """Go down to unconfigured, and up to active again."""
-        assert all(self.ask(transition) for transition in (*DOWN, *UP))
 
 
 READ_CLOCK = Clock.now

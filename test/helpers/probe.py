@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 import contextlib
 import math
+import sys
 import time
 
 from action_msgs.msg import GoalInfo
@@ -46,6 +47,7 @@ from rclpy.time import Time
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64MultiArray
+from std_srvs.srv import Trigger
 
 #: Far more than anything needs here; a busy machine must not fail a test [s].
 DEADLINE = 240.0
@@ -199,6 +201,14 @@ class Watched:
         """
         raise NotImplementedError
 
+    def call(self, name: str, request: object) -> object:
+        """Return the response of a service, named relative to the root."""
+        raise NotImplementedError
+
+    def release_stop(self) -> object:
+        """Release the emergency stop; return the response."""
+        return self.call('release_emergency_stop', Trigger.Request())
+
     def until_code(
         self, code: int, each: Callable[[], None], key: str = 'status'
     ) -> ManipulationStatus | GraspState:
@@ -260,6 +270,7 @@ class World(Watched):
     ) -> None:
         self.probe = Probe(twist_type, sim_time)
         self.nodes = [self.probe, *nodes]
+        self._clients: dict[str, Client] = {}
         self.executor = SingleThreadedExecutor()
         for node in self.nodes:
             self.executor.add_node(node)
@@ -270,8 +281,13 @@ class World(Watched):
         self.executor.add_node(node)
         return node
 
-    def call(self, client: Client, request: object) -> object:
-        """Return what a service answers."""
+    def call(self, name: str, request: object) -> object:
+        """Return the response of a service."""
+        if name not in self._clients:
+            kind = type(request).__name__.removesuffix('_Request')
+            service = getattr(sys.modules[type(request).__module__], kind)
+            self._clients[name] = self.probe.create_client(service, name)
+        client = self._clients[name]
         self.until(client.service_is_ready)
         return self.ask(lambda: client.call_async(request))
 
@@ -328,24 +344,30 @@ class World(Watched):
 
 class Manager:
     """
-    Asks for transitions as any tool does.
+    Requests transitions of a managed node.
 
-    :param name: of the managed node.
+    :param name: of the node.
     """
 
-    def __init__(self, w: World, name: str) -> None:
-        self._world = w
-        self._change = w.probe.create_client(ChangeState, f'{name}/change_state')
-        self._get = w.probe.create_client(GetState, f'{name}/get_state')
+    UP = (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE)
+    DOWN = (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_CLEANUP)
+
+    def __init__(self, w: Watched, name: str) -> None:
+        self._world, self._name = w, name
 
     def ask(self, transition: int, label: str = '') -> bool:
-        """Ask for a transition; return whether it came about."""
-        wanted = Transition(id=transition, label=label)
-        return self._world.call(self._change, ChangeState.Request(transition=wanted)).success
+        """Request a transition; return whether it came about."""
+        wanted = ChangeState.Request(transition=Transition(id=transition, label=label))
+        return self._world.call(f'{self._name}/change_state', wanted).success
 
     def state(self) -> str:
         """Return the label of the state."""
-        return self._world.call(self._get, GetState.Request()).current_state.label
+        state = self._world.call(f'{self._name}/get_state', GetState.Request())
+        return state.current_state.label
+
+    def restart(self) -> None:
+        """Go down to unconfigured, and up to active again."""
+        assert all(self.ask(transition) for transition in (*self.DOWN, *self.UP))
 
 
 def stamped(twist: tuple[float, float, float], time_of: float, frame: str = '') -> TwistStamped:

@@ -29,7 +29,6 @@ import time
 from geometry_msgs.msg import Twist, WrenchStamped
 from isotruss_ros.core import Status
 from isotruss_ros.demo.processes import keep_to_this_machine
-from lifecycle_msgs.msg import Transition
 import numpy as np
 from probe import Manager, N
 import psutil
@@ -38,7 +37,6 @@ from rcl_interfaces.srv import SetParameters
 from robot_processes import Robot, robot
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64MultiArray
-from std_srvs.srv import Trigger
 
 RATE = 1000.0
 #: Each thing is done for this long [s].
@@ -65,7 +63,6 @@ class Soak:
         self.memory: dict[str, list[tuple[float, float]]] = {name: [] for name in r.alive}
         self._sampled = self._begun = time.monotonic()
         self._setter = self._w.probe.create_client(SetParameters, 'manipulation/set_parameters')
-        self._release = self._w.probe.create_client(Trigger, 'release_emergency_stop')
         self._manager = Manager(self._w, 'manipulation')
 
     def run(self, duration: float) -> None:
@@ -76,10 +73,10 @@ class Soak:
             self._flood,
             self._stop,
             self._change_parameters,
-            self._configure_anew,
+            self._manager.restart,
         )
         for _ in range(WARM_UP_ROUNDS):
-            self._configure_anew()
+            self._manager.restart()
         done = 0
         while time.monotonic() - self._begun < duration:
             things[done % len(things)]()
@@ -140,7 +137,7 @@ class Soak:
         self._for(DURATION, flood)
         # This publisher keeps one message only: what it overwrote is lost, and that is a stop.
         self._for(0.5)
-        assert self._w.call(self._release, Trigger.Request()).success
+        assert self._w.release_stop().success
 
     def _stop(self) -> None:
         self._w.probe.stops.publish(Bool(data=True))
@@ -149,7 +146,7 @@ class Soak:
         self._w.probe.stops.publish(Bool(data=False))
         words = 'message is false'
         self._r.until(lambda: words in self._w.probe.last('status').message, self._watch)
-        assert self._w.call(self._release, Trigger.Request()).success
+        assert self._w.release_stop().success
 
     def _change_parameters(self) -> None:
         pending = []
@@ -163,15 +160,6 @@ class Soak:
             pending[:] = [self._setter.call_async(SetParameters.Request(parameters=request))]
 
         self._for(DURATION, change)
-
-    def _configure_anew(self) -> None:
-        for transition in (
-            Transition.TRANSITION_DEACTIVATE,
-            Transition.TRANSITION_CLEANUP,
-            Transition.TRANSITION_CONFIGURE,
-            Transition.TRANSITION_ACTIVATE,
-        ):
-            assert self._manager.ask(transition)
 
 
 def growth(samples: list[tuple[float, float]]) -> tuple[float, float]:

@@ -7,7 +7,7 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Objects of other shapes than discs in MuJoCo: where their surface is, and how they press."""
+"""Objects of any shape in MuJoCo: where their surface is, how they press, and files with them."""
 
 from comparison.grasps import FINE
 from comparison.grips import press_on, round_robot
@@ -85,3 +85,23 @@ def test_objects_of_files_are_exported(tmp_path, capsys):
     assert mujoco.MjModel.from_xml_path(str(model)).body('object0').pos[:2].tolist() == [3.0, 4.0]
     assert main(['triangle', str(model), *shape, '3', '4', 'left']) == 2
     assert 'left' in capsys.readouterr().err
+
+
+@needs_mujoco
+@pytest.mark.parametrize('name', ['nine_member', 'triangle'])
+def test_the_file_is_opened_by_mujoco_and_rests(name, tmp_path):
+    import mujoco
+
+    written, path = tmp_path / 'model.xml', tmp_path / 'elsewhere' / 'model.xml'
+    assert main([name, str(written), '--object', '5', '5', '0.3']) == 0
+    path.parent.mkdir()
+    written.rename(path)
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    mujoco.mj_step(model, data, 100)
+    assert abs(data.qpos).max() < 1e-9
+
+
+def test_a_robot_that_does_not_exist_is_refused(tmp_path, capsys):
+    assert main(['nobody', str(tmp_path / 'model.xml')]) == 2
+    assert 'export_mujoco: ' in capsys.readouterr().err

@@ -7,9 +7,8 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""What the documentation site generates from the code is there and whole."""
+"""What pages say and people type is there and works; what is generated from the code is whole."""
 
-import ast
 from pathlib import Path
 import pydoc
 import re
@@ -27,6 +26,13 @@ from ruamel.yaml import YAML
 TOP = Path(__file__).parents[2]
 DOCS = TOP / 'docs'
 EXECUTABLES = executables.NODES
+README = (TOP / 'README.md').read_text(encoding='utf-8')
+TEXTS = {
+    path.relative_to(TOP).as_posix(): path.read_text(encoding='utf-8')
+    for path in sorted([*TOP.glob('*.md'), *TOP.glob('docs/**/*.md')])
+    if '_build' not in path.parts
+}
+MAKEFILE = (TOP / 'Makefile').read_text(encoding='utf-8')
 
 
 def test_every_node_has_a_page():
@@ -82,20 +88,6 @@ def solve(x):
     assert tags == {(7, 2, ''), (8, 0, 'solve'), (9, 1, 'solve'), (5, 0, 'solve')}
 
 
-@pytest.fixture(scope='module')
-def computed():
-    """Return where each equation is computed."""
-    return equations.equation_map(TOP / 'isotruss_ros' / 'core')
-
-
-def test_place_of_each_equation_is_a_definition(computed):
-    for places in computed.values():
-        for place in places:
-            path = TOP.joinpath(*place.module.split('.')).with_suffix('.py')
-            names = [name for name, _ in equations._definitions(ast.parse(path.read_text()), '')]
-            assert place.name in ('', *names)
-
-
 def test_every_promise_has_tests_that_are_there():
     held_by = promises.load(DOCS / 'promises.yaml')
     page = (DOCS / 'safety.md').read_text(encoding='utf-8')
@@ -108,16 +100,14 @@ def test_every_promise_has_tests_that_are_there():
             assert f'def {function}(' in path.read_text(encoding='utf-8'), (name, test)
 
 
-PAGES = sorted(path for path in DOCS.glob('**/*.md') if '_build' not in path.parts)
-
-
-@pytest.mark.parametrize('page', PAGES, ids=lambda path: path.relative_to(DOCS).as_posix())
+@pytest.mark.parametrize('page', TEXTS)
 def test_names_of_the_core_in_pages_are_there(page):
-    for name in re.findall(r'`(core\.[\w.]+)', page.read_text(encoding='utf-8')):
+    for name in re.findall(r'`(core\.[\w.]+)', TEXTS[page]):
         assert pydoc.locate(f'isotruss_ros.{name}') is not None, name
 
 
-def test_every_equation_of_the_paper_is_computed_somewhere(computed):
+def test_every_equation_of_the_paper_is_computed_somewhere():
+    computed = equations.equation_map(TOP / 'isotruss_ros' / 'core')
     assert list(computed) == list(equations.EQUATIONS)
 
 
@@ -136,3 +126,62 @@ def test_committed_pages_are_what_is_generated():
     # Mended by: python docs/_ext/committed_pages.py
     for path, text in committed_pages.pages().items():
         assert path.read_text(encoding='utf-8') == text, path.name
+
+
+def places(path):
+    """Return where a path of a page may lead: from the top, or from the package."""
+    return TOP / path, TOP / 'isotruss_ros' / path
+
+
+def python_blocks(text):
+    """Return the examples of a page; what cannot run alone is marked `py`."""
+    return re.findall(r'```python\n(.*?)```', text, re.DOTALL)
+
+
+def test_readme_is_short():
+    assert len(README.splitlines()) <= 130
+
+
+def test_python_example_of_the_readme_runs(capsys):
+    (example,) = python_blocks(README)
+    exec(compile(example, 'README.md', 'exec'), {})
+    printed = capsys.readouterr().out
+    # What is printed is what the comments say, as far as they go.
+    shown = [line.removeprefix('# ') for line in example.splitlines() if line.startswith('# ')]
+    for said, line in zip(shown, printed.splitlines(), strict=True):
+        assert line.startswith(re.split(r', in |, \.\.\.', said)[0]), line
+
+
+@pytest.mark.parametrize('page', [page for page, text in TEXTS.items() if python_blocks(text)])
+def test_python_examples_of_the_pages_run(page, capsys):
+    for example in python_blocks(TEXTS[page]):
+        exec(compile(example, page, 'exec'), {})
+        assert capsys.readouterr().out
+
+
+@pytest.mark.parametrize('page', TEXTS)
+def test_every_make_target_named_is_there(page):
+    for target in re.findall(r'(?:`|^)make ([a-z]\w*)', TEXTS[page], re.MULTILINE):
+        assert re.search(rf'^{target}:', MAKEFILE, re.MULTILINE), target
+
+
+@pytest.mark.parametrize('page', TEXTS)
+def test_links_lead_somewhere(page):
+    for target in re.findall(r'\]\(([^)#:]+)[^):]*\)', TEXTS[page]):
+        assert (TOP / page).parent.joinpath(target).exists(), target
+
+
+@pytest.mark.parametrize('page', ['README.md', 'CONTRIBUTING.md', 'QUALITY_DECLARATION.md'])
+def test_paths_named_are_there(page):
+    named = re.findall(r'`((?:isotruss_ros/)?[\w.]+/[\w./]*)`', TEXTS[page])
+    for path in named:
+        if not path.startswith(('.venv', 'demo_output', 'docs/_build', 'geometry_msgs')):
+            assert any(place.exists() for place in places(path)), path
+
+
+def test_recipes_name_what_is_in_the_files():
+    named = re.findall(r'`(\w+)` in\s+`([\w./]+)`', TEXTS['CONTRIBUTING.md'])
+    assert len(named) > 3
+    for name, path in named:
+        (place,) = (place for place in places(path) if place.exists())
+        assert re.search(rf'\b{name}\b', place.read_text(encoding='utf-8')), (name, path)

@@ -38,41 +38,30 @@ OPTIONAL = {
     'viewer': False,
 }
 FOLDER = Path(__file__).parents[2] / 'launch'
-MODULES = (
-    'launch',
-    'launch.actions',
-    'launch.conditions',
-    'launch.substitutions',
-    'launch_ros',
-    'launch_ros.actions',
-    'launch_ros.parameter_descriptions',
-)
+MODULES = """
+launch launch.actions launch.conditions launch.substitutions
+launch_ros launch_ros.actions launch_ros.parameter_descriptions
+"""
+KINDS = """
+LaunchDescription LaunchContext LaunchConfiguration DeclareLaunchArgument OpaqueFunction LogInfo
+IfCondition Shutdown Node ParameterValue
+"""
 
 
-def record(kind):
-    """Return a class that keeps what it is made with."""
-    return lambda *args, **fields: SimpleNamespace(kind=kind, args=args, **fields)
+class StandIn(ModuleType):
+    """A module whose classes keep what they are made with."""
+
+    def __getattr__(self, kind):
+        if kind not in KINDS.split():
+            raise AttributeError(kind)
+        return lambda *args, **fields: SimpleNamespace(kind=kind, args=args, **fields)
 
 
 @pytest.fixture
 def stand_in(monkeypatch):
-    """Put a stand-in for launch in its place, which keeps everything as it is given."""
-    for name in MODULES:
-        module = ModuleType(name)
-        for kind in (
-            'LaunchDescription',
-            'DeclareLaunchArgument',
-            'IfCondition',
-            'LaunchConfiguration',
-            'LaunchContext',
-            'LogInfo',
-            'Node',
-            'OpaqueFunction',
-            'ParameterValue',
-            'Shutdown',
-        ):
-            setattr(module, kind, record(kind))
-        monkeypatch.setitem(sys.modules, name, module)
+    """Put a stand-in for launch in its place."""
+    for name in MODULES.split():
+        monkeypatch.setitem(sys.modules, name, StandIn(name))
     monkeypatch.delitem(sys.modules, 'isotruss_ros.nodes.components.launching', raising=False)
     yield
     sys.modules.pop('isotruss_ros.nodes.components.launching', None)
@@ -158,7 +147,7 @@ def test_all_nodes_shut_down_when_one_ends(nodes):
     assert [node.on_exit.reason for node in nodes] == [f'{n.executable} ended' for n in nodes]
 
 
-def test_every_parameter_of_the_simulator_is_an_argument(path, nodes):
+def test_every_parameter_of_the_simulator_is_an_argument(nodes):
     for node in nodes:
         if node.executable == 'simulator':
             assert node.parameters[1].keys() == specs_of('simulator').keys() | {'use_sim_time'}

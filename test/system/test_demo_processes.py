@@ -7,10 +7,11 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""The demonstration as a process: interrupted, and beside another simulation."""
+"""Demonstration and view as processes: interrupted, beside another simulation, commanded."""
 
 import contextlib
 from functools import partial
+import importlib.util
 import os
 import signal
 import subprocess
@@ -18,6 +19,7 @@ import sys
 import time
 
 from isotruss_ros.demo.processes import NodeProcess
+from mujoco_worlds import needs_mujoco
 from probe import DEADLINE, world
 import psutil
 import pytest
@@ -77,3 +79,27 @@ def test_beside_another_simulation_it_says_so(tmp_path):
         simulator.stop()
     assert demo.returncode == 1
     assert 'another robot or simulation is there' in ' '.join(printed.split())
+
+
+@pytest.mark.nightly
+@needs_mujoco
+@pytest.mark.skipif(importlib.util.find_spec('viser') is None, reason='pip install viser')
+def test_the_view_of_mujoco_places_picks_and_moves():
+    command = [sys.executable, '-u', '-m', 'isotruss_ros.demo.view', '--plant', 'mujoco']
+    command += ['--port', '8433']
+    said = []
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as view:
+        try:
+            while 'viewer: http' not in (line := view.stdout.readline()):
+                assert line, 'the view ended'
+            for words in ('place', 'pick --squeeze 15', 'move 0.75 0.7', 'place', 'pick'):
+                asked = [sys.executable, '-m', 'isotruss_ros.cli.operate', *words.split()]
+                done = subprocess.run(
+                    asked, capture_output=True, text=True, timeout=300, check=False
+                )
+                assert done.returncode == 0, (words, done)
+                said.append(done.stdout)
+        finally:
+            view.terminate()
+    assert 'held at north/' in said[1]
+    assert 'off the end of the path' in said[2]

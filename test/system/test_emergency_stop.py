@@ -20,15 +20,8 @@ import pytest
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Bool, String
-from std_srvs.srv import Trigger
 
 pytestmark = pytest.mark.system
-
-
-def release(w):
-    """Call the service; return its answer."""
-    client = w.probe.create_client(Trigger, 'release_emergency_stop')
-    return w.call(client, Trigger.Request())
 
 
 def until_heard_by_both(w, publisher):
@@ -133,7 +126,7 @@ def test_lost_messages_count_as_a_stop():
 
         def moves() -> bool:
             if w.code() == Status.HALT_EMERGENCY_STOP:
-                release(w)
+                w.release_stop()
             return w.code() == Status.OK
 
         w.until(moves, w.probe.send_all)

@@ -32,7 +32,6 @@ from rclpy.action import ActionClient
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from robot_processes import robot
 from std_msgs.msg import Bool
-from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 pytestmark = [pytest.mark.system, pytest.mark.xdist_group('one robot')]
@@ -71,8 +70,7 @@ def r(processes):
 def release(r):
     """Release an emergency stop."""
     r.w.probe.stops.publish(Bool(data=False))
-    service = r.w.probe.create_client(Trigger, 'release_emergency_stop')
-    r.w.until(lambda: r.w.call(service, Trigger.Request()).success)
+    r.w.until(lambda: r.w.release_stop().success)
 
 
 def test_each_node_is_killed_in_mid_motion_and_started_again(r):

@@ -7,17 +7,24 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""The examples of nodes run as they stand."""
+"""An object carried along an arc, and the examples of nodes, beside one set of nodes."""
 
 from pathlib import Path
 import subprocess
 import sys
 
 from isotruss_msgs.msg import GraspState
+from isotruss_ros.core import analyze_grasp, ConvexObject, load_robot, Status
+from isotruss_ros.demo.client import DemoClient
+from isotruss_ros.demo.path import arc
+from isotruss_ros.demo.processes import running_nodes
+from isotruss_ros.nodes.conversions.messages import read_stamp
+import numpy as np
+from probe import begin_context
 import pytest
-from robot_processes import robot
+import rclpy
 
-pytestmark = pytest.mark.system
+pytestmark = [pytest.mark.system, pytest.mark.xdist_group('carried')]
 
 EXAMPLES = Path(__file__).parents[2] / 'examples'
 #: What each prints, beside whatever else.
@@ -26,27 +33,84 @@ PRINTED = {
     'ros_grasp_state': 'held: ',
     'ros_twist': 'the object moved up by',
 }
+PATIENT = {'command_timeout': 5.0}
 
 
-def test_all_are_run():
+@pytest.fixture(scope='module')
+def processes(shared_domain, tmp_path_factory):
+    """Return the nodes that hold an object; they end as they should after the tests."""
+    names = {'simulator': {'indentation': 0.01}, 'manipulation': {}, 'grasp_analysis': {}}
+    nodes = [(name, PATIENT | values) for name, values in names.items()]
+    with running_nodes(nodes, tmp_path_factory.mktemp('nodes')) as found:
+        yield found
+    assert [process.process.returncode for process in found] == [0, 0, 0]
+
+
+@pytest.fixture
+def client(processes):
+    """Return a client of the nodes, and what checks that they run, once an analysis has come."""
+
+    def check():
+        for process in processes:
+            process.require_running()
+
+    begin_context()
+    client = DemoClient(load_robot('nine_member').roller_names)
+    client.wait(
+        lambda: client.last_grasp() and client.last_grasp().code == GraspState.OK,
+        check,
+        'an analysis',
+    )
+    yield client, check
+    client.destroy_node()
+    rclpy.shutdown()
+
+
+def test_processes_carry_the_object_along_an_arc(client):
+    client, check = client
+    client.wait_for_rest(check, 'a manipulation that is ready')
+    radius, heading, angle = 0.05, 0.5, -0.4
+    phase = arc('arc', 2.0, radius, heading, angle)
+    record = client.play(phase, check, lambda done: None)
+    assert record.statuses <= {Status.OK, Status.IDLE}
+    # A process that the machine keeps waiting holds its last command for so long.
+    held = 4.0 * max(record.longest_cycle, np.diff([s.time for s in record.snapshots]).max())
+    assert record.position_error < 1e-3 + held * radius * abs(angle) / phase.duration
+    assert record.angle_error < np.deg2rad(0.1) + held * abs(angle) / phase.duration
+    assert 0.0 < record.max_roller_speed <= 0.1
+    # An analysis of the rest, however late it comes.
+    at_rest = record.snapshots[-1].time
+    client.wait(
+        lambda: read_stamp(client.last_grasp().header) >= at_rest, check, 'an analysis at rest'
+    )
+    assert_grasps_belong_to_the_motion(record)
+
+
+def assert_grasps_belong_to_the_motion(record):
+    """Check that the analysis ran all along, and that its last result is that of the rest."""
+    assert {grasp.code for grasp in record.grasps} == {GraspState.OK}
+    assert len({grasp.computing_time for grasp in record.grasps}) > 1
+    rest, last = record.snapshots[-1], record.grasps[-1]
+    robot = load_robot('nine_member')
+    expected = analyze_grasp(
+        robot.configuration(rest.rollers), ConvexObject.disc(rest.pose[:2], 0.3)
+    )
+    assert expected.normal_forces.sum() > 1.0
+    assert sum(contact.normal_force for contact in last.contacts) == pytest.approx(
+        expected.normal_forces.sum(), rel=1e-6
+    )
+    assert last.closure_residual == pytest.approx(expected.closure_residual, rel=1e-6)
+    assert last.contact_members == list(expected.contact_lengths)
+
+
+def test_all_examples_are_run():
     # One needs more nodes than the others: test_pick_and_place.
     found = {path.stem for path in EXAMPLES.glob('ros_*.py')}
     assert found == {*PRINTED, 'ros_pick_and_place'}
 
 
-def test_they_run_beside_the_nodes(tmp_path):
-    with robot(tmp_path) as r:
-        r.start('simulator', indentation=0.01)
-        r.start('manipulation')
-        r.start('grasp_analysis')
-        states = r.w.probe.seen['state']
-        r.w.until(lambda: states and states[-1][1].code == GraspState.OK)
-        for name, words in PRINTED.items():
-            done = subprocess.run(
-                [sys.executable, EXAMPLES / f'{name}.py'],
-                capture_output=True,
-                text=True,
-                timeout=300,
-                check=True,
-            )
-            assert words in done.stdout
+@pytest.mark.parametrize('name', PRINTED)
+def test_an_example_runs_beside_the_nodes(client, name):
+    command = [sys.executable, EXAMPLES / f'{name}.py']
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=True)
+    assert PRINTED[name] in done.stdout
