@@ -24,8 +24,8 @@ INTERFACES_HEAD = """\
 # Messages, services and actions
 
 The interface package `isotruss_msgs`, as in `msg_defs/`. `message` is in words: what is wrong and
-what would be right. An action succeeds with its code 0 only. In the plane x, y and the rotation
-about z count. `t/j` is a module, `t/j-k` a member ([names](robot_file.md))."""
+what would be right. An action succeeds with its code 0 only. Everything is planar: only x, y and
+the rotation about z count. `t/j` is a module, `t/j-k` a member ([names](robot_file.md))."""
 
 #: What is said of these topics on every page that says nothing else of them.
 COMMON_NOTES = {
