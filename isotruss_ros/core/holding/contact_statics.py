@@ -196,7 +196,8 @@ class ContactStatics:
         by_loads[moment, :, 0], by_loads[moment, :, 1] = arms.imag / arm, -arms.real / arm
         residual[: moment + 1] = by_loads.reshape(moment + 1, -1) @ loads.ravel()
         bends = np.einsum('rkc,cnk->rnk', by_loads, rates)
-        jacobian[: moment + 1, places.inclinations.start :] = bends.reshape(moment + 1, -1)
+        first = places.inclinations.start
+        jacobian[: moment + 1, first:] = bends.reshape(moment + 1, -1)
 
         gaps = back * (self.compliance.start - center) - arms + feet - skin * local
         touch = residual[: 3 * count].reshape(count, 3)

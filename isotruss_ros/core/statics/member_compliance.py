@@ -151,7 +151,7 @@ class _LoadedPieces:
         i, j = self._pairs
         count, apart = len(x), x[i] - x[j]
         series = sum_series(self._series, np.concatenate([x, self._length - x, apart]))
-        shapes, behind, between = series[:count], series[count : 2 * count], series[2 * count :]
+        shapes, behind, between = np.split(series, [count, 2 * count])
         work = shapes - self._sheared
         rates = shapes[:, None] @ self._ends @ work.swapaxes(1, 2)
         # Of a load at the place itself: the mean of both sides.
