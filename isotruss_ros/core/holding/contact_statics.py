@@ -179,6 +179,7 @@ class ContactStatics:
         """
         places, count, arm = self.places, len(self.sides), self.body.arm
         axis, moment = self.compliance.axis, places.balance.start + 2
+        begin = places.inclinations.start
         center, turn = complex(unknowns[0], unknowns[1]), cmath.rect(1.0, unknowns[ANGLE])
         feet, slopes = unknowns[places.feet], np.tan(unknowns[places.inclinations])
         local, skin, softs, force, loads, rates = self._push(unknowns)
@@ -196,7 +197,7 @@ class ContactStatics:
         by_loads[moment, :, 0], by_loads[moment, :, 1] = arms.imag / arm, -arms.real / arm
         residual[: moment + 1] = by_loads.reshape(moment + 1, -1) @ loads.ravel()
         bends = np.einsum('rkc,cnk->rnk', by_loads, rates)
-        jacobian[: moment + 1, places.inclinations.start :] = bends.reshape(moment + 1, -1)
+        jacobian[: moment + 1, begin:] = bends.reshape(moment + 1, -1)
 
         gaps = back * (self.compliance.start - center) - arms + feet - skin * local
         touch = residual[: 3 * count].reshape(count, 3)

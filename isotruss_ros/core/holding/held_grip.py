@@ -254,7 +254,8 @@ class HeldGrip:
         apart = self.statics.compliance.axis.conj() * _opening(self.statics, self.state)
         right = np.zeros((places.size, 4))
         right[places.balance, :3] = -np.eye(3)
-        right[: 3 * count : 3, 3], right[1 : 3 * count : 3, 3] = -apart.real, -apart.imag
+        touch = right[: 3 * count].reshape(count, 3, 4)
+        touch[:, 0, 3], touch[:, 1, 3] = -apart.real, -apart.imag
         _, _, change, singular = lapack.dgesv(self.tangent, right)
         if singular or lapack.dgetrf(change[:3, :3])[2]:
             return None

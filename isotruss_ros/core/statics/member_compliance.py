@@ -150,8 +150,10 @@ class _LoadedPieces:
         """Return the compliance at places (k,) from the starts of the pieces [m]."""
         i, j = self._pairs
         count, apart = len(x), x[i] - x[j]
+        places = 2 * count
         series = sum_series(self._series, np.concatenate([x, self._length - x, apart]))
-        shapes, behind, between = series[:count], series[count : 2 * count], series[2 * count :]
+        shapes, behind = series[:places].reshape(2, count, 6, 6)
+        between = series[places:]
         work = shapes - self._sheared
         rates = shapes[:, None] @ self._ends @ work.swapaxes(1, 2)
         # Of a load at the place itself: the mean of both sides.
