@@ -179,7 +179,6 @@ class ContactStatics:
         """
         places, count, arm = self.places, len(self.sides), self.body.arm
         axis, moment = self.compliance.axis, places.balance.start + 2
-        begin = places.inclinations.start
         center, turn = complex(unknowns[0], unknowns[1]), cmath.rect(1.0, unknowns[ANGLE])
         feet, slopes = unknowns[places.feet], np.tan(unknowns[places.inclinations])
         local, skin, softs, force, loads, rates = self._push(unknowns)

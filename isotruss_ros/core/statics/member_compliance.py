@@ -150,7 +150,6 @@ class _LoadedPieces:
         """Return the compliance at places (k,) from the starts of the pieces [m]."""
         i, j = self._pairs
         count, apart = len(x), x[i] - x[j]
-        places = 2 * count
         series = sum_series(self._series, np.concatenate([x, self._length - x, apart]))
         shapes, behind, between = np.split(series, [count, 2 * count])
         work = shapes - self._sheared
