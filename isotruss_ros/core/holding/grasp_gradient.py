@@ -45,7 +45,8 @@ class GraspGradient:
     :ivar pose: (3, p) of (x, y, angle).
     :ivar normal_forces: (m, p) by grasping member, in the order of `SettledGrasp.normal_forces`.
     :ivar friction_forces: (m, p) on the object, counter-clockwise.
-    :ivar required_friction: (p,) of the member that needs the most.
+    :ivar required_friction: (p,) of the member that needs the most; it has a kink where several
+        do, as in a symmetric grasp, and is then that of any of them.
     :ivar needs_most: its name.
     :ivar utilisation: (n, p) of the place of each member where it is largest, in the order of
         `Robot.member_names`.
