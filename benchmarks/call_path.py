@@ -121,9 +121,8 @@ def analysis_cycle() -> tuple[list[str], int]:
     """Trace one analysis of the grasp monitor, once it has run for some cycles."""
     robot = core.load_robot('nine_member')
     x, y = core.tangent_center(robot.home, MODULE, DIAMETER, 0.002)
-    monitor = GraspMonitor(
-        robot, GraspQuery((), core.ConvexObject.disc((x, y), DIAMETER), 0.5), 0.5
-    )
+    disc = core.ConvexObject.disc((x, y), DIAMETER)
+    monitor = GraspMonitor(robot, GraspQuery((), disc, 0.5, (0.0, 0.0, 0.0), 0.005), 0.5)
     for step in range(5):
         positions = np.full(len(robot.roller_names), 1e-5 * step)
         rollers = RollerState(positions, np.zeros(len(positions)))

@@ -98,8 +98,8 @@ class GraspAnalysisNode(ManagedNode):
         values = self.values
         body = self._described or ConvexObject(Disc(values.object_diameter))
         friction = values.friction if body.friction is None else body.friction
-        given = {'spacing': values.spacing, 'flattening': values.flattening}
-        return GraspQuery((), body, friction, **given)
+        unloaded = (0.0, 0.0, 0.0)
+        return GraspQuery((), body, friction, unloaded, values.spacing, values.flattening)
 
     def activate(self) -> None:
         """Start the cycle and offer the service."""

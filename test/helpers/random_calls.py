@@ -278,7 +278,9 @@ def deform(world):
 
 def report(world):
     """Let the monitor report."""
-    monitor = GraspMonitor(world.robot, GraspQuery((), world.body, 0.5), 0.2)
+    monitor = GraspMonitor(
+        world.robot, GraspQuery((), world.body, 0.5, (0.0, 0.0, 0.0), 0.005), 0.2
+    )
     state = RollerState(world.config.roller_positions, np.zeros(len(world.robot.roller_names)))
     monitor.rollers = StampedInput(state, 1.0)
     monitor.pose = StampedInput(world.body.pose, 1.0)

@@ -65,8 +65,8 @@ class GraspQuery(NamedTuple):
     roller_positions: tuple[float, ...]
     body: ConvexObject
     friction: float
-    external_wrench: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    spacing: float = 0.005
+    external_wrench: tuple[float, float, float]
+    spacing: float
     flattening: bool = True
     pressures: tuple[float, ...] | None = None
 

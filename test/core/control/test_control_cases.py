@@ -43,7 +43,7 @@ GRIP = place_between(ROBOT.home, MEMBERS, Disc(0.3), indentation=0.01)
 @pytest.mark.parametrize('friction', [FRICTION, 0.4])
 def test_the_monitor_analyzes_a_shape_where_it_is_measured(friction):
     body = ConvexObject(Disc(0.3))
-    monitor = GraspMonitor(ROBOT, GraspQuery((), body, friction), TIMEOUT)
+    monitor = GraspMonitor(ROBOT, GraspQuery((), body, friction, (0.0, 0.0, 0.0), 0.005), TIMEOUT)
     monitor.rollers = StampedInput(RollerState(REST, REST), NOW)
     monitor.pose = StampedInput(GRIP.body.pose, NOW)
     report = monitor.report(NOW)

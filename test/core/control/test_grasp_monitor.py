@@ -50,7 +50,7 @@ def at(positions, velocities=0.0 * HOME):
 def question(**changes):
     """Return a question about the grasp at home, changed as given."""
     body = ConvexObject.disc(CENTER, DIAMETER)
-    return GraspQuery((), body, FRICTION, spacing=SPACING)._replace(**changes)
+    return GraspQuery((), body, FRICTION, (0.0, 0.0, 0.0), SPACING)._replace(**changes)
 
 
 def monitor(robot=ROBOT, **given):
