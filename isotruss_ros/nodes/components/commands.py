@@ -20,7 +20,7 @@ from geometry_msgs.msg import Twist, TwistStamped
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.nodes.conversions.messages import make_header, to_twist_message
 from isotruss_ros.nodes.framework.runner import StoppableNode
-from isotruss_ros.nodes.framework.topics import ACKNOWLEDGE_TIME, NEWEST, RELIABLE
+from isotruss_ros.nodes.framework.topics import ACKNOWLEDGE_TIME, NEWEST, NO_EVENTS, RELIABLE
 import numpy as np
 from rclpy.publisher import Publisher
 from std_msgs.msg import Float64MultiArray
@@ -52,7 +52,9 @@ class RollerCommands:
     def subscribe(self) -> None:
         """Notice other nodes from now on, until the node is inactive."""
         self._received, self._heard = self._sent, -math.inf
-        self._node.create_subscription(Float64MultiArray, TOPIC, self.note, NEWEST, raw=True)
+        self._node.create_subscription(
+            Float64MultiArray, TOPIC, self.note, NEWEST, event_callbacks=NO_EVENTS, raw=True
+        )
 
     def publish(self, velocities: Array) -> None:
         """

@@ -25,6 +25,7 @@ from collections.abc import Callable
 from typing import Any
 
 from rclpy.duration import Duration
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
@@ -32,6 +33,9 @@ from rclpy.subscription import Subscription
 #: Not 1: while the only message is being taken the next one has no room, and Fast DDS then loses
 #: the memory of that, some 100 bytes for each message of a flood.
 NEWEST = QoSProfile(depth=2, reliability=ReliabilityPolicy.BEST_EFFORT)
+#: With it: such a subscription matches every publisher, so that rclpy's warnings never come, but
+#: would make each wait of `manipulation` a third longer.
+NO_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
 RELIABLE = QoSProfile(depth=1)
 #: Subscribers have this long to acknowledge the last command.
 ACKNOWLEDGE_TIME = Duration(seconds=0.5)
@@ -65,7 +69,7 @@ def subscribe_newest(
         # rclpy takes one message in every turn, and would stay behind a quick publisher.
         callback(take_waiting([message], subscription, 1 + NEWEST.depth)[-1])
 
-    subscription = node.create_subscription(kind, topic, take, NEWEST)
+    subscription = node.create_subscription(kind, topic, take, NEWEST, event_callbacks=NO_EVENTS)
     return subscription
 
 
