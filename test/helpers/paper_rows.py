@@ -10,7 +10,6 @@
 """The rows of (19) for a disc between the two members that meet at a module, as the paper does."""
 
 import numpy as np
-import random_grips
 
 
 def paper_rows(config, grip, ends):
@@ -36,11 +35,3 @@ def paper_rows(config, grip, ends):
     )
     # (14), its derivative, counted from the member ahead to the one behind through the corner.
     return np.array([center.real, center.imag, turning + rolling]), side * (turning_back - turning)
-
-
-def contact_depth(config, grip, ends):
-    """Return how far the middle of both contacts is from that of both pinch points [m]."""
-    points = random_grips.contacts_of(config, grip).points
-    axes = [(ends[k + 1] - ends[k]) / abs(ends[k + 1] - ends[k]) for k in (0, 2)]
-    inward = sum(axes) / abs(sum(axes))
-    return ((points.mean() - 0.5 * (ends[0] + ends[2])) * inward.conjugate()).real

@@ -11,7 +11,7 @@
 
 from types import SimpleNamespace
 
-from grips import pressed_between, random_pressed
+from grips import random_pressed
 from hypothesis import given, strategies
 from isotruss_ros.core import ConvexObject, Disc, Ellipse, load_robot, Polygon
 from isotruss_ros.core.contact.contact import relax_contact, solve_contact
@@ -153,17 +153,6 @@ def test_candidates_are_on_every_member_within_reach_and_once(robot, rng):
             assert len(place) == 0
 
 
-@pytest.mark.parametrize('preset', robots.PRESETS)
-def test_far_objects_have_no_candidates(preset):
-    structure = structure_of(load_robot(preset).home)
-    for center in (100.0 + 0j, -7.0 - 9.0j, 1e6j):
-        found = find_contact_points(structure, circle(center, 0.3), 0.005)
-        assert len(found.points) == 0
-        for solve in (solve_contact, relax_contact):
-            state = solve(found, circle(center, 0.3))
-            assert state.forces.shape == state.gaps.shape == (0,)
-
-
 # Condensation
 
 
@@ -187,45 +176,6 @@ def test_compliance_is_that_of_a_robot_in_which_candidates_are_nodes(robot, rng)
     )
     moved = np.einsum('cidj,dj->ci', whole, pairs).copy().view(complex).ravel()
     assert found.displacements(normals) == pytest.approx(moved, abs=1e-9 * np.abs(moved).max())
-
-
-def hinged_stiffness(place, length, flexural, shear):
-    """Return the stiffness of a beam on two hinges against a force at a place."""
-    rest = length - place
-    return 1.0 / (place**2 * rest**2 / (3.0 * flexural * length) + place * rest / (shear * length))
-
-
-def clamped_stiffness(place, length, flexural, shear):
-    """Return the same for clamped ends, by the moments that hold a hinged beam's ends."""
-    rest = length - place
-    own, other = length / (3.0 * flexural), length / (6.0 * flexural)
-    tilt = place * rest / (6.0 * flexural * length) * np.array([length + rest, length + place])
-    matrix = np.array([[own, other], [other, own]])
-    matrix += np.array([[1.0, -1.0], [-1.0, 1.0]]) / (shear * length)
-    hinged = 1.0 / hinged_stiffness(place, length, flexural, shear)
-    return 1.0 / (hinged - tilt @ np.linalg.solve(matrix, tilt))
-
-
-@pytest.mark.parametrize('share', [0.5, 0.4, 0.3, 0.2])
-@pytest.mark.parametrize('hinged', [False, True])
-@pytest.mark.parametrize('shear', [SHEAR, np.inf])
-@pytest.mark.parametrize('angle', [0.0, 0.7, -2.0])
-def test_a_disc_pressed_into_a_tube_meets_the_stiffness_of_a_beam(share, hinged, shear, angle):
-    # So little that the tube does not leave the disc's top: the force is k delta.
-    delta, turn = 1e-5, np.exp(1j * angle)
-    structure = tubes.bare(LENGTH * turn, AXIAL, FLEXURAL, shear, hinged)
-    center = (share * LENGTH - 1j * (RADIUS - delta)) * turn
-    found = find_contact_points(structure, circle(center, RADIUS), 0.005)
-    form = hinged_stiffness if hinged else clamped_stiffness
-    expected = delta * form(share * LENGTH, LENGTH, FLEXURAL, shear)
-    for solve in (solve_contact, relax_contact):
-        state = solve(found, circle(center, RADIUS))
-        assert (state.forces > 0.0).sum() == 1
-        assert state.forces.sum() == pytest.approx(expected, rel=1e-6)
-        at = state.forces.argmax()
-        assert found.points[at] == pytest.approx(share * LENGTH * turn, abs=1e-12)
-        assert state.normals[at] == pytest.approx(1j * turn, abs=1e-9)
-        assert state.displacements[at] == pytest.approx(delta * 1j * turn, abs=1e-10)
 
 
 @pytest.mark.parametrize('spacing', [0.004, 0.001])
@@ -299,22 +249,6 @@ def test_warm_starts_lead_to_the_same_forces(rng):
         slack = 1e-5 * cold.forces.sum()
         assert warm.forces == pytest.approx(cold.forces, abs=slack)
         assert warm.gaps == pytest.approx(cold.gaps, abs=1e-7)
-
-
-@pytest.mark.parametrize('deep', [1e-4, 1e-3, 5e-3])
-@pytest.mark.parametrize('share', [0.35, 0.5, 0.65])
-def test_relaxation_agrees_with_pivoting(share, deep):
-    grasp = pressed_between(load_robot('nine_member'), 'north/Z', share, deep)
-    found, surface = pressed_surface(*grasp, 0.01)
-    exact, relaxed = (solve(found, surface) for solve in (solve_contact, relax_contact))
-    check_state(found, exact, surface.center, surface.reach)
-    total = exact.forces.sum()
-    assert relaxed.forces == pytest.approx(exact.forces, abs=1e-4 * total)
-    assert relaxed.gaps == pytest.approx(exact.gaps, abs=1e-8)
-    wrench = (exact.forces * exact.normals).sum()
-    assert (relaxed.forces * relaxed.normals).sum() == pytest.approx(wrench, abs=1e-5 * total)
-    assert (relaxed.gaps.min(), relaxed.forces.min()) >= (-1e-9, 0.0)
-    assert (relaxed.gaps * relaxed.forces).max() <= 1e-8 * total
 
 
 def test_relaxation_finds_what_touches_by_the_force_at_another_point():

@@ -10,7 +10,6 @@
 """Contact with any convex object: against discs, distances, least squares, and itself."""
 
 from comparison.wedge import pressed_into
-from grips import closed_to
 from hypothesis import given, strategies
 from isotruss_ros.core import (
     analyze_grasp,
@@ -172,38 +171,3 @@ def test_any_shape_at_any_depth_has_an_answer(seed, depth, flattening):
     assert stiffness.min() >= -1e-9 * max(1.0, stiffness.max())
     if depth > 0.002:
         assert len(analysis.contact_forces) >= 2
-
-
-ARROW = ((0.0, 0.13), (-0.12, -0.08), (0.12, -0.08))
-
-
-def arrow_forces(config, radius, angles, **options):
-    """Return the normal forces (a, 2) of both members on a triangle turned to some angles."""
-    shape = Polygon(ARROW, radius)
-    found = [
-        analyze_grasp(config, pressed_into(config, 'north/Z', shape, angle, 0.01), **options)
-        for angle in angles
-    ]
-    for analysis in found:
-        by_points = np.bincount(analysis.members, analysis.normal_forces)
-        assert by_points[by_points > 0.0] == pytest.approx(
-            [analysis.contact_forces[name] for name in sorted_members(analysis)]
-        )
-    return np.array([list(analysis.contact_forces.values()) for analysis in found])
-
-
-def sorted_members(analysis):
-    """Return the names of the members in contact, in the order of the robot."""
-    return [name for name in HOME.robot.member_names if name in analysis.contact_forces]
-
-
-@pytest.mark.parametrize('radius', [0.0, 0.001, 0.005])
-def test_normal_forces_at_corners_are_smooth_in_the_angle(radius):
-    config = closed_to(HOME, 40.0, 0.3)
-    angles = np.linspace(1.6, 1.8, 9)
-    forces = arrow_forces(config, radius, angles)
-    for one in forces.T:
-        smooth = np.polyval(np.polyfit(angles, one, 2), angles)
-        assert one == pytest.approx(smooth, rel=0.03)
-    finer = arrow_forces(config, radius, angles, spacing=0.0025)
-    assert finer == pytest.approx(forces, rel=0.05)

@@ -11,8 +11,6 @@
 
 from hypothesis import given, strategies
 from isotruss_ros.core import (
-    analyze_grasp,
-    ConvexObject,
     load_robot,
 )
 from isotruss_ros.core.contact.flattening import flattening, flattening_of
@@ -44,19 +42,10 @@ def test_an_even_load_from_one_side_meets_four_thirds_of_pi_p(fabric, modes, spa
     assert 1.0 / dent == pytest.approx(4.0 / 3.0 * np.pi * PRESSURE, rel=1e-6)
 
 
-def test_two_plates_meet_pi_p():
-    # Loads from both sides cancel in the odd modes and add up in the even ones. By geometry: a
-    # ring of constant girth, each side pressed in by delta, is straight over pi delta.
-    orders = np.arange(2, 2_000_001, 2)
-    delta = 2.0 * (1.0 / (np.pi * PRESSURE * (orders**2.0 - 1.0))).sum()
-    assert 1.0 / delta == pytest.approx(np.pi * PRESSURE, rel=1e-5)
-    found = flattening(RADIUS, PRESSURE, FABRIC, modes=8)
-    assert found.stiffness[0, ::2] == pytest.approx(np.pi * PRESSURE * (orders[:4] ** 2 - 1.0))
-
-
 def test_modes_are_strings_on_a_foundation():
     found = flattening(RADIUS, PRESSURE, FABRIC)
     n = np.arange(2, 9)
+    assert found.stiffness[0] == pytest.approx(np.pi * PRESSURE * (n**2 - 1.0))
     reach = found.reach[0]
     share = 6e4 / (6e4 + 1e4 * n**2 * reach**2 / RADIUS**2)
     expected = 0.5 * np.pi * PRESSURE * RADIUS**2 * (1.0 + 1.0 / n**2)
@@ -90,7 +79,6 @@ def test_compliance_is_symmetric_positive_definite_and_of_each_member_alone(rng,
 
 
 ROBOT = load_robot('nine_member')
-KERNEL = flattening_of(ROBOT)
 
 
 def test_the_kernel_of_a_robot_is_that_of_its_file():
@@ -99,24 +87,6 @@ def test_the_kernel_of_a_robot_is_that_of_its_file():
     assert found.radius == RADIUS
     assert found.tension == pytest.approx(alone.tension)
     assert found.rest == pytest.approx(alone.rest)
-
-
-@pytest.mark.parametrize('flattening', [True, False])
-def test_force_grows_with_diameter_and_pressure_where_tubes_flatten(flattening):
-    forces = []
-    for diameter in (0.2, 0.3, 0.4, 0.5):
-        start, end = robots.side_ends(ROBOT.home, 'north/Z')[:2]
-        normal = 1j * (end - start) / abs(end - start)
-        center = 0.5 * (start + end) + (0.5 * diameter + RADIUS - 0.01) * normal
-        analysis = analyze_grasp(
-            ROBOT.home,
-            ConvexObject.disc((center.real, center.imag), diameter),
-            flattening=flattening,
-        )
-        assert list(analysis.contact_forces) == ['north/Z-R']
-        forces.append(analysis.contact_forces['north/Z-R'])
-    growth = np.diff(forces) / forces[0]
-    assert (growth > 0.0).all() if flattening else (np.abs(growth) < 0.001).all()
 
 
 def test_a_measured_factor_scales_all_of_the_compliance():

@@ -45,28 +45,6 @@ def test_matrix_is_the_derivative_of_the_residual(robot, rng):
         assert robot.constraints.matrix(points) == pytest.approx(wanted, abs=1e-6)
 
 
-@robots.examples(25)
-@given(robots.robots(), robots.generators())
-def test_bisection_is_the_formula_of_the_paper(robot, rng):
-    config = robots.random_state(robot, rng)
-    # So little that both sides stay on their own side of the rod.
-    points = shaken(config, rng, 1e-3)
-    m, topology = robot.topology.n_modules, robot.topology
-    residual = robot.constraints.residual(points, robot.home_targets)
-    _, bend, _ = np.split(residual, [4 * m, 5 * m])
-
-    def angle(v, w):
-        return np.arctan2(abs(v.real * w.imag - v.imag * w.real), (v.conjugate() * w).real)
-
-    for i in range(m):
-        b, c = points[topology.b[i]], points[topology.c[i]]
-        v1 = 0.5 * (b + c) - points[topology.joint[i]]
-        v2 = points[topology.c[topology.following[i]]] - b
-        v3 = points[topology.b[topology.previous[i]]] - c
-        # (3) compares the sizes of the two angles; ours has a sign as well.
-        assert abs(bend[i]) == pytest.approx(abs(angle(v1, v2) - angle(v1, v3)), abs=1e-9)
-
-
 @robots.examples(10)
 @given(robots.robots(), robots.generators())
 def test_second_derivative_is_that_of_weighted_rows_along_motions(robot, rng):

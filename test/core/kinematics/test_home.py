@@ -134,23 +134,6 @@ def test_presets_have_the_tube_of_the_paper(name):
     assert home.member_lengths == pytest.approx(1.02, abs=1e-12)
 
 
-@robots.examples(20)
-@given(SEEDS, strategies.sampled_from(robots.KINDS), strategies.floats(-6.0, 6.0))
-def test_home_moves_and_grows_with_the_file(seed, kind, decades):
-    scale, shift = 10.0 ** (0.5 * decades), 3.0 - 4.0j
-    document = robots.random_document(seed, kind)
-    robot = robots.load(document)
-    for joint, place in document['joints'].items():
-        moved = scale * (complex(*place) + shift)
-        document['joints'][joint] = [moved.real, moved.imag]
-    for key in ('pinch_separation', 'rod_length', 'guide_ring_distance'):
-        document['module'][key] *= scale
-    for key in ('min_length', 'max_length'):
-        document['members'][key] *= scale
-    grown = robots.load(document)
-    assert grown.home.points / scale - shift == pytest.approx(robot.home.points, abs=1e-10)
-
-
 def pinched(opening, module):
     """Return an isosceles triangle with this angle [deg] at its top, and this module."""
     document = robots.example()

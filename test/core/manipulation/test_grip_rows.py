@@ -17,7 +17,6 @@ from isotruss_ros.core import load_robot
 from isotruss_ros.core.manipulation.grip_rows import contact_rows, grip_jacobian, member_rows
 from isotruss_ros.core.numerics.arrays import as_xy
 import numpy as np
-from paper_rows import contact_depth, paper_rows
 import pytest
 import random_grips
 import robots
@@ -44,20 +43,6 @@ def along(contacts):
     turned[each, 0, each] = as_xy(-contacts.normals)
     turned[each, 1, each] = as_xy(1j * contacts.sides * contacts.normals)
     return turned.reshape(2 * len(each), -1)
-
-
-@robots.examples(40)
-@given(robots.robots(), robots.generators(), NUMBERS)
-def test_rows_at_a_module_are_those_of_the_paper(robot, rng, number):
-    config, grip, ends = robots.random_grasp(robot, rng, number)
-    rows, (paper, opening) = grip_jacobian(config, grip), paper_rows(config, grip, ends)
-    # The distance of the contacts changes as the angle does, times their depth in the corner.
-    scale = np.abs(rows).max()
-    depth = contact_depth(config, grip, ends)
-    assert rows[3] == pytest.approx(depth * opening, abs=1e-10 * scale)
-    # Motions that keep the angle move the object alike.
-    kept = null_space(opening[None])
-    assert rows[:3] @ kept == pytest.approx(paper @ kept, abs=1e-10 * scale)
 
 
 def differences(config, grip, pose, contacts):
