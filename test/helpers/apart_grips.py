@@ -12,6 +12,7 @@
 from isotruss_ros.core import ConvexObject, Grip, load_robot, Polygon, Pose
 import numpy as np
 import random_grips
+import robots
 from scipy.optimize import linprog
 
 NINE = load_robot('nine_member')
@@ -28,7 +29,7 @@ PENTAGON = Polygon(CORNERS.view(float).reshape(-1, 2))
 
 def sides():
     """Return starts, unit vectors and normals out of the object of both members."""
-    ends = np.array([random_grips.member_ends(NINE.home, name) for name in APART])
+    ends = np.array([robots.member_ends(NINE.home, name) for name in APART])
     spans = ends[:, 1] - ends[:, 0]
     normals = np.array([random_grips.toward(NEAR, *e) for e in ends])
     return ends[:, 0], spans / np.abs(spans), normals
@@ -48,7 +49,7 @@ def inclined_grip(inclined, friction):
 
 def inclination(rolling):
     """Return how far the face is from lying on the first member [rad]."""
-    ends = random_grips.member_ends(rolling.config, APART[0])
+    ends = robots.member_ends(rolling.config, APART[0])
     normal = random_grips.toward(rolling.grip.body.middle, *ends)
     return float(np.angle(normal / (PENTAGON.normals[0] * rolling.grip.body.turn)))
 

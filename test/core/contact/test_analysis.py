@@ -99,14 +99,6 @@ def test_parts_fit_together(rng, friction):
     slack = 1e-9 * (forces.sum() + np.abs(external).max())
     assert analysis.closure_residual == pytest.approx(left, abs=slack)
     assert analysis.force_closure == (analysis.closure_residual <= analysis.closure_tolerance)
-    if analysis.required_friction <= friction:
-        assert analysis.force_closure
-    elif analysis.force_closure:
-        assert -analysis.closure_margin <= analysis.closure_tolerance
-    if analysis.required_friction < 10.0:
-        # The solver of (10) leaves a residual where friction is only just enough.
-        enough = analyze_grasp(config, cylinder, 1.0001 * analysis.required_friction, external)
-        assert enough.force_closure
 
 
 @robots.examples(30)

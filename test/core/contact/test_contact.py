@@ -24,14 +24,12 @@ from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
 import robots
-from scipy.optimize import brentq, nnls
+from scipy.optimize import nnls
 from shapes import circle, dense_outline, random_shape_of
 import tubes
 
-#: SectionStiffness of a tube like the paper's [N, N m^2, N].
-AXIAL, FLEXURAL, SHEAR = 1.9e4, 25.0, 1.9e3
+#: Of a clamped tube [m].
 LENGTH = 0.762
-RADIUS = 0.151
 
 generators = robots.generators()
 
@@ -83,12 +81,6 @@ def test_a_matrix_that_is_not_positive_definite_is_refused():
 # ContactPoints
 
 
-def straight(**other):
-    """Return one clamped tube."""
-    rigidities = {'axial': AXIAL, 'flexural': FLEXURAL, 'shear': SHEAR, **other}
-    return tubes.bare(LENGTH, **rigidities)
-
-
 @pytest.mark.parametrize('kind', [Disc, Ellipse, Polygon])
 @robots.examples(20)
 @given(generators, strategies.floats(0.001, 0.02), strategies.booleans())
@@ -98,7 +90,8 @@ def test_candidates_of_any_shape_are_those_within_its_tangents(kind, rng, spacin
     body, margin = ConvexObject(shape, pose), rng.uniform(0.0, 0.1)
     surface, width = surface_of(body, margin), 0.05 if flattening else 0.0
     flat = SimpleNamespace(radius=width, compliance=lambda place, *_: np.eye(len(place)))
-    found = find_contact_points(straight(), surface, spacing, flat if flattening else None)
+    tube = tubes.bare(LENGTH, 1.9e4, 25.0, 1.9e3)
+    found = find_contact_points(tube, surface, spacing, flat if flattening else None)
     outline = dense_outline(shape, 4000) * body.turn + body.center - surface.center
     assert surface.reach >= np.abs(outline).max() + margin - 1e-9
     normals, distances = surface.tangents
@@ -178,32 +171,6 @@ def test_compliance_is_that_of_a_robot_in_which_candidates_are_nodes(robot, rng)
     assert found.displacements(normals) == pytest.approx(moved, abs=1e-9 * np.abs(moved).max())
 
 
-@pytest.mark.parametrize('spacing', [0.004, 0.001])
-def test_a_string_wraps_around_a_disc(spacing):
-    # No bending, only shear: a string under the tension GA, straight up to where it touches. Its
-    # slope there is both that of the disc and that of the straight part.
-    tension, delta, half = 50.0, 0.03, 0.5 * LENGTH
-    center = half - 1j * (RADIUS - delta)
-    structure = straight(flexural=1e7, shear=tension, axial=1e9)
-    found = find_contact_points(structure, circle(center, RADIUS), spacing)
-    state = solve_contact(found, circle(center, RADIUS))
-
-    def too_low(phi):
-        drop = RADIUS * (1.0 - np.cos(phi))
-        return np.tan(phi) * (half - RADIUS * np.sin(phi)) + drop - delta
-
-    edge = brentq(too_low, 0.0, 1.0)
-    touching = state.forces > 0.0
-    assert touching.sum() > 2
-    width = np.ptp(found.points[touching].real)
-    assert width == pytest.approx(2.0 * RADIUS * np.sin(edge), abs=2.0 * spacing)
-    pushed = (state.forces * state.normals).sum()
-    assert pushed == pytest.approx(2j * tension * np.tan(edge), rel=0.5 * spacing / width)
-    # The load that bends a string around a disc is even: tension over radius.
-    inner = state.forces[touching][2:-2] / spacing
-    assert inner == pytest.approx(np.full(len(inner), tension / RADIUS), rel=0.02)
-
-
 # Robots
 
 
@@ -229,26 +196,18 @@ def pressed_surface(config, body, spacing=0.005):
     return find_contact_points(structure_of(config), surface, spacing), surface
 
 
-@robots.examples(60)
+@robots.examples(40)
 @given(generators)
 def test_grasps_of_robots_are_complementary(rng):
     found, surface = pressed_surface(*random_pressed(rng))
     state = solve_contact(found, surface)
     assert (state.forces > 0.0).any()
     check_state(found, state, surface.center, surface.reach)
-
-
-@robots.examples(20)
-@given(generators)
-def test_warm_starts_lead_to_the_same_forces(rng):
-    # Pressed in by a decimetre or more, a tube may lie on either side of an object: two answers.
-    found, surface = pressed_surface(*random_pressed(rng))
-    cold = solve_contact(found, surface)
-    for start in (cold.forces, np.zeros(len(cold.forces)), rng.random(len(cold.forces))):
+    # Wherever the search begins.
+    for start in (state.forces, np.zeros(len(state.forces)), rng.random(len(state.forces))):
         warm = solve_contact(found, surface, start)
-        slack = 1e-5 * cold.forces.sum()
-        assert warm.forces == pytest.approx(cold.forces, abs=slack)
-        assert warm.gaps == pytest.approx(cold.gaps, abs=1e-7)
+        assert warm.forces == pytest.approx(state.forces, abs=1e-5 * state.forces.sum())
+        assert warm.gaps == pytest.approx(state.gaps, abs=1e-7)
 
 
 def test_relaxation_finds_what_touches_by_the_force_at_another_point():

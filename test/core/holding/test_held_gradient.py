@@ -12,6 +12,7 @@
 from dataclasses import replace
 
 from carries import GRASPS, make_robot, place
+from held_grips import numbers
 from isotruss_ros.core.contact.dents import Indentation
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_statics import TubeModel
@@ -29,8 +30,7 @@ STEPS = np.repeat([2e-5, 5e-3, 1e-3, 2e-5], [6, 3, 1, 4])
 def grip_of(name, scale=1.1):
     """Return a grasp away from home, with contacts that stick, under a load."""
     body, members = place(ROBOT, name, 0.5)
-    numbers = np.array([ROBOT.member_names.index(member) for member in members])
-    found = attach_grip(ROBOT.home, body, numbers, tubes=TubeModel(scale))
+    found = attach_grip(ROBOT.home, body, numbers(members), tubes=TubeModel(scale))
     travel = 4e-3 * np.random.default_rng(1).normal(size=6)
     return move(found, np.concatenate([travel, [0.4, -0.3, 0.2, scale], found.anchors]))
 

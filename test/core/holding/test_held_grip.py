@@ -93,6 +93,8 @@ def touched_points(grip):
     assert state.loads == pytest.approx(loads, abs=1e-9)
     give = compliance.at(state.feet).respond(loads)
     line = compliance.start + compliance.axis * (state.feet + give[:, 0] + 1j * give[:, 1])
+    bent = compliance.axis * (1.0 + 1j * give[:, 2])
+    assert (bent.conj() * state.normals).real == pytest.approx(0.0, abs=1e-9)
     return line - skin * state.normals
 
 
@@ -167,15 +169,6 @@ def rolled_over_corners():
     turning = solve_twist(CONFIG, held_there, (0.0, 0.0, 1.0), limits=()).roller_velocities
     config = CONFIG.moved_to(CONFIG.roller_positions + 0.16 * turning)
     return roll_contacts(grip, config, grip.contacts, grip.anchors, grip.angles, grip.wrench)
-
-
-@pytest.mark.parametrize('changes', [0, 1, 2])
-def test_short_faces_follow_each_other_as_often_as_they_may(changes):
-    grip = rolled_over_corners()
-    laid = _lay_down(grip, changes)
-    passed = (laid.contacts.corners - grip.contacts.corners + 48) % 96 - 48
-    assert np.abs(passed).sum() == 1 + changes
-    assert np.abs(_lay_down(grip).contacts.corners - grip.contacts.corners).sum() > 3
 
 
 def test_a_face_that_would_not_press_does_not_lie_down(monkeypatch):
@@ -291,18 +284,6 @@ def test_at_the_slip_margin_a_member_slips_or_lets_go(kind):
     # Beyond it holds in some directions only.
     assert not all(sticking)
     assert any(sticking)
-
-
-def test_round_sections_press_harder_and_need_no_table():
-    for shape, angle, members, count in CASES:
-        soft, stiff = (
-            held(shape, angle, members, tubes=TubeModel(flattening=flat)) for flat in (True, False)
-        )
-        assert len(stiff.anchors) == count
-        assert stiff.squeeze > 1.1 * soft.squeeze
-        assert stiff.statics.indentation(np.ones(count))[0] == pytest.approx(np.zeros(count))
-        moved = roll_grip(stiff, HOME, np.array([0.1, 0.0, 0.0]))
-        assert moved.wrench[0] == 0.1
 
 
 @pytest.mark.parametrize('shape', [Disc(0.4), Ellipse((0.25, 0.2))])

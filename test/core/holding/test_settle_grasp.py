@@ -96,14 +96,6 @@ def test_a_given_pose_across_the_bisector_does_not_matter():
         assert settled.slip_margin == pytest.approx(quiet.slip_margin, rel=1e-6)
 
 
-def test_what_lies_deep_in_one_tube_and_far_from_the_other_is_not_in_the_grip():
-    state = attach_grip(CONFIG, CYLINDER).state
-    across = complex(state.normals[0] - state.normals[1])
-    settled = settle_grasp(CONFIG, moved(CYLINDER, 0.05 * across / abs(across)), FRICTION)
-    assert settled.hold is HoldStatus.FAR
-    assert not settled.held
-
-
 def test_more_than_three_members_are_named_as_what_it_does_not_settle(monkeypatch):
     monkeypatch.setattr(attach_grip_module, 'MOST', 2)
     settled = settle_grasp(HOME, ConvexObject.disc((0.0, -0.8267), 0.65), FRICTION)
@@ -155,7 +147,7 @@ def grasps(count):
 
 def test_random_grasps_are_balanced_or_say_what_has_no_solution():
     outcomes = Counter()
-    for config, cylinder, friction, wrench in grasps(1000):
+    for config, cylinder, friction, wrench in grasps(400):
         settled = settle_grasp(config, cylinder, friction, wrench)
         outcomes[settled.hold] += 1
         if not settled.normal_forces:
@@ -178,8 +170,7 @@ def test_random_grasps_are_balanced_or_say_what_has_no_solution():
         if settled.held:
             assert ratio.max() <= friction
             assert settled.slip_margin >= 0.0
-    assert outcomes[HoldStatus.HELD] > 100
-    assert outcomes[HoldStatus.SLIPS] > 100
+    assert min(outcomes[HoldStatus.HELD], outcomes[HoldStatus.SLIPS]) > 40
 
 
 @pytest.mark.parametrize(

@@ -12,9 +12,8 @@
 from hypothesis import given, strategies
 from isotruss_ros.core import solve_twist
 from isotruss_ros.core.manipulation import limit_handling
-from isotruss_ros.core.manipulation.limit_handling import LimitHandling, solve_by_few_rows
-from isotruss_ros.core.manipulation.limits import MemberLengthLimit, RollerSpeedLimit, Rows
-from isotruss_ros.core.manipulation.twist_qp import maximize_progress
+from isotruss_ros.core.manipulation.limit_handling import LimitHandling
+from isotruss_ros.core.manipulation.limits import MemberLengthLimit, RollerSpeedLimit
 import numpy as np
 import pytest
 import robots
@@ -50,21 +49,3 @@ def test_few_rows_give_the_solution_of_all(slide, first, robot, rng, number):
     assert few.status is every.status
     size = max(1.0, np.abs(every.roller_velocities).max())
     assert few.roller_velocities == pytest.approx(every.roller_velocities, abs=1e-7 * size)
-
-
-def test_rows_are_added_until_none_is_violated():
-    count = 40
-    solved = []
-
-    def farthest(cost, equality, rows):
-        solved.append(len(rows.upper))
-        return maximize_progress(cost, equality, np.ones(1), 100.0, rows)
-
-    # The even rollers do what the odd ones leave, which are at their bounds.
-    bound = np.where(np.arange(count) % 2, 0.1, 0.5)
-    rows, equality = Rows(np.eye(count), -bound, bound), np.ones((1, count))
-    speeds, progress = solve_by_few_rows(farthest, np.eye(count), equality, rows, np.zeros(count))
-    assert speeds == pytest.approx(bound, abs=1e-6)
-    assert progress == pytest.approx(20 * 0.1 + 20 * 0.5, abs=1e-5)
-    assert solved == sorted(set(solved))
-    assert solved[0] == 16 < solved[-1] <= count

@@ -147,7 +147,7 @@ def test_the_roller_at_either_end_of_a_member_moves_its_material(member):
     """Past the passive module of a tube it is the other roller that turns."""
     robot = load_robot('nine_member')
     config = robot.configuration([0.03, -0.02, 0.01, 0.04, -0.03, 0.02])
-    start, end = random_grips.member_ends(config, member)
+    start, end = robots.member_ends(config, member)
     axis = (end - start) / abs(end - start)
     number = robot.member_names.index(member)
     following = robot.topology.following[number]

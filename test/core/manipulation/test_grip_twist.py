@@ -157,7 +157,7 @@ def test_members_that_touch_one_corner_do_not_hold_it():
     config = NINE.home
     corner = disc_grip(config, 'north/Z', 0.15)
     wedge = Polygon([(0.0, 0.0), (0.3, 0.02), (0.3, -0.02)])
-    ends = [random_grips.member_ends(config, member) for member in corner.members]
+    ends = [robots.member_ends(config, member) for member in corner.members]
     inward = np.mean([random_grips.toward(corner.center, *e) for e in ends]) * -1.0
     grip = Grip(corner.members, ConvexObject(wedge, (*corner.body.pose[:2], np.angle(inward))))
     with pytest.raises(GraspError, match='touch the object in one point'):

@@ -21,7 +21,6 @@ from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 from isotruss_ros.core.manipulation.limits import MemberLengthLimit, RollerSpeedLimit
 import numpy as np
-from paper_rows import paper_rows
 import pytest
 import robots
 from scipy.optimize import linprog, minimize
@@ -37,6 +36,31 @@ def well_posed(jacobian):
     """Tell whether four rows are reached without a hint of rank loss."""
     gains = np.linalg.svd(jacobian, compute_uv=False)
     return len(gains) == 4 and gains[-1] > 1e-2
+
+
+def paper_rows(config, grip, ends):
+    """
+    Return the object's twist (3, r) and the rate of the angle between the members (r,).
+
+    :param grip: of a disc at a module.
+    :param ends: B, B', C and C' there, as of `robots.side_ends`.
+    """
+    robot = config.robot
+    velocities = config.node_jacobian.T.copy().view(complex)
+    b, b_next, c, c_prev = (velocities[:, (config.points == end).argmax()] for end in ends)
+    ahead, back = ends[1] - ends[0], ends[3] - ends[2]
+    # (16), the rate of the direction angle of B -> B'; and of C -> C'.
+    turning, turning_back = ((b_next - b) / ahead).imag, ((c_prev - c) / back).imag
+    # (15): the object is at rest in the frame of B -> B'.
+    center = b + 1j * turning * (grip.center - ends[0])
+    # (17): the object rolls with the tube at the grip's module, unless that is passive.
+    module = grip.members[0].split('-')[0]
+    side = np.sign((ahead.conjugate() * (grip.center - ends[0])).imag)
+    rolling = np.array(
+        [side * 2.0 / grip.body.shape.diameter * (n == module) for n in robot.roller_names]
+    )
+    # (14), its derivative, counted from the member ahead to the one behind through the corner.
+    return np.array([center.real, center.imag, turning + rolling]), side * (turning_back - turning)
 
 
 def limits_of(config, rate=10.0):
