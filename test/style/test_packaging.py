@@ -42,17 +42,8 @@ ROSDEP_KEYS = {
     'yaml': 'python3-yaml',
 }
 # No rosdep keys: what needs them is taken, and tested, where they are installed.
-ONLY_FROM_PYPI = {
-    'PyNiteFEA',
-    'daqp',
-    'distributed',
-    'mujoco',
-    'qpsolvers',
-    'quadprog',
-    'viser',
-    'mcap',
-}
-ONLY_FROM_PYPI |= {'playwright', 'rosbags', 'vermin'}
+ONLY_FROM_PYPI = {'PyNiteFEA', 'daqp', 'distributed', 'mcap', 'mujoco', 'playwright', 'qpsolvers'}
+ONLY_FROM_PYPI |= {'quadprog', 'rosbags', 'vermin', 'viser'}
 # Distribution name to import name, where they differ.
 IMPORT_NAMES = {'pillow': 'PIL', 'pyyaml': 'yaml', 'ruamel.yaml': 'ruamel'}
 

@@ -14,6 +14,7 @@ from hypothesis import given, strategies
 from isotruss_ros.core import (
     analyze_grasp,
     ConvexObject,
+    Disc,
     Ellipse,
     load_robot,
     Polygon,
@@ -29,7 +30,7 @@ from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
 import robots
-from shapes import dense_outline, random_shape, regular_polygon, surface_distance
+from shapes import dense_outline, random_shape, random_shape_of, regular_polygon, surface_distance
 
 HOME = load_robot('nine_member').home
 MODULE = 'south/P'
@@ -171,3 +172,33 @@ def test_any_shape_at_any_depth_has_an_answer(seed, depth, flattening):
     assert stiffness.min() >= -1e-9 * max(1.0, stiffness.max())
     if depth > 0.002:
         assert len(analysis.contact_forces) >= 2
+
+
+@pytest.mark.parametrize('seed', range(5))
+@pytest.mark.parametrize('kind', [Disc, Ellipse, Polygon])
+def test_tubes_face_the_object_from_the_side_on_which_they_are(kind, seed):
+    rng = np.random.default_rng(seed)
+    body = ConvexObject(
+        random_shape_of(kind, rng), (*rng.uniform(-1.0, 1.0, 2), rng.uniform(0.0, 6.0))
+    )
+    surface = surface_of(body, rng.uniform(0.0, 0.05))
+    axis = np.exp(1j * rng.uniform(0.0, 6.0, 200))
+    # Inside of the object, and out of it.
+    away = (
+        1.5 * surface.reach * rng.uniform(-1.0, 1.0, 200) * np.exp(1j * rng.uniform(0.0, 6.0, 200))
+    )
+    facing = surface.facing(away, axis)
+    assert np.abs(facing) == pytest.approx(1.0)
+    outward = 1j * axis * np.sign((away * axis.conj()).imag)
+    assert ((facing * outward.conj()).real > 0.0).all()
+    # Whichever way the tubes run, and the object and they are turned.
+    assert surface.facing(away, -axis) == pytest.approx(facing, abs=1e-9)
+    turn = np.exp(2.0j)
+    turned = surface_of(body.moved_to([*body.pose[:2], body.pose.angle + 2.0]), 0.0)
+    assert turned.facing(away * turn, axis * turn) == pytest.approx(
+        surface_of(body, 0.0).facing(away, axis) * turn, abs=1e-9
+    )
+    # A tube that is far enough to be seen from where it is meets what is nearest to it.
+    far = np.flatnonzero(np.abs((away * axis.conj()).imag) > 1.3 * surface.reach)
+    assert len(far)
+    assert facing[far] == pytest.approx(surface.nearest(away[far]).normals, abs=1e-9)

@@ -10,9 +10,7 @@
 """Flattening: the closed forms of the kernel, its symmetry, and what it does to a grasp."""
 
 from hypothesis import given, strategies
-from isotruss_ros.core import (
-    load_robot,
-)
+from isotruss_ros.core import load_robot
 from isotruss_ros.core.contact.flattening import flattening, flattening_of
 from isotruss_ros.core.statics.section import Fabric
 import numpy as np

@@ -19,11 +19,7 @@ from isotruss_ros.core import (
     tangent_center,
 )
 from isotruss_ros.core.contact.flattening import flattening_of
-from isotruss_ros.core.contact.refinement import (
-    DIVISIONS,
-    refine_contact,
-    REGION_POINTS,
-)
+from isotruss_ros.core.contact.refinement import DIVISIONS, refine_contact, REGION_POINTS
 from isotruss_ros.core.contact.sliding_contact import solve_sliding_contact
 from isotruss_ros.core.contact.surfaces import surface_of
 from isotruss_ros.core.statics.structure import structure_of

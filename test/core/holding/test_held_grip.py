@@ -14,9 +14,8 @@ from dataclasses import replace
 import math
 from types import SimpleNamespace
 
-from apart_grips import APART, NINE
 from grips import gripped
-from held_grips import BOX, held, HOME, LOOP, numbers
+from held_grips import APART, BOX, held, HOME, LOOP, NINE, numbers
 from isotruss_ros.core import (
     analyze_grasp,
     ConvexObject,
@@ -46,6 +45,7 @@ CONFIG, CYLINDER = gripped(35.0, squeeze=0.08)
 SHARP = Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)])
 CORNER = ('north/P-Z', 'north/Z-R')
 NOTHING = np.zeros(0, dtype=np.intp)
+TRIANGLE = Polygon(regular_polygon(3, 0.645, 0.5 * np.pi).vertices, corner_radius=0.12)
 
 
 CASES = [
@@ -311,10 +311,6 @@ def test_three_members_hold_a_disc_by_equal_friction():
     assert rubs.sum() * 0.325 == pytest.approx(-1.0, rel=1e-9)
     assert settled.slip_margin > 1.0
     # Found without their names too, where it presses into three.
-    again = settle_grasp(
-        HOME, grip.body.moved_to(settled.pose), 0.5, (0.0, 0.0, 1.0), members=LOOP
-    )
-    assert again.pose == pytest.approx(settled.pose, abs=1e-9)
     ellipse = place_between(HOME, LOOP, Ellipse((0.33, 0.32)), indentation=0.012)
     assert set(settle_grasp(HOME, ellipse.body, 0.5).normal_forces) == set(LOOP)
 
@@ -365,15 +361,9 @@ def test_a_third_member_is_dented_by_the_corner_that_it_meets(angle):
 
 
 @pytest.mark.parametrize(('flattening', 'bound'), [(True, 0.03), (False, 0.004)])
-@pytest.mark.parametrize('kind', ['disc', 'ellipse', 'faces'])
-def test_without_friction_members_press_as_in_the_analysis(kind, flattening, bound):
-    vertices = 0.645 * np.exp(1j * np.radians([90.0, 210.0, 330.0]))
-    shapes = {
-        'disc': Disc(0.65),
-        'ellipse': Ellipse((0.33, 0.32)),
-        'faces': Polygon([(z.real, z.imag) for z in vertices], corner_radius=0.12),
-    }
-    body = place_between(HOME, LOOP, shapes[kind], indentation=0.014).body
+@pytest.mark.parametrize('shape', [Disc(0.65), Ellipse((0.33, 0.32)), TRIANGLE])
+def test_without_friction_members_press_as_in_the_analysis(shape, flattening, bound):
+    body = place_between(HOME, LOOP, shape, indentation=0.014).body
     grip = attach_grip(HOME, body, numbers(LOOP), tubes=TubeModel(flattening=flattening))
     assert np.abs(grip.friction_forces).max() < 1e-6
     analysis = analyze_grasp(HOME, grip.body, 0.5, flattening=flattening)
@@ -382,9 +372,7 @@ def test_without_friction_members_press_as_in_the_analysis(kind, flattening, bou
 
 
 def test_a_face_between_three_members_settles_the_angle_without_friction():
-    vertices = 0.645 * np.exp(1j * np.radians([90.0, 210.0, 330.0]))
-    triangle = Polygon([(z.real, z.imag) for z in vertices], corner_radius=0.12)
-    grip = place_between(HOME, LOOP, triangle, indentation=0.012)
+    grip = place_between(HOME, LOOP, TRIANGLE, indentation=0.012)
     settled = settle_grasp(HOME, grip.body, 0.5)
     assert settled.hold is HoldStatus.HELD
     assert max(map(abs, settled.friction_forces.values())) < 1e-6

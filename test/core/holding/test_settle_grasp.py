@@ -12,9 +12,8 @@
 from collections import Counter
 from dataclasses import replace
 
-from apart_grips import APART
 from grips import gripped
-from held_grips import BOX, held
+from held_grips import APART, BOX, held
 from isotruss_ros.core import (
     analyze_grasp,
     ConvexObject,

@@ -14,7 +14,7 @@ from dataclasses import replace
 from grips import disc_grip
 from hypothesis import assume, given, strategies
 from isotruss_ros.core import load_robot
-from isotruss_ros.core.manipulation.grip_rows import contact_rows, grip_jacobian, member_rows
+from isotruss_ros.core.manipulation.grip_rows import contact_rows, grip_jacobian
 from isotruss_ros.core.numerics.arrays import as_xy
 import numpy as np
 import pytest
@@ -140,22 +140,3 @@ def test_rows_are_kept_for_a_configuration_and_a_grip():
     assert np.abs(grip_jacobian(there, grip) - found).max() > 1e-6
     wider = disc_grip(config, 'north/Z', 0.16)
     assert np.abs(grip_jacobian(config, wider) - found).max() > 1e-3
-
-
-@pytest.mark.parametrize('member', load_robot('nine_member').member_names)
-def test_the_roller_at_either_end_of_a_member_moves_its_material(member):
-    """Past the passive module of a tube it is the other roller that turns."""
-    robot = load_robot('nine_member')
-    config = robot.configuration([0.03, -0.02, 0.01, 0.04, -0.03, 0.02])
-    start, end = robots.member_ends(config, member)
-    axis = (end - start) / abs(end - start)
-    number = robot.member_names.index(member)
-    following = robot.topology.following[number]
-    vx, vy, _ = member_rows(config, (member,))
-    velocity = vx + 1j * vy
-    velocities = config.node_jacobian.T.copy().view(complex)
-    at_start, at_end = (velocities[:, (config.points == node).argmax()] for node in (start, end))
-    for node, module in ((at_start, number), (at_end, following)):
-        rolled = ((velocity - node) * axis.conjugate()).real
-        turning = np.array(robot.roller_names) == robot.module_names[module]
-        assert rolled == pytest.approx(turning.astype(float), abs=1e-12)

@@ -9,8 +9,8 @@
 
 """Objects that roll in a grip: carried and turned between sides that do not meet, and back."""
 
-from apart_grips import APART, NINE
 from grips import apart, disc_grip, drive, surface
+from held_grips import APART, NINE
 from hypothesis import assume, given, strategies
 from isotruss_ros.core import (
     ConvexObject,
