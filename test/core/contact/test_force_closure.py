@@ -36,8 +36,7 @@ def tangents_at(angles):
 
 def random_contacts(rng, count):
     """Return tangents, normal forces (some of them zero) and a load of about their size."""
-    spread = rng.choice([0.02, 2.0 * np.pi])
-    tangents = tangents_at(rng.uniform(0.0, 2.0 * np.pi) + rng.uniform(0.0, spread, count))
+    tangents = tangents_at(rng.uniform(0.0, 2.0 * np.pi, count))
     forces = rng.uniform(0.1, 10.0, count) * (rng.random(count) < 0.8)
     load = wrenches(tangents, forces).T @ rng.uniform(-1.0, 1.0, count)
     return tangents, forces, load
