@@ -7,7 +7,7 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Contact: the complementarity problem, contact points, condensation, beams."""
+"""Contact: the complementarity problem, contact points, condensation, relaxation."""
 
 from types import SimpleNamespace
 

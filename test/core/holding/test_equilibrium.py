@@ -7,7 +7,7 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""The equations of a held object: balance, touch, rolling; whether it is held by its forces."""
+"""The equations of a held object: rest, rolling; whether it is held by its forces."""
 
 from dataclasses import replace
 

@@ -172,18 +172,6 @@ def test_random_grasps_are_balanced_or_say_what_has_no_solution():
     assert min(outcomes[HoldStatus.HELD], outcomes[HoldStatus.SLIPS]) > 40
 
 
-@pytest.mark.parametrize(
-    ('arguments', 'words'),
-    [
-        ({'friction': -0.1}, 'must not be negative'),
-        ({'external_wrench': (0.0, 1.0, np.inf)}, 'external wrench'),
-    ],
-)
-def test_bad_arguments_are_refused(arguments, words):
-    with pytest.raises(GraspError, match=words):
-        settle_grasp(CONFIG, CYLINDER, **arguments)
-
-
 def test_measured_pressures_stiffen_the_tubes():
     config, cylinder = gripped(35.0, squeeze=0.1)
     file = config.robot.description.pressures

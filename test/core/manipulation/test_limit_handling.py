@@ -138,12 +138,6 @@ def test_thrift_costs_next_to_nothing_and_never_the_direction(robot, rng, number
         assert thrifty.scale > 0.97 * exact.scale
 
 
-def solved(monkeypatch, all_rows_up_to, *arguments, **options):
-    """Solve a twist, with all rows for robots of at most so many rollers."""
-    monkeypatch.setattr(limit_handling, 'ALL_ROWS_UP_TO', all_rows_up_to)
-    return solve_twist(*arguments, **options)
-
-
 @pytest.mark.parametrize('slide', [False, True])
 @pytest.mark.parametrize('first', [1, 16])
 @robots.examples(15)
@@ -162,8 +156,10 @@ def test_few_rows_give_the_solution_of_all(slide, first, robot, rng, number):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(limit_handling, 'FIRST', first)
         patch.setattr(limit_handling, 'ADDED', first)
-        every = solved(patch, 10**6, *arguments)
-        few = solved(patch, 0, *arguments)
+        patch.setattr(limit_handling, 'ALL_ROWS_UP_TO', 0)
+        few = solve_twist(*arguments)
+        patch.setattr(limit_handling, 'ALL_ROWS_UP_TO', 10**6)
+        every = solve_twist(*arguments)
     assert few.scale == pytest.approx(every.scale, abs=1e-9)
     assert few.status is every.status
     size = max(1.0, np.abs(every.roller_velocities).max())
