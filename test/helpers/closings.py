@@ -73,7 +73,7 @@ def rigidity(config):
 def scaled_matrix(config):
     """Return the matrix of (12), its rows of angles times the rod length."""
     m, matrix = config.robot.topology.n_modules, config.matrix.copy()
-    matrix[4 * m : 5 * m] *= config.robot.description.module.rod_length
+    matrix[slice(4 * m, 5 * m)] *= config.robot.description.module.rod_length
     return matrix
 
 

@@ -15,9 +15,7 @@ import numpy as np
 import pytest
 
 
-@pytest.mark.parametrize(
-    'values', [(1, 2.0), np.uint8([1, 2]), np.arange(1.0, 3.0)]
-)
+@pytest.mark.parametrize('values', [(1, 2.0), np.uint8([1, 2]), np.arange(1.0, 3.0)])
 def test_real_numbers_become_an_array_of_floats_of_its_own(values):
     array = finite_array(values, 2, 'center', GraspError)
     assert array.dtype == np.float64
