@@ -156,12 +156,9 @@ def test_what_pip_installs_rosdep_installs_too(manifest, setup_arguments):
         assert ROSDEP_KEYS.get(name, name) in declared, f'{requirement} is not in package.xml'
 
 
-def test_every_pin_is_exact(pins):
+def test_every_pin_is_exact_and_there_once(pins):
     for pin in pins:
         assert re.fullmatch(r'[\w.-]+==[\w.]+( ; python_version (<|>=|==) "3\.\d+")?', pin), pin
-
-
-def test_nothing_is_pinned_twice(pins):
     pinned = [pin.split('==')[0].lower() for pin in pins if ';' not in pin]
     assert len(pinned) == len(set(pinned))
 
