@@ -26,15 +26,11 @@ import robots
 
 def parts(config):
     """Return where members begin and end and the middles of modules, (m,) each [m]."""
-    place = dict(zip(config.robot.node_names, config.points, strict=True))
-    begin, end, middle = [], [], []
-    for tube in config.robot.description.tubes:
-        for joint, following in zip(tube.joints, (*tube.joints[1:], tube.joints[0]), strict=True):
-            b, c = place[f'{tube.name}/{joint}/B'], place[f'{tube.name}/{joint}/C']
-            begin.append(b)
-            end.append(place[f'{tube.name}/{following}/C'])
-            middle.append(0.5 * (b + c))
-    return np.array(begin), np.array(end), np.array(middle)
+    robot = config.robot
+    place = dict(zip(robot.node_names, config.points, strict=True))
+    begin, end = np.transpose([robots.member_ends(config, name) for name in robot.member_names])
+    middle = [0.5 * (place[f'{name}/B'] + place[f'{name}/C']) for name in robot.module_names]
+    return begin, end, np.array(middle)
 
 
 def disc(robot):
@@ -71,21 +67,24 @@ def gaps(config, body):
 
 def rigidity(config):
     """Return the least singular value of the scaled matrix of (12), against home."""
-    return singular_values(config)[-1] / _least_at_home(config.robot)
+    return least_singular_value(config) / _least_at_home(config.robot)
 
 
-def singular_values(config):
-    """Return the singular values of the matrix of (12), its bisection rows times h."""
-    m = config.robot.topology.n_modules
-    bisection = slice(4 * m, 5 * m)
-    matrix = config.matrix.copy()
-    matrix[bisection] *= config.robot.description.module.rod_length
-    return np.linalg.svd(matrix, compute_uv=False)
+def scaled_matrix(config):
+    """Return the matrix of (12), its rows of angles times the rod length."""
+    m, matrix = config.robot.topology.n_modules, config.matrix.copy()
+    matrix[slice(4 * m, 5 * m)] *= config.robot.description.module.rod_length
+    return matrix
+
+
+def least_singular_value(config):
+    """Return the smallest singular value of that matrix."""
+    return np.linalg.svd(scaled_matrix(config), compute_uv=False)[-1]
 
 
 @functools.lru_cache(maxsize=64)
 def _least_at_home(robot):
-    return singular_values(robot.home)[-1]
+    return least_singular_value(robot.home)
 
 
 def clearance(config):

@@ -32,13 +32,8 @@ def members(ends, axial, flexural, shear=np.inf, pins=()):
     pinned = np.zeros(ends.shape, dtype=bool)
     for member, end in pins:
         pinned[member, end] = True
-    rigidities = [np.broadcast_to(float_array(x), len(ends)) for x in (axial, flexural, shear)]
+    rigidities = [np.broadcast_to(x, len(ends)).astype(float) for x in (axial, flexural, shear)]
     return Members(ends[:, 0], ends[:, 1], *rigidities, pinned[:, 0], pinned[:, 1])
-
-
-def float_array(values):
-    """Return an array of floats."""
-    return np.asarray(values, dtype=float)
 
 
 def supports(n, held):

@@ -10,7 +10,14 @@
 """Configurations of the nine-member robot with an object between two of its members."""
 
 from comparison.wedge import closed_to
-from isotruss_ros.core import ConvexObject, Grip, load_robot, tangent_center
+from isotruss_ros.core import (
+    ConvexObject,
+    Grip,
+    load_robot,
+    solve_twist_ahead,
+    Status,
+    tangent_center,
+)
 from isotruss_ros.core.control.load_estimate import LoadSettings
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
@@ -42,6 +49,20 @@ def surface(grip):
 def rolled(rolling, travel):
     """Return a `RollingGrip` after some travel of the rollers."""
     return rolling.moved_to(rolling.config.moved_to(rolling.config.roller_positions + travel))
+
+
+def drive(rolling, twist, duration, rate=20.0, lead=None):
+    """
+    Carry out a twist by commands, each for one interval of a loop.
+
+    :param lead: time ahead for which commands are computed [s]; half of an interval if None.
+    """
+    for _ in range(round(duration * rate)):
+        ahead = 0.5 / rate if lead is None else lead
+        command = solve_twist_ahead(rolling.config, rolling.grip, twist, ahead)
+        assert command.status is Status.OK
+        rolling = rolled(rolling, command.roller_velocities / rate)
+    return rolling
 
 
 def apart(pose, other):

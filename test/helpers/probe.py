@@ -16,6 +16,7 @@ import contextlib
 import math
 import sys
 import time
+from typing import Any
 
 from action_msgs.msg import GoalInfo
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -183,27 +184,14 @@ class Watched:
 
     :ivar probe: the probe.
     :ivar nodes: the probe, and the nodes.
+    :ivar until: goes on until something holds, and calls something else meanwhile.
+    :ivar call: returns the response of a service, named relative to the root.
     """
 
     probe: Probe
     nodes: list[Node]
-
-    def until(
-        self,
-        what: Callable[[], bool],
-        each: Callable[[], None] = lambda: None,
-        period: float = 0.01,
-    ) -> None:
-        """
-        Go on until something holds; fail at the deadline.
-
-        :param each: called every `period` seconds meanwhile.
-        """
-        raise NotImplementedError
-
-    def call(self, name: str, request: object) -> object:
-        """Return the response of a service, named relative to the root."""
-        raise NotImplementedError
+    until: Callable[..., None]
+    call: Callable[[str, object], Any]
 
     def release_stop(self) -> object:
         """Release the emergency stop; return the response."""

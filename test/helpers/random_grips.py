@@ -21,31 +21,11 @@ from scipy.integrate import quad
 import shapes
 
 
-def member_ends(config, name):
-    """Return B where a member starts and C where it ends, found by their names."""
-    place = dict(zip(config.robot.node_names, config.points, strict=True))
-    module, end = name.split('-')
-    return place[f'{module}/B'], place[f'{module.split("/")[0]}/{end}/C']
-
-
 def contacts_of(config, grip):
     """Return the contacts of a grip as arrays: owners, starts, normals, points, sides."""
     columns = zip(*find_contacts(config, grip), strict=True)
     names = [f'{name}s' for name in GripContact._fields]
     return SimpleNamespace(**dict(zip(names, map(np.array, columns), strict=True)))
-
-
-def travel_into(config, name):
-    """Return the travel of the tube into a member at its start [m]."""
-    rollers = dict(zip(config.robot.roller_names, config.roller_positions, strict=True))
-    return rollers.get(name.split('-')[0], 0.0)
-
-
-def local_center(config, name, center):
-    """Return a point along and left of a member, from its start [m]."""
-    start, end = member_ends(config, name)
-    axis = (end - start) / abs(end - start)
-    return axis.conjugate() * (center - start), axis
 
 
 def robots_with(kind):
@@ -82,15 +62,15 @@ def random_grip(robot, rng, kind, count=2, tries=100):
     for _ in range(tries if combinations else 0):
         names = combinations[rng.integers(len(combinations))]
         names = [names[i] for i in rng.permutation(count)]
-        ends = [member_ends(config, name) for name in names]
+        ends = [robots.member_ends(config, name) for name in names]
         share = rng.uniform(0.05, 0.95, count)
         touched = np.array([a + s * (b - a) for (a, b), s in zip(ends, share, strict=True)])
         center = complex(rng.dirichlet(np.full(count, 3.0)) @ touched)
         if count == 3:
             center = equally_far(ends, center)
             center += 0.5 * tube * complex(*rng.uniform(-1.0, 1.0, 2))
-        places = [local_center(config, name, center)[0] for name in names]
         lengths = [abs(b - a) for a, b in ends]
+        places = [(center - a) * abs(b - a) / (b - a) for a, b in ends]
         offs = np.array([abs(place.imag) for place in places])
         on = all(0.0 < p.real < n for p, n in zip(places, lengths, strict=True))
         diameter = offs.min() + offs.max() - tube
@@ -112,7 +92,7 @@ def random_convex_grip(robot, rng, kind, count=2, flat=False):
     size = round_grip.body.arm
     shape = shapes.random_polygon(rng, size) if flat else shapes.random_shape(rng, size)
     center = round_grip.center
-    ends = [member_ends(config, name) for name in round_grip.members]
+    ends = [robots.member_ends(config, name) for name in round_grip.members]
     normals = [toward(center, start, end) for start, end in ends]
     turn = np.exp(1j * rng.uniform(-3.0, 3.0))
     if flat:
@@ -180,14 +160,16 @@ def rolled_lengths(config, grip, pose, contacts):
     """
     found = []
     center, turn = complex(*pose[:2]), np.exp(1j * pose[2])
+    travel = dict(zip(config.robot.roller_names, config.roller_positions, strict=True))
     for owner, side, point in zip(contacts.owners, contacts.sides, contacts.points, strict=True):
         name = grip.members[owner]
-        start, end = member_ends(config, name)
+        start, end = robots.member_ends(config, name)
         axis = (end - start) / abs(end - start)
         normal = -1j * side * axis
         offset, unrolled = unroll(grip, point, normal, turn)
         place = axis.conjugate() * (center + turn * offset - start)
-        material = place.real - travel_into(config, name)
+        # What the roller at its start has moved into the member.
+        material = place.real - travel.get(name.split('-')[0], 0.0)
         found += [side * place.imag, material - side * unrolled]
     return np.array(found)
 

@@ -177,18 +177,20 @@ def random_grasp(robot, rng, number):
     return config, Grip.at_module(robot, module, body), ends
 
 
-def side_ends(config, module):
-    """Return B, B', C and C' of a module, found by their names."""
+def member_ends(config, name):
+    """Return B where a member starts and C where it ends, found by their names."""
     place = dict(zip(config.robot.node_names, config.points, strict=True))
+    module, end = name.split('-')
+    return place[f'{module}/B'], place[f'{module.split("/")[0]}/{end}/C']
+
+
+def side_ends(config, module):
+    """Return B, B', C and C' of a module, found by the names of its members."""
     tube, joint = module.split('/')
-    joints = next(t.joints for t in config.robot.description.tubes if t.name == tube)
-    i = joints.index(joint)
-    return (
-        place[f'{module}/B'],
-        place[f'{tube}/{joints[(i + 1) % len(joints)]}/C'],
-        place[f'{module}/C'],
-        place[f'{tube}/{joints[i - 1]}/B'],
-    )
+    names = [name for name in config.robot.member_names if name.startswith(f'{tube}/')]
+    (ahead,) = (name for name in names if name.startswith(f'{module}-'))
+    (back,) = (name for name in names if name.endswith(f'-{joint}'))
+    return *member_ends(config, ahead), *reversed(member_ends(config, back))
 
 
 def robots(kinds=KINDS):

@@ -17,13 +17,12 @@ from isotruss_ros.core.statics.frame_pattern import Members
 import numpy as np
 
 
-def bare(span, axial, flexural, shear, hinged=False):
+def bare(span, axial, flexural, shear):
     """
     Return what `find_contact_points` needs of a structure: one clamped tube from the origin.
 
     :param span: to its other end, x + iy.
     :param axial: EA, `flexural` and `shear` likewise.
-    :param hinged: whether its ends turn freely.
     """
     # Besides it there is a stub, far away; one end of it is free, so that something is.
     none, one = np.zeros(2, dtype=bool), np.ones(1, dtype=int)
@@ -34,7 +33,7 @@ def bare(span, axial, flexural, shear, hinged=False):
         none,
         none,
     )
-    held = np.array([[True, True, not hinged]] * 2 + [[True] * 3, [False] * 3])
+    held = np.array([[True] * 3] * 3 + [[False] * 3])
     frame = Frame(np.array([0.0, span, 1e3, 1e3 + 1.0]), members, held, list('0123'))
     topology = SimpleNamespace(
         n_modules=1, b=one - 1, c=one, following=one - 1, previous=one - 1, tube=one - 1

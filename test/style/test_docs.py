@@ -72,22 +72,6 @@ def test_notes_must_be_those_of_the_declared_names():
     assert '| `key_timeout` | `0.6` | 0.01 to 5 | any time |' in tables
 
 
-def test_tags_are_found_in_comments_and_docstrings_only():
-    source = '''
-"""A module about (7)."""
-
-def solve(x):
-    """
-    Solve (8).
-
-    Mentions (9), and calls f(3).
-    """
-    return f(4)  # (5), not g(6)
-'''
-    tags = set(equations._tags(source))
-    assert tags == {(7, 2, ''), (8, 0, 'solve'), (9, 1, 'solve'), (5, 0, 'solve')}
-
-
 def test_every_promise_has_tests_that_are_there():
     held_by = promises.load(DOCS / 'promises.yaml')
     page = (DOCS / 'safety.md').read_text(encoding='utf-8')
@@ -114,12 +98,6 @@ def test_every_equation_of_the_paper_is_computed_somewhere():
 def test_the_page_of_equations_states_all_of_them():
     stated = re.findall(r'^### \((\d+)\) ', (DOCS / 'equations.md').read_text('utf-8'), re.M)
     assert list(map(int, stated)) == list(equations.EQUATIONS)
-
-
-def test_links_to_functions_lead_to_the_reference():
-    text = '[`core.a.f`](../isotruss_ros/core/a.py), [`core.a._g`](../isotruss_ros/core/a.py)'
-    linked = equations.link_reference(text)
-    assert linked == '[`core.a.f`](#isotruss_ros.core.a.f), `core.a._g`'
 
 
 def test_committed_pages_are_what_is_generated():

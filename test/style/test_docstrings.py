@@ -89,23 +89,3 @@ def test_every_parameter_is_documented(file):
     text = (PACKAGE / file).read_text(encoding='utf-8')
     found = list(undocumented(ast.parse(text).body, text.splitlines()))
     assert not found
-
-
-def test_a_missing_parameter_is_found():
-    text = '''
-class Public:
-    """
-    A class.
-
-    :param here: documented.
-    """
-
-    def __init__(self, here, there, _private): ...
-
-    def method(self, one):
-        """Do it."""
-
-def _private(three): ...
-'''
-    found = list(undocumented(ast.parse(text).body, text.splitlines()))
-    assert found == ['Public.__init__: there', 'Public.method: one']

@@ -147,12 +147,6 @@ def test_all_nodes_shut_down_when_one_ends(nodes):
     assert [node.on_exit.reason for node in nodes] == [f'{n.executable} ended' for n in nodes]
 
 
-def test_every_parameter_of_the_simulator_is_an_argument(nodes):
-    for node in nodes:
-        if node.executable == 'simulator':
-            assert node.parameters[1].keys() == specs_of('simulator').keys() | {'use_sim_time'}
-
-
 def test_an_unknown_argument_is_named(path, entities):
     (check,) = (e for e in entities if e.kind == 'OpaqueFunction')
     given = SimpleNamespace(

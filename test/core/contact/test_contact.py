@@ -7,11 +7,11 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Contact: the complementarity problem, contact points, condensation, beams."""
+"""Contact: the complementarity problem, contact points, condensation, relaxation."""
 
 from types import SimpleNamespace
 
-from grips import pressed_between, random_pressed
+from grips import random_pressed
 from hypothesis import given, strategies
 from isotruss_ros.core import ConvexObject, Disc, Ellipse, load_robot, Polygon
 from isotruss_ros.core.contact.contact import relax_contact, solve_contact
@@ -24,14 +24,12 @@ from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
 import robots
-from scipy.optimize import brentq, nnls
+from scipy.optimize import nnls
 from shapes import circle, dense_outline, random_shape_of
 import tubes
 
-#: SectionStiffness of a tube like the paper's [N, N m^2, N].
-AXIAL, FLEXURAL, SHEAR = 1.9e4, 25.0, 1.9e3
+#: Of a clamped tube [m].
 LENGTH = 0.762
-RADIUS = 0.151
 
 generators = robots.generators()
 
@@ -83,12 +81,6 @@ def test_a_matrix_that_is_not_positive_definite_is_refused():
 # ContactPoints
 
 
-def straight(**other):
-    """Return one clamped tube."""
-    rigidities = {'axial': AXIAL, 'flexural': FLEXURAL, 'shear': SHEAR, **other}
-    return tubes.bare(LENGTH, **rigidities)
-
-
 @pytest.mark.parametrize('kind', [Disc, Ellipse, Polygon])
 @robots.examples(20)
 @given(generators, strategies.floats(0.001, 0.02), strategies.booleans())
@@ -98,7 +90,8 @@ def test_candidates_of_any_shape_are_those_within_its_tangents(kind, rng, spacin
     body, margin = ConvexObject(shape, pose), rng.uniform(0.0, 0.1)
     surface, width = surface_of(body, margin), 0.05 if flattening else 0.0
     flat = SimpleNamespace(radius=width, compliance=lambda place, *_: np.eye(len(place)))
-    found = find_contact_points(straight(), surface, spacing, flat if flattening else None)
+    tube = tubes.bare(LENGTH, 1.9e4, 25.0, 1.9e3)
+    found = find_contact_points(tube, surface, spacing, flat if flattening else None)
     outline = dense_outline(shape, 4000) * body.turn + body.center - surface.center
     assert surface.reach >= np.abs(outline).max() + margin - 1e-9
     normals, distances = surface.tangents
@@ -153,17 +146,6 @@ def test_candidates_are_on_every_member_within_reach_and_once(robot, rng):
             assert len(place) == 0
 
 
-@pytest.mark.parametrize('preset', robots.PRESETS)
-def test_far_objects_have_no_candidates(preset):
-    structure = structure_of(load_robot(preset).home)
-    for center in (100.0 + 0j, -7.0 - 9.0j, 1e6j):
-        found = find_contact_points(structure, circle(center, 0.3), 0.005)
-        assert len(found.points) == 0
-        for solve in (solve_contact, relax_contact):
-            state = solve(found, circle(center, 0.3))
-            assert state.forces.shape == state.gaps.shape == (0,)
-
-
 # Condensation
 
 
@@ -187,71 +169,6 @@ def test_compliance_is_that_of_a_robot_in_which_candidates_are_nodes(robot, rng)
     )
     moved = np.einsum('cidj,dj->ci', whole, pairs).copy().view(complex).ravel()
     assert found.displacements(normals) == pytest.approx(moved, abs=1e-9 * np.abs(moved).max())
-
-
-def hinged_stiffness(place, length, flexural, shear):
-    """Return the stiffness of a beam on two hinges against a force at a place."""
-    rest = length - place
-    return 1.0 / (place**2 * rest**2 / (3.0 * flexural * length) + place * rest / (shear * length))
-
-
-def clamped_stiffness(place, length, flexural, shear):
-    """Return the same for clamped ends, by the moments that hold a hinged beam's ends."""
-    rest = length - place
-    own, other = length / (3.0 * flexural), length / (6.0 * flexural)
-    tilt = place * rest / (6.0 * flexural * length) * np.array([length + rest, length + place])
-    matrix = np.array([[own, other], [other, own]])
-    matrix += np.array([[1.0, -1.0], [-1.0, 1.0]]) / (shear * length)
-    hinged = 1.0 / hinged_stiffness(place, length, flexural, shear)
-    return 1.0 / (hinged - tilt @ np.linalg.solve(matrix, tilt))
-
-
-@pytest.mark.parametrize('share', [0.5, 0.4, 0.3, 0.2])
-@pytest.mark.parametrize('hinged', [False, True])
-@pytest.mark.parametrize('shear', [SHEAR, np.inf])
-@pytest.mark.parametrize('angle', [0.0, 0.7, -2.0])
-def test_a_disc_pressed_into_a_tube_meets_the_stiffness_of_a_beam(share, hinged, shear, angle):
-    # So little that the tube does not leave the disc's top: the force is k delta.
-    delta, turn = 1e-5, np.exp(1j * angle)
-    structure = tubes.bare(LENGTH * turn, AXIAL, FLEXURAL, shear, hinged)
-    center = (share * LENGTH - 1j * (RADIUS - delta)) * turn
-    found = find_contact_points(structure, circle(center, RADIUS), 0.005)
-    form = hinged_stiffness if hinged else clamped_stiffness
-    expected = delta * form(share * LENGTH, LENGTH, FLEXURAL, shear)
-    for solve in (solve_contact, relax_contact):
-        state = solve(found, circle(center, RADIUS))
-        assert (state.forces > 0.0).sum() == 1
-        assert state.forces.sum() == pytest.approx(expected, rel=1e-6)
-        at = state.forces.argmax()
-        assert found.points[at] == pytest.approx(share * LENGTH * turn, abs=1e-12)
-        assert state.normals[at] == pytest.approx(1j * turn, abs=1e-9)
-        assert state.displacements[at] == pytest.approx(delta * 1j * turn, abs=1e-10)
-
-
-@pytest.mark.parametrize('spacing', [0.004, 0.001])
-def test_a_string_wraps_around_a_disc(spacing):
-    # No bending, only shear: a string under the tension GA, straight up to where it touches. Its
-    # slope there is both that of the disc and that of the straight part.
-    tension, delta, half = 50.0, 0.03, 0.5 * LENGTH
-    center = half - 1j * (RADIUS - delta)
-    structure = straight(flexural=1e7, shear=tension, axial=1e9)
-    found = find_contact_points(structure, circle(center, RADIUS), spacing)
-    state = solve_contact(found, circle(center, RADIUS))
-
-    def too_low(phi):
-        drop = RADIUS * (1.0 - np.cos(phi))
-        return np.tan(phi) * (half - RADIUS * np.sin(phi)) + drop - delta
-
-    edge = brentq(too_low, 0.0, 1.0)
-    touching = state.forces > 0.0
-    assert touching.sum() > 2
-    width = np.ptp(found.points[touching].real)
-    assert width == pytest.approx(2.0 * RADIUS * np.sin(edge), abs=2.0 * spacing)
-    pushed = (state.forces * state.normals).sum()
-    assert pushed == pytest.approx(2j * tension * np.tan(edge), rel=0.5 * spacing / width)
-    # The load that bends a string around a disc is even: tension over radius.
-    inner = state.forces[touching][2:-2] / spacing
-    assert inner == pytest.approx(np.full(len(inner), tension / RADIUS), rel=0.02)
 
 
 # Robots
@@ -279,42 +196,18 @@ def pressed_surface(config, body, spacing=0.005):
     return find_contact_points(structure_of(config), surface, spacing), surface
 
 
-@robots.examples(60)
+@robots.examples(40)
 @given(generators)
 def test_grasps_of_robots_are_complementary(rng):
     found, surface = pressed_surface(*random_pressed(rng))
     state = solve_contact(found, surface)
     assert (state.forces > 0.0).any()
     check_state(found, state, surface.center, surface.reach)
-
-
-@robots.examples(20)
-@given(generators)
-def test_warm_starts_lead_to_the_same_forces(rng):
-    # Pressed in by a decimetre or more, a tube may lie on either side of an object: two answers.
-    found, surface = pressed_surface(*random_pressed(rng))
-    cold = solve_contact(found, surface)
-    for start in (cold.forces, np.zeros(len(cold.forces)), rng.random(len(cold.forces))):
+    # Wherever the search begins.
+    for start in (state.forces, np.zeros(len(state.forces)), rng.random(len(state.forces))):
         warm = solve_contact(found, surface, start)
-        slack = 1e-5 * cold.forces.sum()
-        assert warm.forces == pytest.approx(cold.forces, abs=slack)
-        assert warm.gaps == pytest.approx(cold.gaps, abs=1e-7)
-
-
-@pytest.mark.parametrize('deep', [1e-4, 1e-3, 5e-3])
-@pytest.mark.parametrize('share', [0.35, 0.5, 0.65])
-def test_relaxation_agrees_with_pivoting(share, deep):
-    grasp = pressed_between(load_robot('nine_member'), 'north/Z', share, deep)
-    found, surface = pressed_surface(*grasp, 0.01)
-    exact, relaxed = (solve(found, surface) for solve in (solve_contact, relax_contact))
-    check_state(found, exact, surface.center, surface.reach)
-    total = exact.forces.sum()
-    assert relaxed.forces == pytest.approx(exact.forces, abs=1e-4 * total)
-    assert relaxed.gaps == pytest.approx(exact.gaps, abs=1e-8)
-    wrench = (exact.forces * exact.normals).sum()
-    assert (relaxed.forces * relaxed.normals).sum() == pytest.approx(wrench, abs=1e-5 * total)
-    assert (relaxed.gaps.min(), relaxed.forces.min()) >= (-1e-9, 0.0)
-    assert (relaxed.gaps * relaxed.forces).max() <= 1e-8 * total
+        assert warm.forces == pytest.approx(state.forces, abs=1e-5 * state.forces.sum())
+        assert warm.gaps == pytest.approx(state.gaps, abs=1e-7)
 
 
 def test_relaxation_finds_what_touches_by_the_force_at_another_point():

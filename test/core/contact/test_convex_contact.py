@@ -10,11 +10,11 @@
 """Contact with any convex object: against discs, distances, least squares, and itself."""
 
 from comparison.wedge import pressed_into
-from grips import closed_to
 from hypothesis import given, strategies
 from isotruss_ros.core import (
     analyze_grasp,
     ConvexObject,
+    Disc,
     Ellipse,
     load_robot,
     Polygon,
@@ -30,7 +30,7 @@ from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
 import robots
-from shapes import dense_outline, random_shape, regular_polygon, surface_distance
+from shapes import dense_outline, random_shape, random_shape_of, regular_polygon, surface_distance
 
 HOME = load_robot('nine_member').home
 MODULE = 'south/P'
@@ -174,36 +174,31 @@ def test_any_shape_at_any_depth_has_an_answer(seed, depth, flattening):
         assert len(analysis.contact_forces) >= 2
 
 
-ARROW = ((0.0, 0.13), (-0.12, -0.08), (0.12, -0.08))
-
-
-def arrow_forces(config, radius, angles, **options):
-    """Return the normal forces (a, 2) of both members on a triangle turned to some angles."""
-    shape = Polygon(ARROW, radius)
-    found = [
-        analyze_grasp(config, pressed_into(config, 'north/Z', shape, angle, 0.01), **options)
-        for angle in angles
-    ]
-    for analysis in found:
-        by_points = np.bincount(analysis.members, analysis.normal_forces)
-        assert by_points[by_points > 0.0] == pytest.approx(
-            [analysis.contact_forces[name] for name in sorted_members(analysis)]
-        )
-    return np.array([list(analysis.contact_forces.values()) for analysis in found])
-
-
-def sorted_members(analysis):
-    """Return the names of the members in contact, in the order of the robot."""
-    return [name for name in HOME.robot.member_names if name in analysis.contact_forces]
-
-
-@pytest.mark.parametrize('radius', [0.0, 0.001, 0.005])
-def test_normal_forces_at_corners_are_smooth_in_the_angle(radius):
-    config = closed_to(HOME, 40.0, 0.3)
-    angles = np.linspace(1.6, 1.8, 9)
-    forces = arrow_forces(config, radius, angles)
-    for one in forces.T:
-        smooth = np.polyval(np.polyfit(angles, one, 2), angles)
-        assert one == pytest.approx(smooth, rel=0.03)
-    finer = arrow_forces(config, radius, angles, spacing=0.0025)
-    assert finer == pytest.approx(forces, rel=0.05)
+@pytest.mark.parametrize('seed', range(5))
+@pytest.mark.parametrize('kind', [Disc, Ellipse, Polygon])
+def test_tubes_face_the_object_from_the_side_on_which_they_are(kind, seed):
+    rng = np.random.default_rng(seed)
+    body = ConvexObject(
+        random_shape_of(kind, rng), (*rng.uniform(-1.0, 1.0, 2), rng.uniform(0.0, 6.0))
+    )
+    surface = surface_of(body, rng.uniform(0.0, 0.05))
+    axis = np.exp(1j * rng.uniform(0.0, 6.0, 200))
+    # Inside of the object, and out of it.
+    away = (
+        1.5 * surface.reach * rng.uniform(-1.0, 1.0, 200) * np.exp(1j * rng.uniform(0.0, 6.0, 200))
+    )
+    facing = surface.facing(away, axis)
+    assert np.abs(facing) == pytest.approx(1.0)
+    outward = 1j * axis * np.sign((away * axis.conj()).imag)
+    assert ((facing * outward.conj()).real > 0.0).all()
+    # Whichever way the tubes run, and the object and they are turned.
+    assert surface.facing(away, -axis) == pytest.approx(facing, abs=1e-9)
+    turn = np.exp(2.0j)
+    turned = surface_of(body.moved_to([*body.pose[:2], body.pose.angle + 2.0]), 0.0)
+    assert turned.facing(away * turn, axis * turn) == pytest.approx(
+        surface_of(body, 0.0).facing(away, axis) * turn, abs=1e-9
+    )
+    # A tube that is far enough to be seen from where it is meets what is nearest to it.
+    far = np.flatnonzero(np.abs((away * axis.conj()).imag) > 1.3 * surface.reach)
+    assert len(far)
+    assert facing[far] == pytest.approx(surface.nearest(away[far]).normals, abs=1e-9)

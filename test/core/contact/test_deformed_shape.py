@@ -12,13 +12,7 @@
 from types import SimpleNamespace
 
 from comparison.wedge import pressed_into
-from isotruss_ros.core import (
-    analyze_grasp,
-    ConvexObject,
-    load_robot,
-    Polygon,
-    tangent_center,
-)
+from isotruss_ros.core import analyze_grasp, ConvexObject, load_robot, Polygon, tangent_center
 from isotruss_ros.core.contact.deformed_shape import deformed_lines, force_lines, region_lines
 from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.statics.member_compliance import MemberCompliance
@@ -100,8 +94,7 @@ def test_arrows_end_on_the_object_and_add_up_to_what_acts_on_it(config):
     assert (resultant.real, resultant.imag) == pytest.approx(tuple(analysis.normal_wrench[:2]))
     rough = analyze_grasp(config, cylinder, friction=0.5)
     left = np.diff(force_lines(cylinder, rough, 1.0)).sum()
-    assert abs(left) <= rough.closure_residual * (1.0 + 1e-9)
-    assert abs(left) < abs(resultant)
+    assert abs(left) <= min(rough.closure_residual * (1.0 + 1e-9), 0.9 * abs(resultant))
 
 
 @pytest.mark.parametrize('flattening', [True, False])
@@ -123,9 +116,6 @@ def test_arrows_and_regions_of_a_box_are_on_its_surface(config):
     analysis = analyze_grasp(config, held, friction=0.0)
     arrows = force_lines(held, analysis, 0.02)
     assert held.nearest(arrows[:, 1]).gaps == pytest.approx(0.0, abs=1e-9)
-    resultant = np.diff(arrows).sum() / 0.02
-    wanted = complex(*analysis.normal_wrench[:2])
-    assert abs(resultant - wanted) < 0.05 * abs(wanted)
     regions = region_lines(config, held, analysis)
     for region, length in zip(regions, analysis.contact_lengths.values(), strict=True):
         assert held.nearest(region).gaps == pytest.approx(0.0, abs=1e-9)

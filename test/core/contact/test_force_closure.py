@@ -34,9 +34,9 @@ def tangents_at(angles):
     return np.column_stack([-np.sin(angles), np.cos(angles)])
 
 
-def random_contacts(rng, count, spread=2.0 * np.pi):
+def random_contacts(rng, count):
     """Return tangents, normal forces (some of them zero) and a load of about their size."""
-    tangents = tangents_at(rng.uniform(0.0, 2.0 * np.pi) + rng.uniform(0.0, spread, count))
+    tangents = tangents_at(rng.uniform(0.0, 2.0 * np.pi, count))
     forces = rng.uniform(0.1, 10.0, count) * (rng.random(count) < 0.8)
     load = wrenches(tangents, forces).T @ rng.uniform(-1.0, 1.0, count)
     return tangents, forces, load
@@ -89,26 +89,11 @@ def test_forces_are_those_of_bounded_least_squares(rng, count, friction):
     assert closure.residual == pytest.approx(least, abs=closure.tolerance)
     left = load + np.column_stack([tangents, np.ones(count)]).T @ closure.friction_forces
     assert closure.residual == pytest.approx(np.linalg.norm(left), abs=1e-12 * forces.sum())
-
-
-@robots.examples(150)
-@given(generators, counts, coefficients, strategies.floats(0.02, 6.0))
-def test_flag_follows_from_the_required_friction(rng, count, friction, spread):
-    tangents, forces, load = random_contacts(rng, count, spread)
-    closure = check_force_closure(tangents, forces, load, friction)
-    assert closure.closed == (closure.residual <= closure.tolerance)
-    if closure.required_friction <= friction:
-        assert closure.closed
-    # What is closed although it needs a little more friction is so within the tolerance.
-    elif closure.closed:
-        assert -closure.margin <= closure.tolerance
-    # At the smallest coefficient it closes, and just below it does not.
-    required = closure.required_friction
-    if 1e-3 < required < np.inf:
-        assert check_force_closure(tangents, forces, load, required).closed
-        least = check_force_closure(tangents, forces, load, 0.99 * required)
-        assert least.margin < 0.0
-        assert least.residual >= -least.margin * (1.0 - 1e-9) - 1e-12 * forces.sum()
+    # Each contact is at its bound against what is left, or at right angles to it.
+    segments = wrenches(tangents, forces)
+    shares = closure.friction_forces / np.where(forces > 0.0, forces, 1.0)
+    pulls = segments @ left / (1.0 + np.abs(segments).max() ** 2)
+    assert np.clip(shares - pulls, -friction, friction) == pytest.approx(shares, abs=1e-6)
 
 
 @robots.examples(60)
@@ -173,17 +158,6 @@ def test_one_contact_balances_its_own_friction_only():
     assert pressed.required_friction == np.inf
 
 
-def test_no_friction_leaves_the_load():
-    tangents = tangents_at(np.arange(3.0))
-    load = np.array([1.0, -2.0, 2.0])
-    closure = check_force_closure(tangents, np.ones(3), load, 0.0)
-    assert closure.residual == pytest.approx(3.0)
-    assert not closure.closed
-    assert closure.margin < 0.0
-    assert closure.friction_forces.tolist() == [0.0] * 3
-    assert check_force_closure(tangents, np.ones(3), np.zeros(3), 0.0).closed
-
-
 @pytest.mark.filterwarnings('error')
 def test_a_load_beyond_all_friction_is_not_balanced():
     closure = check_force_closure(tangents_at(np.arange(5.0)), np.ones(5), np.full(3, 1e300), 0.5)
@@ -205,40 +179,6 @@ def test_of_all_forces_that_balance_the_smallest_shares_are_found(rng, count, fr
     if np.abs(smallest).max() < friction:
         assert shares == pytest.approx(smallest, abs=1e-6)
     assert np.linalg.norm(shares) >= np.linalg.norm(smallest) - 1e-6
-
-
-@robots.examples(40)
-@given(generators, strategies.integers(2, 6), strategies.floats(0.05, 1.0))
-def test_contacts_that_are_alike_take_equal_shares(rng, count, friction):
-    angles = rng.uniform(0.0, 2.0 * np.pi, count)
-    tangents, forces = tangents_at(np.repeat(angles, 3)), rng.uniform(0.5, 2.0, 3 * count)
-    # More than friction can take, and less.
-    for size in (0.05, 5.0):
-        load = size * friction * forces.sum() * rng.uniform(-1.0, 1.0, 3)
-        closure = check_force_closure(tangents, forces, load, friction)
-        total = closure.friction_forces.reshape(-1, 3).sum(axis=1)
-        again = check_force_closure(tangents[::-1], forces[::-1], load, friction)
-        assert again.friction_forces[::-1] == pytest.approx(closure.friction_forces, abs=1e-5)
-        assert (np.abs(total) <= friction * forces.reshape(-1, 3).sum(axis=1) * (1 + 1e-12)).all()
-
-
-@pytest.mark.parametrize(
-    ('places', 'forces', 'load', 'friction'),
-    [
-        ([6, 23, 6, 1, 4, 10], [2, 1, 1, 1, 1, 1], [0, -3, 1], 0.25),
-        ([7, 23, 15, 23, 9, 12], [2, 3, 2, 3, 1, 2], [-2, 3, -3], 0.5),
-        ([16, 18, 12, 18, 23], [3, 3, 2, 3, 1], [-3, 1, -1], 0.5),
-        ([19, 23, 21, 21], [3, 1, 1, 2], [1, 1, 0], 1.0),
-    ],
-)
-def test_nothing_is_left_that_friction_could_still_take(places, forces, load, friction):
-    tangents, forces = tangents_at(np.array(places) * np.pi / 12.0), np.array(forces, dtype=float)
-    closure = check_force_closure(tangents, forces, np.array(load, dtype=float), friction)
-    segments = wrenches(tangents, forces)
-    shares = closure.friction_forces / forces
-    pulls = segments @ (segments.T @ shares + load)
-    # Each contact is at its bound against what is left, or at right angles to it.
-    assert np.clip(shares - pulls, -friction, friction) == pytest.approx(shares, abs=1e-9)
 
 
 @pytest.mark.parametrize('apart', [1e-3, 1e-4, 1e-5])
@@ -282,3 +222,10 @@ def test_required_friction_with_levers_is_that_of_a_linear_program(rng, count, f
     assert closure.required_friction == pytest.approx(expected, rel=1e-5, abs=1e-6)
     left = load + np.column_stack([tangents, levers]).T @ closure.friction_forces
     assert closure.residual == pytest.approx(np.linalg.norm(left), abs=1e-9 * forces.sum())
+    assert closure.closed == (closure.residual <= closure.tolerance)
+    if closure.required_friction <= friction:
+        assert closure.closed
+    else:
+        # What is closed although it needs a little more friction is so within the tolerance.
+        assert closure.margin <= 0.0
+        assert closure.residual >= -closure.margin * (1.0 - 1e-9) - 1e-12 * forces.sum()

@@ -10,7 +10,7 @@
 """Contact points as fine as the regions need: convergence, whatever the search began with."""
 
 from comparison.wedge import pressed_into
-from hypothesis import given, strategies
+from hypothesis import example, given, strategies
 from isotruss_ros.core import (
     analyze_grasp,
     ConvexObject,
@@ -19,11 +19,7 @@ from isotruss_ros.core import (
     tangent_center,
 )
 from isotruss_ros.core.contact.flattening import flattening_of
-from isotruss_ros.core.contact.refinement import (
-    DIVISIONS,
-    refine_contact,
-    REGION_POINTS,
-)
+from isotruss_ros.core.contact.refinement import DIVISIONS, refine_contact, REGION_POINTS
 from isotruss_ros.core.contact.sliding_contact import solve_sliding_contact
 from isotruss_ros.core.contact.surfaces import surface_of
 from isotruss_ros.core.statics.structure import structure_of
@@ -51,8 +47,12 @@ def pressed(seed):
             continue
 
 
-def check_same_from_anywhere(seed):
-    """Check that the contact of grasps near and far leads to the same contact."""
+@robots.examples(15)
+@given(strategies.integers(0, 2**32 - 1))
+@example(1910)  # here two spacings are enough for themselves
+@example(2126)
+@example(2189)
+def test_the_answer_is_the_same_from_grasps_near_and_far(seed):
     config, cylinder = pressed(seed)
     cold = analyze_grasp(config, cylinder)
     x, y = cylinder.pose[:2]
@@ -64,11 +64,8 @@ def check_same_from_anywhere(seed):
         assert warm.normal_forces == pytest.approx(cold.normal_forces, abs=slack)
 
 
-seeds = given(strategies.integers(0, 2**32 - 1))
-
-
 @robots.examples(15)
-@seeds
+@given(strategies.integers(0, 2**32 - 1))
 def test_all_figures_are_converged_at_the_default_spacing(seed):
     config, cylinder = pressed(seed)
     coarse, fine = (analyze_grasp(config, cylinder, spacing=s) for s in (SPACING, SPACING / 4))
@@ -80,32 +77,15 @@ def test_all_figures_are_converged_at_the_default_spacing(seed):
     assert coarse.required_friction == pytest.approx(fine.required_friction, rel=0.02)
     assert coarse.closure_margin == pytest.approx(fine.closure_margin, abs=0.02 * size)
     assert coarse.closure_residual == pytest.approx(fine.closure_residual, abs=0.02 * size)
-
-
-@robots.examples(15)
-@seeds
-def test_points_lie_where_contact_is_and_are_enough(seed):
-    config, cylinder = pressed(seed)
-    analysis = analyze_grasp(config, cylinder, spacing=SPACING)
-    for member in np.unique(analysis.members):
-        here = np.sort(analysis.places[analysis.members == member])
-        start, end = analysis.contact_spans[ROBOT.member_names[member]]
+    # Points lie where contact is, and are enough.
+    for member in np.unique(coarse.members):
+        here = np.sort(coarse.places[coarse.members == member])
+        start, end = coarse.contact_spans[ROBOT.member_names[member]]
         assert start - SPACING <= here[0] < start
         assert end < here[-1] <= end + SPACING
-        touching = (analysis.normal_forces[analysis.members == member] > 0.0).sum()
+        touching = (coarse.normal_forces[coarse.members == member] > 0.0).sum()
         step = np.median(np.diff(here))
         assert touching >= REGION_POINTS - 2 or step == pytest.approx(SPACING / DIVISIONS[-1])
-
-
-@robots.examples(15)
-@seeds
-def test_the_answer_is_the_same_from_anywhere(seed):
-    check_same_from_anywhere(seed)
-
-
-@pytest.mark.parametrize('seed', [1910, 2126, 2189])
-def test_the_answer_is_the_same_where_two_spacings_are_enough_for_themselves(seed):
-    check_same_from_anywhere(seed)
 
 
 def test_an_object_that_is_not_touched_has_points_and_no_forces():

@@ -7,14 +7,13 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""The equations of a held object: balance, touch, rolling; whether it is held by its forces."""
+"""The equations of a held object: rest, rolling; whether it is held by its forces."""
 
 from dataclasses import replace
 
 from grips import gripped
 from held_grips import BOX, held
 from isotruss_ros.core import HoldStatus
-from isotruss_ros.core.contact.dents import Indentation
 from isotruss_ros.core.holding.attach_grip import attach_grip, rest
 from isotruss_ros.core.holding.build_statics import build_statics, start_at
 from isotruss_ros.core.holding.contact_forces import ANGLE, CENTER
@@ -32,36 +31,6 @@ UNLOADED = np.zeros(3)
 def statics():
     """Return the equations of a disc between the two members at the tip."""
     return build_statics(CONFIG, DISC, MODEL.contacts, TubeModel(flattening=False))
-
-
-def dents(forces):
-    """Return a made-up indentation of the skin, and its derivative."""
-    return 1e-4 * forces + 1e-6 * forces**2, 1e-4 + 2e-6 * forces
-
-
-@pytest.mark.parametrize('indentation', [Indentation(), dents])
-def test_the_equilibrium_balances_and_touches(statics, indentation):
-    statics = replace(statics, indentation=indentation)
-    wrench = np.array([1.0, -2.0, 0.5])
-    state = statics.solve(start_at(statics, DISC), wrench, rest(statics, DISC.center, 0.2))
-    forces = (state.normal_forces + 1j * state.friction_forces) * state.normals
-    left = -forces.sum() + complex(wrench[0], wrench[1])
-    assert abs(left) < 1e-9 * state.normal_forces.sum()
-    assert state.friction_forces.sum() == pytest.approx(wrench[2])
-    assert state.unknowns[ANGLE] == pytest.approx(0.2)
-    # The bent centre lines touch a disc of both radii less the dents, tangentially. Friction acts
-    # at the dented skin, with that arm about the centre line.
-    arms = statics.tube_radius - indentation(state.normal_forces)[0]
-    local = forces * statics.compliance.axis.conj()
-    loads = np.column_stack([local.real, local.imag, -arms * state.friction_forces])
-    given = statics.compliance.at(state.feet).respond(loads)
-    points = statics.compliance.start + statics.compliance.axis * (
-        state.feet + given[:, 0] + 1j * given[:, 1]
-    )
-    away = points - state.center
-    assert np.abs(away) == pytest.approx(statics.body.arm + arms, abs=1e-10)
-    along = statics.compliance.axis * (1.0 + 1j * given[:, 2])
-    assert (away.conj() * along).real == pytest.approx(0.0, abs=1e-10)
 
 
 def test_without_a_past_the_place_along_the_bisector_is_the_given_one(statics):

@@ -14,9 +14,8 @@ from dataclasses import replace
 import math
 from types import SimpleNamespace
 
-from apart_grips import APART, NINE
 from grips import gripped
-from held_grips import BOX, held, HOME, LOOP, numbers
+from held_grips import APART, BOX, held, HOME, LOOP, NINE, numbers
 from isotruss_ros.core import (
     analyze_grasp,
     ConvexObject,
@@ -46,6 +45,7 @@ CONFIG, CYLINDER = gripped(35.0, squeeze=0.08)
 SHARP = Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)])
 CORNER = ('north/P-Z', 'north/Z-R')
 NOTHING = np.zeros(0, dtype=np.intp)
+TRIANGLE = Polygon(regular_polygon(3, 0.645, 0.5 * np.pi).vertices, corner_radius=0.12)
 
 
 CASES = [
@@ -93,6 +93,8 @@ def touched_points(grip):
     assert state.loads == pytest.approx(loads, abs=1e-9)
     give = compliance.at(state.feet).respond(loads)
     line = compliance.start + compliance.axis * (state.feet + give[:, 0] + 1j * give[:, 1])
+    bent = compliance.axis * (1.0 + 1j * give[:, 2])
+    assert (bent.conj() * state.normals).real == pytest.approx(0.0, abs=1e-9)
     return line - skin * state.normals
 
 
@@ -167,15 +169,6 @@ def rolled_over_corners():
     turning = solve_twist(CONFIG, held_there, (0.0, 0.0, 1.0), limits=()).roller_velocities
     config = CONFIG.moved_to(CONFIG.roller_positions + 0.16 * turning)
     return roll_contacts(grip, config, grip.contacts, grip.anchors, grip.angles, grip.wrench)
-
-
-@pytest.mark.parametrize('changes', [0, 1, 2])
-def test_short_faces_follow_each_other_as_often_as_they_may(changes):
-    grip = rolled_over_corners()
-    laid = _lay_down(grip, changes)
-    passed = (laid.contacts.corners - grip.contacts.corners + 48) % 96 - 48
-    assert np.abs(passed).sum() == 1 + changes
-    assert np.abs(_lay_down(grip).contacts.corners - grip.contacts.corners).sum() > 3
 
 
 def test_a_face_that_would_not_press_does_not_lie_down(monkeypatch):
@@ -293,18 +286,6 @@ def test_at_the_slip_margin_a_member_slips_or_lets_go(kind):
     assert any(sticking)
 
 
-def test_round_sections_press_harder_and_need_no_table():
-    for shape, angle, members, count in CASES:
-        soft, stiff = (
-            held(shape, angle, members, tubes=TubeModel(flattening=flat)) for flat in (True, False)
-        )
-        assert len(stiff.anchors) == count
-        assert stiff.squeeze > 1.1 * soft.squeeze
-        assert stiff.statics.indentation(np.ones(count))[0] == pytest.approx(np.zeros(count))
-        moved = roll_grip(stiff, HOME, np.array([0.1, 0.0, 0.0]))
-        assert moved.wrench[0] == 0.1
-
-
 @pytest.mark.parametrize('shape', [Disc(0.4), Ellipse((0.25, 0.2))])
 @pytest.mark.parametrize('share', [0.7, 1.3])
 def test_other_pressures_change_tubes_and_dents_as_attaching_anew(shape, share):
@@ -330,10 +311,6 @@ def test_three_members_hold_a_disc_by_equal_friction():
     assert rubs.sum() * 0.325 == pytest.approx(-1.0, rel=1e-9)
     assert settled.slip_margin > 1.0
     # Found without their names too, where it presses into three.
-    again = settle_grasp(
-        HOME, grip.body.moved_to(settled.pose), 0.5, (0.0, 0.0, 1.0), members=LOOP
-    )
-    assert again.pose == pytest.approx(settled.pose, abs=1e-9)
     ellipse = place_between(HOME, LOOP, Ellipse((0.33, 0.32)), indentation=0.012)
     assert set(settle_grasp(HOME, ellipse.body, 0.5).normal_forces) == set(LOOP)
 
@@ -384,15 +361,9 @@ def test_a_third_member_is_dented_by_the_corner_that_it_meets(angle):
 
 
 @pytest.mark.parametrize(('flattening', 'bound'), [(True, 0.03), (False, 0.004)])
-@pytest.mark.parametrize('kind', ['disc', 'ellipse', 'faces'])
-def test_without_friction_members_press_as_in_the_analysis(kind, flattening, bound):
-    vertices = 0.645 * np.exp(1j * np.radians([90.0, 210.0, 330.0]))
-    shapes = {
-        'disc': Disc(0.65),
-        'ellipse': Ellipse((0.33, 0.32)),
-        'faces': Polygon([(z.real, z.imag) for z in vertices], corner_radius=0.12),
-    }
-    body = place_between(HOME, LOOP, shapes[kind], indentation=0.014).body
+@pytest.mark.parametrize('shape', [Disc(0.65), Ellipse((0.33, 0.32)), TRIANGLE])
+def test_without_friction_members_press_as_in_the_analysis(shape, flattening, bound):
+    body = place_between(HOME, LOOP, shape, indentation=0.014).body
     grip = attach_grip(HOME, body, numbers(LOOP), tubes=TubeModel(flattening=flattening))
     assert np.abs(grip.friction_forces).max() < 1e-6
     analysis = analyze_grasp(HOME, grip.body, 0.5, flattening=flattening)
@@ -401,9 +372,7 @@ def test_without_friction_members_press_as_in_the_analysis(kind, flattening, bou
 
 
 def test_a_face_between_three_members_settles_the_angle_without_friction():
-    vertices = 0.645 * np.exp(1j * np.radians([90.0, 210.0, 330.0]))
-    triangle = Polygon([(z.real, z.imag) for z in vertices], corner_radius=0.12)
-    grip = place_between(HOME, LOOP, triangle, indentation=0.012)
+    grip = place_between(HOME, LOOP, TRIANGLE, indentation=0.012)
     settled = settle_grasp(HOME, grip.body, 0.5)
     assert settled.hold is HoldStatus.HELD
     assert max(map(abs, settled.friction_forces.values())) < 1e-6
@@ -438,8 +407,6 @@ def test_what_is_not_held_says_why():
     assert settle_grasp(HOME, own, members=APART).hold is HoldStatus.HELD
     with pytest.raises(GraspError, match='south/P-X'):
         settle_grasp(HOME, grip.body, 0.5, members=('south/P-Q', 'south/P-X'))
-    with pytest.raises(GraspError, match='two or three'):
-        settle_grasp(HOME, ConvexObject.disc((0.0, 0.0), 0.3), 0.5, members=APART[:1])
 
 
 @pytest.mark.parametrize('grip', [attach_grip(CONFIG, CYLINDER), held(BOX, 0.2)])

@@ -7,20 +7,23 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Loads on a held object and on the joints of the robot that holds it."""
+"""Loads on a held object and on the joints of the robot that holds it, and what tubes bear."""
 
 from boxes import box_between, SIDES
+import frames
 from grips import gripped
-from held_grips import numbers
+from held_grips import BOX, held, numbers
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.joint_loads import joint_compliance, LoadedParts
 from isotruss_ros.core.holding.roll_grip import roll_grip
+from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
+import tubes
 
 CONFIG, CYLINDER = gripped(35.0, squeeze=0.1)
-BOX = box_between(depth=0.02).body
-GRIPS = [attach_grip(CONFIG, CYLINDER), attach_grip(CONFIG.robot.home, BOX, numbers(SIDES))]
+PLACED = box_between(depth=0.02).body
+GRIPS = [attach_grip(CONFIG, CYLINDER), attach_grip(CONFIG.robot.home, PLACED, numbers(SIDES))]
 
 
 @pytest.mark.parametrize('grip', GRIPS)
@@ -54,3 +57,27 @@ def test_object_and_joints_move_by_their_compliance(grip, loaded):
     alone = LoadedParts.find(grip, False)
     assert alone.places == pytest.approx(parts.places[:3])
     assert alone.compliance == pytest.approx(parts.compliance[:3, :3], abs=1e-5)
+
+
+def disc(angle):
+    """Return a disc pressed into the wedge of a module."""
+    return attach_grip(*gripped(angle, squeeze=0.1))
+
+
+@pytest.mark.parametrize('grasp', [disc(30.0), disc(45.0), disc(60.0), held(BOX, 0.0)])
+def test_tubes_bear_what_a_frame_under_the_same_loads_does(grasp):
+    structure, state, statics = structure_of(grasp.config), grasp.state, grasp.statics
+    frame = tubes.robot_with_nodes(structure, grasp.contacts.members, state.feet)
+    push = (state.normal_forces + 1j * state.friction_forces) * state.normals
+    # From the bent centre lines to the skin, where friction acts.
+    arms = -(statics.tube_radius - statics.indentation(state.normal_forces)[0]) * state.normals
+    loads = np.zeros((len(frame.points), 3))
+    loads[frame.nodes] = np.column_stack([push.real, push.imag, (arms.conj() * push).imag])
+    rows, fixed = frames.dense(frame._rows, len(frame.points)), frame._held.reshape(-1, 3)
+    *_, ends = frames.reference(frame.points, frame.members, fixed, loads, rows)
+    before = [ends[frame.members.end == node, 5].item() for node in frame.nodes]
+    *_, ahead = structure.locate(grasp.contacts.members, state.feet)
+    assert grasp.sections.moment == pytest.approx(ahead * before, rel=1e-6)
+    expected = tubes.largest_utilisation(structure, frame, ends)
+    assert grasp.sections.utilisation == pytest.approx(expected, rel=1e-6, abs=1e-9)
+    assert expected.max() > 0.1

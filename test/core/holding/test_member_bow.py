@@ -12,6 +12,7 @@ import itertools
 
 from carries import BRICK, FRICTION, GRASPS, LOOP, make_robot, MODULE, place
 from comparison.grips import STILL
+from held_grips import numbers
 from hypothesis import given
 from hypothesis import strategies as st
 from isotruss_ros.core import Disc, place_between
@@ -34,8 +35,7 @@ SHARE = st.floats(0.05, 0.95)
 def held(name):
     """Return how an object is held at home."""
     body, members = place(ROBOT, name, 0.5)
-    numbers = np.array([ROBOT.member_names.index(each) for each in members])
-    return attach_grip(ROBOT.home, body, numbers)
+    return attach_grip(ROBOT.home, body, numbers(members))
 
 
 def deflect(x, place, length):
@@ -85,12 +85,12 @@ def test_members_are_shorter_by_what_the_frame_bends_them(name):
     assert np.count_nonzero(bow) == len(grip.members)
 
 
-def bend(linear, numbers):
+def bend(linear, members):
     """Return the grip at the same pose with members as they bend to second order."""
     grip, body = linear, linear.body
     for _ in range(3):
         bent = bend_members(grip)
-        grip = attach_grip(ROBOT.home.shorten(bent.shorter), body, numbers)
+        grip = attach_grip(ROBOT.home.shorten(bent.shorter), body, members)
         statics = replace(grip.statics, given=bent.given)
         closure = rest(statics, body.center, body.pose.angle)
         state = statics.solve(grip.state.unknowns, grip.wrench, closure)
@@ -102,7 +102,6 @@ def bend(linear, numbers):
 @pytest.mark.parametrize(
     ('shape', 'members', 'depth', 'linear'),
     [
-        (Disc(0.25), TWO, 0.01, 0.97),
         (Disc(0.25), TWO, 0.02, 0.91),
         (BRICK, GRASPS['brick'][1], 0.01, 0.98),
         (Disc(0.65), LOOP, 0.01, 0.985),
@@ -110,9 +109,9 @@ def bend(linear, numbers):
 )
 def test_joints_and_squeeze_are_those_of_mujoco(shape, members, depth, linear):
     body = place_between(ROBOT.home, members, shape, indentation=depth).body
-    numbers = np.array([ROBOT.member_names.index(each) for each in members])
+    own = numbers(members)
     fine = np.full(len(ROBOT.member_names), 4)
-    fine[numbers] = 32
+    fine[own] = 32
     plant = MujocoPlant(ROBOT, [body], replace(STILL, friction=FRICTION), fine)
     plant.hold_object(body.pose)
     plant.settle(1.0)
@@ -120,8 +119,8 @@ def test_joints_and_squeeze_are_those_of_mujoco(shape, members, depth, linear):
     plant.settle(2.0)
     body = body.moved_to(plant.object_pose())
     joints = plant.nodes[: len(ROBOT.topology.joint_names)]
-    straight = attach_grip(ROBOT.home, body, numbers)
-    bent = bend(straight, numbers)
+    straight = attach_grip(ROBOT.home, body, own)
+    bent = bend(straight, own)
     assert held_joints(bent) == pytest.approx(joints, abs=2e-4)
     measured = np.mean([force.normal for force in plant.contact_forces().values()])
     assert bent.squeeze == pytest.approx(measured, rel=0.015)

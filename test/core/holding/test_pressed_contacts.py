@@ -18,16 +18,16 @@ from isotruss_ros.core import (
 from isotruss_ros.core.holding.build_statics import build_statics, find_pressed
 import numpy as np
 import pytest
+import robots
 from shapes import regular_polygon
 
 NUMBER = HOME.robot.member_names.index('south/P-Q')
 RADIUS = 0.5 * HOME.robot.description.tube_diameter
 
 
-def member_line(number=NUMBER):
-    """Return where a member starts, and its direction."""
-    topology, points = HOME.robot.topology, HOME.points
-    start, end = points[topology.b[number]], points[topology.c[topology.following[number]]]
+def member_line():
+    """Return where the member starts, and its direction."""
+    start, end = robots.member_ends(HOME, 'south/P-Q')
     return start, (end - start) / abs(end - start)
 
 

@@ -12,9 +12,8 @@
 from collections import Counter
 from dataclasses import replace
 
-from apart_grips import APART
 from grips import gripped
-from held_grips import BOX, held
+from held_grips import APART, BOX, held
 from isotruss_ros.core import (
     analyze_grasp,
     ConvexObject,
@@ -25,20 +24,14 @@ from isotruss_ros.core import (
     settle_grasp,
     tangent_center,
 )
-from isotruss_ros.core.contact.contact import solve_contact
-from isotruss_ros.core.contact.contact_points import find_contact_points
-from isotruss_ros.core.contact.force_closure import check_force_closure
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding import attach_grip as attach_grip_module
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.roll_grip import roll_grip
-from isotruss_ros.core.numerics.arrays import as_xy
-from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
 from robots import random_robot, random_state
-from shapes import circle
 
 HOME = load_robot('nine_member').home
 CONFIG, CYLINDER = gripped(35.0, squeeze=0.08)
@@ -92,33 +85,6 @@ def test_where_friction_has_nothing_to_do_it_is_the_analysis(degrees, squeeze, f
         assert np.diag(ratio) == pytest.approx(1.0, abs=0.1)
 
 
-@pytest.mark.parametrize('wrench', [(0.0, 0.0, 0.0), (2.0, -1.0, 0.2), (-1.0, 3.0, -0.3)])
-@pytest.mark.parametrize('squeeze', [0.05, 0.12])
-def test_with_friction_in_the_structure_the_contact_solver_and_closure_agree(wrench, squeeze):
-    config, cylinder = gripped(33.0, squeeze=squeeze)
-    grasp = attach_grip(config, cylinder, None, np.array(wrench), TubeModel(flattening=False))
-    statics, state = grasp.statics, grasp.state
-    radius = statics.body.arm + statics.tube_radius
-    points = find_contact_points(structure_of(config), circle(state.center, radius), 0.002)
-    feet = statics.compliance.start + state.feet * statics.compliance.axis
-    rubbing = np.zeros(len(points.points), dtype=complex)
-    for foot, force in zip(feet, 1j * state.friction_forces * state.normals, strict=True):
-        rubbing[np.abs(points.points - foot).argmin()] += force
-    loaded = points.displacements(rubbing)
-    shifted = replace(points, points=points.points + loaded, skin=points.skin + loaded)
-    contact = solve_contact(shifted, circle(state.center, radius))
-    found = [contact.forces[points.member == i].sum() for i in grasp.members]
-    # The solver leaves out that friction at the skin turns the tube.
-    assert found == pytest.approx(state.normal_forces, rel=0.08)
-    tangents = as_xy(1j * state.normals)
-    load = as_xy(-(state.normal_forces * state.normals).sum().reshape(1))[0]
-    load = np.append(load + wrench[:2], wrench[2] / statics.body.arm)
-    closure = check_force_closure(tangents, state.normal_forces, load, FRICTION, np.ones(2))
-    required = float(np.max(np.abs(state.friction_forces) / state.normal_forces))
-    assert closure.closed == (required <= FRICTION)
-    assert closure.required_friction == pytest.approx(required, rel=1e-6)
-
-
 def test_a_given_pose_across_the_bisector_does_not_matter():
     quiet = settle_grasp(CONFIG, CYLINDER, FRICTION)
     state = attach_grip(CONFIG, CYLINDER).state
@@ -127,14 +93,6 @@ def test_a_given_pose_across_the_bisector_does_not_matter():
         settled = settle_grasp(CONFIG, moved(CYLINDER, shift * across / abs(across)), FRICTION)
         assert settled.pose == pytest.approx(quiet.pose, abs=1e-8)
         assert settled.slip_margin == pytest.approx(quiet.slip_margin, rel=1e-6)
-
-
-def test_what_lies_deep_in_one_tube_and_far_from_the_other_is_not_in_the_grip():
-    state = attach_grip(CONFIG, CYLINDER).state
-    across = complex(state.normals[0] - state.normals[1])
-    settled = settle_grasp(CONFIG, moved(CYLINDER, 0.05 * across / abs(across)), FRICTION)
-    assert settled.hold is HoldStatus.FAR
-    assert not settled.held
 
 
 def test_more_than_three_members_are_named_as_what_it_does_not_settle(monkeypatch):
@@ -188,7 +146,7 @@ def grasps(count):
 
 def test_random_grasps_are_balanced_or_say_what_has_no_solution():
     outcomes = Counter()
-    for config, cylinder, friction, wrench in grasps(1000):
+    for config, cylinder, friction, wrench in grasps(400):
         settled = settle_grasp(config, cylinder, friction, wrench)
         outcomes[settled.hold] += 1
         if not settled.normal_forces:
@@ -211,20 +169,7 @@ def test_random_grasps_are_balanced_or_say_what_has_no_solution():
         if settled.held:
             assert ratio.max() <= friction
             assert settled.slip_margin >= 0.0
-    assert outcomes[HoldStatus.HELD] > 100
-    assert outcomes[HoldStatus.SLIPS] > 100
-
-
-@pytest.mark.parametrize(
-    ('arguments', 'words'),
-    [
-        ({'friction': -0.1}, 'must not be negative'),
-        ({'external_wrench': (0.0, 1.0, np.inf)}, 'external wrench'),
-    ],
-)
-def test_bad_arguments_are_refused(arguments, words):
-    with pytest.raises(GraspError, match=words):
-        settle_grasp(CONFIG, CYLINDER, **arguments)
+    assert min(outcomes[HoldStatus.HELD], outcomes[HoldStatus.SLIPS]) > 40
 
 
 def test_measured_pressures_stiffen_the_tubes():

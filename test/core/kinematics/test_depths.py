@@ -15,7 +15,6 @@ from isotruss_ros.core.model.convex_object import segment_gaps
 import numpy as np
 import pytest
 
-HOME = load_robot('nine_member').home
 ROBOT = load_robot('nine_member')
 HOME = ROBOT.home
 TOPOLOGY = ROBOT.topology
@@ -26,13 +25,10 @@ BOX = Polygon([(-0.05, -0.04), (0.05, -0.04), (0.05, 0.04), (-0.05, 0.04)])
 
 
 def test_the_closed_form_for_discs_is_the_search_for_any_shape():
-    topology, rng = HOME.robot.topology, np.random.default_rng(0)
-    starts = HOME.points[topology.b]
-    ends = HOME.points[topology.c[topology.following]]
-    radius = 0.5 * HOME.robot.description.tube_diameter
+    rng = np.random.default_rng(0)
     for _ in range(200):
         body = ConvexObject.disc(rng.uniform(-1.0, 1.0, 2), rng.uniform(0.05, 0.8))
-        expected = radius - segment_gaps(body, starts, ends).gaps
+        expected = TUBE - segment_gaps(body, BEGIN, END).gaps
         assert member_depths(HOME, body) == pytest.approx(expected, abs=1e-12)
 
 

@@ -34,7 +34,7 @@ def gaps(config, grip):
     contacts = random_grips.contacts_of(config, grip)
     found = []
     for k, owner in enumerate(contacts.owners):
-        start, _ = random_grips.member_ends(config, grip.members[owner])
+        start, _ = robots.member_ends(config, grip.members[owner])
         off = ((start - contacts.points[k]) * contacts.normals[k].conjugate()).real
         found.append(off - 0.5 * config.robot.description.tube_diameter)
     return np.array(found)
@@ -77,7 +77,7 @@ def test_three_members_are_touched_as_evenly_as_they_can_be():
 
 def test_an_object_between_parallel_members_is_in_their_middle():
     members = ('south/P-Q', 'east/R-Y')
-    ends = np.array([random_grips.member_ends(NINE.home, name) for name in members])
+    ends = np.array([robots.member_ends(NINE.home, name) for name in members])
     along = (ends[0, 1] - ends[0, 0]) / abs(ends[0, 1] - ends[0, 0])
     apart = abs(((ends[1, 0] - ends[0, 0]) / along).imag)
     grip = place_between(NINE.home, members, Disc(apart - NINE.description.tube_diameter))

@@ -14,10 +14,9 @@ from dataclasses import replace
 from grips import disc_grip
 from hypothesis import assume, given, strategies
 from isotruss_ros.core import load_robot
-from isotruss_ros.core.manipulation.grip_rows import contact_rows, grip_jacobian, member_rows
+from isotruss_ros.core.manipulation.grip_rows import contact_rows, grip_jacobian
 from isotruss_ros.core.numerics.arrays import as_xy
 import numpy as np
-from paper_rows import contact_depth, paper_rows
 import pytest
 import random_grips
 import robots
@@ -44,20 +43,6 @@ def along(contacts):
     turned[each, 0, each] = as_xy(-contacts.normals)
     turned[each, 1, each] = as_xy(1j * contacts.sides * contacts.normals)
     return turned.reshape(2 * len(each), -1)
-
-
-@robots.examples(40)
-@given(robots.robots(), robots.generators(), NUMBERS)
-def test_rows_at_a_module_are_those_of_the_paper(robot, rng, number):
-    config, grip, ends = robots.random_grasp(robot, rng, number)
-    rows, (paper, opening) = grip_jacobian(config, grip), paper_rows(config, grip, ends)
-    # The distance of the contacts changes as the angle does, times their depth in the corner.
-    scale = np.abs(rows).max()
-    depth = contact_depth(config, grip, ends)
-    assert rows[3] == pytest.approx(depth * opening, abs=1e-10 * scale)
-    # Motions that keep the angle move the object alike.
-    kept = null_space(opening[None])
-    assert rows[:3] @ kept == pytest.approx(paper @ kept, abs=1e-10 * scale)
 
 
 def differences(config, grip, pose, contacts):
@@ -155,22 +140,3 @@ def test_rows_are_kept_for_a_configuration_and_a_grip():
     assert np.abs(grip_jacobian(there, grip) - found).max() > 1e-6
     wider = disc_grip(config, 'north/Z', 0.16)
     assert np.abs(grip_jacobian(config, wider) - found).max() > 1e-3
-
-
-@pytest.mark.parametrize('member', load_robot('nine_member').member_names)
-def test_the_roller_at_either_end_of_a_member_moves_its_material(member):
-    """Past the passive module of a tube it is the other roller that turns."""
-    robot = load_robot('nine_member')
-    config = robot.configuration([0.03, -0.02, 0.01, 0.04, -0.03, 0.02])
-    start, end = random_grips.member_ends(config, member)
-    axis = (end - start) / abs(end - start)
-    number = robot.member_names.index(member)
-    following = robot.topology.following[number]
-    vx, vy, _ = member_rows(config, (member,))
-    velocity = vx + 1j * vy
-    velocities = config.node_jacobian.T.copy().view(complex)
-    at_start, at_end = (velocities[:, (config.points == node).argmax()] for node in (start, end))
-    for node, module in ((at_start, number), (at_end, following)):
-        rolled = ((velocity - node) * axis.conjugate()).real
-        turning = np.array(robot.roller_names) == robot.module_names[module]
-        assert rolled == pytest.approx(turning.astype(float), abs=1e-12)

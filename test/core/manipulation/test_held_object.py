@@ -9,7 +9,7 @@
 
 """Motion in time: the held object's pose, commands for the middle of their interval, no drift."""
 
-from grips import apart, disc_grip, rolled
+from grips import apart, disc_grip, drive, rolled
 from isotruss_ros.core import load_robot, RollingGrip, solve_twist, solve_twist_ahead, Status
 from isotruss_ros.core.errors import ConfigurationError, GraspError
 import numpy as np
@@ -28,16 +28,6 @@ def opening(config):
     return abs(np.angle((c_end - c) / (b_end - b)))
 
 
-def drive(twists, rate, lead):
-    """Carry out each command, computed for some time ahead [s], for one interval of the loop."""
-    held = START
-    for twist in twists:
-        command = solve_twist_ahead(held.config, held.grip, twist, lead)
-        assert command.status in (Status.OK, Status.IDLE)
-        held = rolled(held, command.roller_velocities / rate)
-        yield held
-
-
 def test_command_ahead_is_the_plain_one_for_the_state_ahead():
     twist, lead = [0.01, 0.02, -0.1], 0.1
     plain = solve_twist(HOME, START.grip, twist)
@@ -53,11 +43,8 @@ def test_command_ahead_is_the_plain_one_for_the_state_ahead():
 @pytest.mark.parametrize(
     ('lead', 'error', 'words'),
     [
-        *(
-            (lead, GraspError, r'lead .* be a finite number, not negative')
-            for lead in (-1e-3, np.inf)
-        ),
-        (np.nan, GraspError, 'lead nan s: must be'),
+        (-1e-3, GraspError, r'lead .* be a finite number, not negative'),
+        (np.inf, GraspError, 'lead inf s: must be'),
         (1e3, ConfigurationError, 'nine_member'),
     ],
 )
@@ -69,7 +56,7 @@ def test_leads_that_make_no_sense_or_lead_beyond_all_shapes_are_refused(lead, er
 
 def drift(rate, lead, seconds=2.0):
     """Return how far object and grip are from where a constant twist should have led them."""
-    *_, end = drive([TWIST] * round(seconds * rate), rate, lead)
+    end = drive(START, TWIST, seconds, rate, lead)
     distance, angle = apart(end.pose, np.array(START.pose) + seconds * TWIST)
     return distance, angle, abs(opening(end.config) - opening(HOME))
 
@@ -86,7 +73,7 @@ def test_midpoint_rule_is_of_second_order_and_euler_of_first():
 
 def test_a_quarter_of_a_turn_uses_up_the_arc_of_a_quarter():
     """Of an object of 0.3 m that are 0.236 m, less what the member turns itself."""
-    *_, end = drive([[0.0, 0.0, -0.1 * np.pi]] * 100, 20.0, 0.025)
+    end = drive(START, [0.0, 0.0, -0.1 * np.pi], 5.0)
     assert apart(end.pose, START.pose) == pytest.approx((0.0, 0.5 * np.pi), abs=1e-3)
     (b, b_end, *_), (there, there_end, *_) = (
         robots.side_ends(each, MODULE) for each in (HOME, end.config)

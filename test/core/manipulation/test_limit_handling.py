@@ -7,28 +7,15 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Scaling and sliding: optimal by certificates of their own, and no swinging rollers."""
+"""Scaling and sliding: optimal by certificates of their own, and by few rows as by all."""
 
 from grips import surface
 from hypothesis import assume, given, strategies
-from isotruss_ros.core import (
-    ConvexObject,
-    Grip,
-    load_robot,
-    RollingGrip,
-    ShapeGuard,
-    solve_twist,
-    Status,
-)
+from isotruss_ros.core import solve_twist, Status
+from isotruss_ros.core.manipulation import limit_handling
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.limit_handling import LEAST_REGULARIZATION, LimitHandling
-from isotruss_ros.core.manipulation.limits import (
-    default_limits,
-    MemberLengthLimit,
-    RollerSpeedLimit,
-    stack_rows,
-)
-from isotruss_ros.core.safety.shape_guard import ShapeBounds
+from isotruss_ros.core.manipulation.limits import MemberLengthLimit, RollerSpeedLimit, stack_rows
 import numpy as np
 import pytest
 import robots
@@ -151,29 +138,29 @@ def test_thrift_costs_next_to_nothing_and_never_the_direction(robot, rng, number
         assert thrifty.scale > 0.97 * exact.scale
 
 
-def test_twists_of_any_size_are_solved_in_corners_too():
-    """Next to bounds of shapes, and far beyond what the rollers can do."""
-    robot = load_robot('nine_member')
-    corner = np.array([-0.13457, 0.55259, -0.55598, -0.75575, 0.1915, -0.38877])
-    start = robot.configuration(corner)
-    held = RollingGrip.attach(
-        start,
-        Grip.at_module(robot, 'north/Z', ConvexObject.disc((1.92365, -0.80865), 0.3156)),
-    )
-    guard = ShapeGuard(robot, ShapeBounds())
-    twist = np.array([1.615, -2.887, 2.034])
-    rng, moved = np.random.default_rng(0), 0
-    for _ in range(60):
-        config = start.moved_to(corner + 0.003 * rng.uniform(-1.0, 1.0, 6))
-        grasp = held.moved_to(config).grip
-        limits = (*default_limits(robot), *guard.watch(config, grasp).limits)
-        done = []
-        for size in (1e3, 1e12, 1e300):
-            command = solve_twist(
-                config, grasp, size * twist, (), limits, LimitHandling(period=0.05)
-            )
-            done.append(command.scale * size)
-            assert command.achieved_twist == pytest.approx(done[-1] * twist, abs=1e-6)
-        assert done == pytest.approx([done[0]] * 3, rel=1e-2, abs=1e-6)
-        moved += done[0] > 1e-3
-    assert moved
+@pytest.mark.parametrize('slide', [False, True])
+@pytest.mark.parametrize('first', [1, 16])
+@robots.examples(15)
+@given(robots.robots(('arch', 'ring')), robots.generators(), strategies.integers(0, 10**6))
+def test_few_rows_give_the_solution_of_all(slide, first, robot, rng, number):
+    config, grasp, _ = robots.random_grasp(robot, rng, number)
+    lengths = config.member_lengths
+    # Some members are at their bounds.
+    limits = [
+        RollerSpeedLimit(0.1),
+        MemberLengthLimit(*np.sort(rng.uniform(lengths.min(), lengths.max(), 2))),
+    ]
+    failed = [name for name in robot.roller_names if rng.random() < 0.1]
+    twist = 10.0 ** rng.uniform(-2.0, 1.0) * rng.standard_normal(3)
+    arguments = (config, grasp, twist, failed, limits, LimitHandling(slide, 0.005))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(limit_handling, 'FIRST', first)
+        patch.setattr(limit_handling, 'ADDED', first)
+        patch.setattr(limit_handling, 'ALL_ROWS_UP_TO', 0)
+        few = solve_twist(*arguments)
+        patch.setattr(limit_handling, 'ALL_ROWS_UP_TO', 10**6)
+        every = solve_twist(*arguments)
+    assert few.scale == pytest.approx(every.scale, abs=1e-9)
+    assert few.status is every.status
+    size = max(1.0, np.abs(every.roller_velocities).max())
+    assert few.roller_velocities == pytest.approx(every.roller_velocities, abs=1e-7 * size)

@@ -9,20 +9,18 @@
 
 """Objects that roll in a grip: carried and turned between sides that do not meet, and back."""
 
-from grips import apart, disc_grip, rolled, surface
+from grips import apart, disc_grip, drive, surface
+from held_grips import APART, NINE
 from hypothesis import assume, given, strategies
 from isotruss_ros.core import (
     ConvexObject,
     Ellipse,
     Grip,
-    load_robot,
     Polygon,
     Pose,
     reachable_twists,
     RollingGrip,
     solve_twist,
-    solve_twist_ahead,
-    Status,
 )
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.manipulation.grip_rows import contact_rows
@@ -31,13 +29,9 @@ import pytest
 import random_grips
 import robots
 
-NINE = load_robot('nine_member')
 #: What the members have in common, and how many there are.
 KINDS = (('module', 2), ('tube', 2), ('tubes', 2), ('tubes', 3))
-#: Two sides of different tubes, which meet at no module: the hole between the three tubes is
-#: between them.
-APART = ('south/P-Q', 'north/R-P')
-#: Where a disc of half a metre touches both.
+#: Where a disc of half a metre touches both, in the hole between the three tubes.
 CENTER = 0.4180504 - 0.2413615j
 
 
@@ -45,15 +39,6 @@ def pentagon(radius):
     """Return a polygon about as large as a disc of half a metre."""
     corners = 0.26 * np.exp(2j * np.pi * np.arange(5) / 5)
     return Polygon(corners.view(float).reshape(-1, 2), radius)
-
-
-def drive(rolling, twist, duration, rate=20.0):
-    """Carry out each command, one for the middle of its interval, for the interval."""
-    for _ in range(round(duration * rate)):
-        command = solve_twist_ahead(rolling.config, rolling.grip, twist, 0.5 / rate)
-        assert command.status is Status.OK
-        rolling = rolled(rolling, command.roller_velocities / rate)
-    return rolling
 
 
 @pytest.mark.parametrize(
@@ -104,9 +89,7 @@ def test_the_pose_depends_on_the_configuration_and_not_on_the_path():
     assert around.moved_to(start.config).misfit < 1e-9
 
 
-@pytest.mark.parametrize(
-    ('kind', 'count'), [('module', 2), ('tube', 2), ('tubes', 2), ('tubes', 3)]
-)
+@pytest.mark.parametrize(('kind', 'count'), KINDS)
 @robots.examples(10)
 @given(strategies.data(), robots.generators(), strategies.booleans())
 def test_the_object_moves_with_the_achieved_twist(kind, count, data, rng, flat):

@@ -11,7 +11,7 @@
 
 import itertools
 
-from apart_grips import (
+from held_grips import (
     APART,
     balance_exists,
     FAILED,

@@ -11,17 +11,12 @@
 
 from grips import disc_grip
 from hypothesis import assume, given, strategies
-from isotruss_ros.core import (
-    load_robot,
-    solve_twist,
-    Status,
-)
+from isotruss_ros.core import load_robot, solve_twist, Status
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 from isotruss_ros.core.manipulation.limits import MemberLengthLimit, RollerSpeedLimit
 import numpy as np
-from paper_rows import paper_rows
 import pytest
 import robots
 from scipy.optimize import linprog, minimize
@@ -37,6 +32,31 @@ def well_posed(jacobian):
     """Tell whether four rows are reached without a hint of rank loss."""
     gains = np.linalg.svd(jacobian, compute_uv=False)
     return len(gains) == 4 and gains[-1] > 1e-2
+
+
+def paper_rows(config, grip, ends):
+    """
+    Return the object's twist (3, r) and the rate of the angle between the members (r,).
+
+    :param grip: of a disc at a module.
+    :param ends: B, B', C and C' there, as of `robots.side_ends`.
+    """
+    robot = config.robot
+    velocities = config.node_jacobian.T.copy().view(complex)
+    b, b_next, c, c_prev = (velocities[:, (config.points == end).argmax()] for end in ends)
+    ahead, back = ends[1] - ends[0], ends[3] - ends[2]
+    # (16), the rate of the direction angle of B -> B'; and of C -> C'.
+    turning, turning_back = ((b_next - b) / ahead).imag, ((c_prev - c) / back).imag
+    # (15): the object is at rest in the frame of B -> B'.
+    center = b + 1j * turning * (grip.center - ends[0])
+    # (17): the object rolls with the tube at the grip's module, unless that is passive.
+    module = grip.members[0].split('-')[0]
+    side = np.sign((ahead.conjugate() * (grip.center - ends[0])).imag)
+    rolling = np.array(
+        [side * 2.0 / grip.body.shape.diameter * (n == module) for n in robot.roller_names]
+    )
+    # (14), its derivative, counted from the member ahead to the one behind through the corner.
+    return np.array([center.real, center.imag, turning + rolling]), side * (turning_back - turning)
 
 
 def limits_of(config, rate=10.0):
@@ -184,9 +204,8 @@ def test_commands_grow_with_the_twist_until_limits_bind(robot, rng, number):
 
 
 def test_smallest_and_largest_numbers_stay_numbers():
-    config, grasp = HOME, GRIP
-    for size in (5e-324, 1e-310, 1e-300, 1e300, 1.7e308):
-        command = solve_twist(config, grasp, [size, -size, size])
+    for size in (5e-324, 1e-310, 1.7e308):
+        command = solve_twist(HOME, GRIP, [size, -size, size])
         assert np.isfinite(command.roller_velocities).all()
         assert np.isfinite(command.achieved_twist).all()
         assert 0.0 <= command.scale <= 1.0
@@ -209,15 +228,14 @@ def test_a_zero_twist_and_no_working_rollers_move_nothing():
 
 
 def test_member_at_its_limit_is_named():
-    robot, grasp = NINE, GRIP
-    twist = [0.0, 0.01, 0.0]
-    free = solve_twist(robot.home, grasp, twist)
+    robot, twist = NINE, [0.0, 0.01, 0.0]
+    free = solve_twist(HOME, GRIP, twist)
     growing = robot.topology.incidence @ free.roller_velocities
-    longest = float(robot.home.member_lengths.max())
+    longest = float(HOME.member_lengths.max())
     # No member may grow; those that would are named, whichever way round the twist is.
     limit = MemberLengthLimit(0.25, longest)
     for sign in (1.0, -1.0):
-        command = solve_twist(robot.home, grasp, sign * np.array(twist), limits=[limit])
+        command = solve_twist(HOME, GRIP, sign * np.array(twist), limits=[limit])
         assert command.status is Status.SLOWED_MEMBER_LENGTH
         assert command.limiting
         wanted = {
@@ -233,42 +251,28 @@ def test_member_at_its_limit_is_named():
     'twist',
     [
         [np.nan, 0.0, 0.0],
-        [0.0, np.inf, 0.0],
         [0.0, 0.0],
-        [0.0] * 4,
-        [[0.0, 0.0, 0.1]],
-        0.0,
-        'up',
-        None,
-        {},
-        [None, 0.0, 0.0],
-        [10**400, 0, 0],
-        [1j, 0.0, 0.0],
     ],
-    ids=lambda value: repr(value)[:20],
 )
 def test_twist_that_makes_no_sense_is_refused(twist):
-    robot, grasp = TRIANGLE, SMALL
     with pytest.raises(GraspError, match=r'the twist \(vx, vy .* must be 3 finite numbers'):
-        solve_twist(robot.home, grasp, twist)
+        solve_twist(TRIANGLE.home, SMALL, twist)
 
 
 def test_unknown_names_are_refused_even_for_no_motion():
-    robot, grasp = TRIANGLE, SMALL
     # main/L is a module, but it has no motor that could fail.
     for failed in ({'main/W'}, ['main/L'], 'T', [None]):
         with pytest.raises(GraspError, match='no such rollers; its rollers are main/R, main/T'):
-            solve_twist(robot.home, grasp, [0.0, 0.0, 0.0], failed=failed)
+            solve_twist(TRIANGLE.home, SMALL, [0.0, 0.0, 0.0], failed=failed)
 
 
 # The right-hand side of the fourth row
 
 
 def test_limits_scale_the_opening_with_the_twist():
-    config = HOME
-    grasp = disc_grip(config, 'north/Z', 0.3)
-    free = solve_twist(config, grasp, (0.01, 0.0, 0.0), opening_rate=-0.004)
-    slowed = solve_twist(config, grasp, (1.0, 0.0, 0.0), opening_rate=-0.4)
+    grasp = disc_grip(HOME, 'north/Z', 0.3)
+    free = solve_twist(HOME, grasp, (0.01, 0.0, 0.0), opening_rate=-0.004)
+    slowed = solve_twist(HOME, grasp, (1.0, 0.0, 0.0), opening_rate=-0.4)
     assert free.scale == 1.0
     assert 0.0 < slowed.scale < 1.0
     share = slowed.scale / 0.01

@@ -67,22 +67,6 @@ def test_progress_is_the_largest_within_the_bounds_at_the_least_cost(rng):
         assert s == pytest.approx(best.x[-1], rel=1e-4)
 
 
-def test_maximize_progress_by_hand():
-    # One roller does all there is to do, a second one costs only.
-    cost, equality, direction = np.eye(2), np.array([[2.0, 0.0]]), np.array([1.0])
-    inequality, bound = np.eye(2), np.array([0.5, 0.5])
-    u, s = maximize_progress(cost, equality, direction, 10.0, Rows(inequality, -bound, bound))
-    assert s == pytest.approx(1.0)
-    assert u == pytest.approx([0.5, 0.0])
-    # Both move alike; the cheaper one is at its bound, the other does the rest.
-    equality = np.array([[1.0, 1.0]])
-    u, s = maximize_progress(
-        np.diag([1.0, 9.0]), equality, direction, 0.75, Rows(inequality, -bound, bound)
-    )
-    assert s == pytest.approx(0.75)
-    assert u == pytest.approx([0.5, 0.25])
-
-
 def test_rows_that_bounds_forbid_to_follow_stay_at_zero():
     bound = np.full(2, 0.5)
     for wanted, followed in ((0.4, 0.4), (1.0, 0.0)):

@@ -7,11 +7,16 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""The quadratic program: solutions known by hand, conditions of optimality."""
+"""Quadratic programs and nearest points: solutions known by hand, conditions of optimality."""
 
 from hypothesis import given, strategies
 from isotruss_ros.core.numerics import qp
-from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
+from isotruss_ros.core.numerics.qp import (
+    find_nearest,
+    QuadraticProgram,
+    solve_least_squares,
+    solve_qp,
+)
 import numpy as np
 import pytest
 import robots
@@ -78,13 +83,6 @@ def check_optimality(program, x):
         found = lsq_linear(matrix, -slope, (low, np.inf), method='bvls', tol=1e-14)
         left = slope + matrix @ found.x
     assert np.abs(left).max() <= 1e-6 * (1.0 + np.abs(program.gradient).max())
-
-
-def test_nearest_point_of_a_half_plane():
-    rows, bounds = np.array([[3.0, 4.0]]), np.array([-5.0])
-    for limits in (free(2)[2:], ()):
-        program = QuadraticProgram(np.eye(2), np.zeros(2), rows, bounds, *limits)
-        assert solve_qp(program) == pytest.approx([-0.6, -0.8])
 
 
 @pytest.mark.parametrize('size', [1e-6, 1e6])
@@ -203,3 +201,72 @@ def test_exchanges_without_end_are_no_solution(monkeypatch):
 
     monkeypatch.setattr(optimize, 'nnls', endless)
     assert solve_qp(random_program(np.random.default_rng(3), 6)) is None
+
+
+@pytest.mark.parametrize('room', [0.0, 1.0])
+def test_an_origin_that_is_inside_is_the_nearest_point(room):
+    found = find_nearest(np.eye(2), np.array([room, 1.0]), 1.0, 0.0)
+    assert found.point.tolist() == [0.0, 0.0]
+    assert found.active.tolist() == []
+
+
+def test_a_space_without_planes_holds_the_origin():
+    assert find_nearest(np.zeros((3, 0)), np.zeros(0), 1.0, 0.0).point.tolist() == [0.0] * 3
+
+
+@pytest.mark.parametrize('relaxation', [0.0, 1e-9])
+def test_corner_of_two_planes_and_the_numbers_of_both(relaxation):
+    columns = np.array([[1.0, 0.0, 1.0], [0.0, 2.0, 1.0]])
+    found = find_nearest(columns, np.array([-1.0, -4.0, 3.0]), 1.0, relaxation)
+    assert found.point == pytest.approx([-1.0, -2.0], abs=1e-15)
+    assert found.active.tolist() == [0, 1]
+
+
+@pytest.mark.parametrize('length', [1e-14, 1.0, 1e6])
+def test_columns_as_short_as_rounding_constrain_nothing_but_keep_their_numbers(length):
+    columns = length * np.array([[1e-13, 1.0], [1e-13, 0.0]])
+    found = find_nearest(columns, length * np.array([-1.0, -2.0]), 1.0, 0.0)
+    assert found.point == pytest.approx([-2.0, 0.0])
+    assert found.active.tolist() == [1]
+
+
+def test_an_origin_out_by_less_than_the_relaxation_is_inside():
+    columns, room = np.eye(1), np.array([-1e-9])
+    assert find_nearest(columns, room, 1.0, 1e-8).point.tolist() == [0.0]
+    assert find_nearest(columns, room, 1.0, 0.0).point == pytest.approx([-1e-9], rel=1e-9)
+
+
+def test_bounds_that_are_set_apart_beyond_the_origin_lead_to_no_point(capfd):
+    assert find_nearest(np.eye(2), np.array([5.0, -1.5e-8]), 1.0, 1e-8) is None
+    # LAPACK prints what it is given and refuses, an empty matrix.
+    assert capfd.readouterr() == ('', '')
+
+
+@pytest.mark.parametrize('length', [0.01, 1.0, 100.0])
+def test_a_point_within_all_planes_that_is_not_the_nearest_is_refused(monkeypatch, length):
+    def wrong(matrix, target, maxiter):
+        # The plane y <= 5 keeps nothing from the origin.
+        return np.array([0.5, 1e-3]), 0.0
+
+    columns, room = np.array([[1.0, 0.0], [0.0, 1.0]]), length * np.array([-1.0, 5.0])
+    assert find_nearest(columns, room, 1.0, 0.0).point == pytest.approx([-length, 0.0])
+    monkeypatch.setattr(optimize, 'nnls', wrong)
+    assert find_nearest(columns, room, 1.0, 0.0) is None
+
+
+def test_a_point_between_bounds_that_contradict_each_other_is_refused(monkeypatch):
+    def wrong(matrix, target, maxiter):
+        return np.array([0.25, 0.25]), 0.0
+
+    monkeypatch.setattr(optimize, 'nnls', wrong)
+    assert find_nearest(np.ones((1, 2)), np.array([-1.0, -1.1]), 1.0, 0.0) is None
+
+
+@robots.examples(100)
+@given(robots.generators(), strategies.integers(1, 12), strategies.integers(1, 12))
+def test_least_squares_are_the_shortest_of_any_rank(rng, m, n):
+    matrix = rng.standard_normal((m, n))
+    matrix[-1] = matrix[0]
+    right = rng.standard_normal(m)
+    expected = np.linalg.lstsq(matrix, right, rcond=1e-12)[0]
+    assert solve_least_squares(matrix, right) == pytest.approx(expected, rel=1e-9, abs=1e-9)

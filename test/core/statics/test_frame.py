@@ -158,16 +158,6 @@ def test_a_node_between_two_bars_in_line_is_named(angle, rng):
 
 
 @pytest.mark.usefixtures('path')
-@pytest.mark.parametrize('wobble', [0.0, 1e-16, -1e-13])
-def test_a_bar_that_is_nearly_upright_holds_nothing_sideways(wobble):
-    # Sideways there is only what rounding leaves. The cantilever beside it stands.
-    found = frames.members([[0, 1], [0, 2]], 1e4, 25.0, 1e3, PINNED[:2])
-    points = [0.0, 1.0j + wobble, 1.0]
-    assert moving(points, found, frames.supports(3, {0: 'xyr', 1: 'y'})) == {'n1'}
-    assert moving(points, found, frames.supports(3, {0: 'xyr'})) == {'n1'}
-
-
-@pytest.mark.usefixtures('path')
 def test_a_constraint_can_hold_a_mechanism():
     held = frames.supports(4, {0: 'xy', 1: 'xy'})
     found = frames.members(RING, 1e4, 25.0, 1e3, PINNED)
@@ -181,17 +171,6 @@ def test_a_constraint_can_hold_a_mechanism():
 
 
 # -- Corners of the interface --
-
-
-def test_where_all_is_pinned_there_is_no_rotation():
-    pins = [(0, 1), (1, 1)]
-    found = frames.members([[0, 1], [2, 1]], 1e4, 25.0, 1e3, pins)
-    held = frames.supports(3, {0: 'xyr', 2: 'xyr'})
-    loads = np.zeros((3, 3))
-    loads[1, :2] = 1.0, -2.0
-    state = frames.frame([0.0, 1.0, 1.0 + 1.0j], found, held).solve(loads)
-    assert state.displacements[1, 2] == 0.0
-    np.testing.assert_array_equal(state.end_forces[:, 5], 0.0)
 
 
 @given(generators())

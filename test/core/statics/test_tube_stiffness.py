@@ -104,33 +104,22 @@ def test_end_softening_is_the_slope_of_the_pillow():
     )
 
 
-def test_optional_keys_of_the_inflatable_beam():
-    model = model_of(
-        {
-            'model': 'inflatable_beam',
-            'membrane_modulus': 40000,
-            'membrane_shear_modulus': 5e3,
-            'end_softening': 2,
-        }
-    )
-    assert model == InflatableBeam(RADIUS, 4e4, 5e3, 2.0)
-    assert isinstance(model.membrane_modulus, float)
-
-
 @robots.examples(200)
-@given(laws, laws, strategies.floats(1e-6, 1e3), lengths, pressures)
+@given(laws, laws, strategies.floats(1e-6, 1e3), lengths, pressures, strategies.floats(0.0, 0.1))
 def test_power_law_gives_the_beam_with_the_measured_stiffnesses(
-    axial, transverse, phi, length, pressure
+    axial, transverse, phi, between, pressure, ring
 ):
+    """Axially of the whole member, across and in rotation between its guide rings."""
     # The rotary law that a beam with this phi has, at this pressure and length.
-    k = transverse.stiffness(np.array(length), np.array(pressure))
-    rotary = Law(float(k) * length**2 * (4.0 + phi) / 12.0, 0.0, 0.0)
-    rigidities = PowerLaw(axial, transverse, rotary, 0.0).section_stiffness([length], pressure)
-    measured = end_stiffnesses(rigidities, np.array([length]))
+    k = transverse.stiffness(np.array(between), np.array(pressure))
+    rotary, whole = Law(float(k) * between**2 * (4.0 + phi) / 12.0, 0.0, 0.0), between + 2.0 * ring
+    rigidities = PowerLaw(axial, transverse, rotary, ring).section_stiffness([whole], pressure)
     for mode, law in enumerate((axial, transverse, rotary)):
+        length = between if mode else whole
+        measured = end_stiffnesses(rigidities, np.array([length]))[mode]
         expected = law.C * pressure**law.a * length**law.b
-        assert measured[mode] == pytest.approx([expected], rel=1e-9)
-    assert 12.0 * rigidities.flexural / (rigidities.shear * length**2) == pytest.approx(
+        assert measured == pytest.approx([expected], rel=1e-9)
+    assert 12.0 * rigidities.flexural / (rigidities.shear * between**2) == pytest.approx(
         [phi], rel=1e-6
     )
 
@@ -196,18 +185,9 @@ def test_section_of_which_too_little_pressure_leaves_nothing_is_refused():
         model.section_stiffness([0.5], 5e3)
 
 
-def test_transverse_and_rotary_laws_are_those_between_guide_rings():
-    ring, length = 0.08, 0.9
-    model = PowerLaw(Law(1e3, 0.0, -0.3), Law(50.0, 0.0, -2.5), Law(40.0, 0.0, -0.4), ring)
-    section = model.section_stiffness([length], PRESSURE)
-    between = np.array([length - 2.0 * ring])
-    _, transverse, rotary = end_stiffnesses(section, between)
-    axial, _, _ = end_stiffnesses(section, np.array([length]))
-    assert axial == pytest.approx([1e3 * length**-0.3])
-    assert transverse == pytest.approx(50.0 * between**-2.5)
-    assert rotary == pytest.approx(40.0 * between**-0.4)
+def test_a_member_that_does_not_hold_its_guide_rings_is_refused():
     with pytest.raises(StructureError, match=r'a member of 0\.15 m does not hold its guide rings'):
-        model.section_stiffness([0.15], PRESSURE)
+        MODELS[2].section_stiffness([0.15], PRESSURE)
 
 
 @pytest.mark.parametrize('model', MODELS, ids=lambda model: type(model).__name__)
@@ -219,7 +199,11 @@ def test_length_and_pressure_must_be_positive_numbers(model, value):
         model.section_stiffness([0.5], value)
 
 
-def test_power_law_of_a_robot_file():
+def test_blocks_of_a_robot_file_have_all_that_a_model_needs():
+    softer = {'membrane_modulus': 40000, 'membrane_shear_modulus': 5e3, 'end_softening': 2}
+    model = model_of({'model': 'inflatable_beam', **softer})
+    assert model == InflatableBeam(RADIUS, 4e4, 5e3, 2.0)
+    assert isinstance(model.membrane_modulus, float)
     block = {
         'model': 'power_law',
         'axial': {'C': 8, 'a': 0.6, 'b': 0},
