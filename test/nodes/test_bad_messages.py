@@ -35,7 +35,7 @@ from isotruss_msgs.srv import AnalyzeGrasp
 from isotruss_ros.core import Pose, Status, TwistServo
 from isotruss_ros.core.control.grasp_report import GraspCode
 from isotruss_ros.core.control.inputs import RejectedInput, StampedInput
-from isotruss_ros.nodes.conversions.joint_state_messages import RollerStateReader
+from isotruss_ros.nodes.conversions.joint_state_messages import read_roller_state
 from isotruss_ros.nodes.conversions.messages import make_header, MessageError
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from isotruss_ros.nodes.grasp_planner import GraspPlanner
@@ -241,7 +241,7 @@ def test_any_numbers_move_the_rollers_within_their_limits_or_not_at_all(
     servo = TwistServo(ROBOT, MODULE, DIAMETER, period=0.005, timeout=0.2)
     message = JointState(name=list(names), position=positions, velocity=speeds)
     try:
-        servo.rollers = StampedInput(RollerStateReader(NAMES).read(message), 0.0)
+        servo.rollers = StampedInput(read_roller_state(message, NAMES), 0.0)
     except MessageError as error:
         servo.rollers = RejectedInput(str(error))
     for x, y in (CENTER, center):
