@@ -9,14 +9,11 @@
 
 """The simulator with MuJoCo as its plant: held, pulled at, dropped, under gravity."""
 
-import importlib
 import math
-import sys
 from types import SimpleNamespace
 
 from geometry_msgs.msg import PoseStamped
 from isotruss_ros.core import ConvexObject, RollerFaults
-from isotruss_ros.mujoco_plant import options
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.recording import read_recording
 from isotruss_ros.nodes.components import mujoco_object
@@ -178,18 +175,3 @@ def test_every_parameter_of_the_plant_reaches_it(monkeypatch, sim_time):
     made = mujoco_object.make_driven_robot(ROBOT, body, values, faults, sim_time)
     options = PlantOptions(**given, gravity=(1.0, -2.0))
     assert made == (ROBOT, body, True, options, faults, 7, math.inf if sim_time else 0.1)
-
-
-def test_without_mujoco_it_is_refused_in_one_sentence(monkeypatch):
-    real = importlib.import_module
-    options.load_mujoco.cache_clear()
-
-    def no_mujoco(name, *rest):
-        if name == 'mujoco':
-            raise ImportError('No module named mujoco')
-        return real(name, *rest)
-
-    monkeypatch.setattr(options.importlib, 'import_module', no_mujoco)
-    monkeypatch.delitem(sys.modules, 'mujoco', raising=False)
-    check_refused(node(), "pip install 'mujoco>=3.11,<4' in the environment")
-    options.load_mujoco.cache_clear()
