@@ -84,21 +84,6 @@ def test_gravity_in_the_plane_moves_a_free_object():
 
 
 @needs_mujoco
-def test_rollers_drive_the_nodes_where_forward_kinematics_puts_them():
-    free = {'object_is_free': True, 'object_x': 4.0, 'object_y': 4.0}
-    with world(node(command_timeout=0.2, **free)) as w:
-        _, simulator = w.nodes
-        speeds = [0.02] + [0.0] * (N - 1)
-        w.until(lambda: simulator._driven.roller_positions[0] > 0.01, drive(w, speeds))
-        w.until(lambda: w.probe.last('joints').velocity[0] == 0.0)
-        count = len(w.probe.seen['pose'])
-        w.until(lambda: len(w.probe.seen['pose']) > count + 200)
-        travel = np.array(w.probe.last('joints').position)
-        expected = ROBOT.configuration(travel).nodes
-        assert np.abs(simulator._driven.plant.nodes - expected).max() < 5e-5
-
-
-@needs_mujoco
 def test_rollers_have_the_faults_of_the_other_plants():
     faults = {'roller_slip': 0.3, 'roller_noise': 0.002, 'stuck_roller': ROBOT.roller_names[2]}
     with world(node(**faults)) as w:
