@@ -54,7 +54,6 @@ class FittedBeam:
     low: BeamConstants  #: lower ends of the confidence intervals, of each constant on its own
     high: BeamConstants  #: upper ends; infinite where the points do not bound a constant
     misfits: Mapping[str, float]  #: root mean square of ln(measured / fitted stiffness) by mode
-    count: int  #: number of stiffnesses
 
     @property
     def beam(self) -> InflatableBeam:
@@ -130,7 +129,6 @@ def fit_beam(
         radius,
         *(BeamConstants(*map(float, values)) for values in (constants, low, high)),
         misfits,
-        len(target),
     )
 
 

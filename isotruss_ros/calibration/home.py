@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint
 from isotruss_ros.core.model.description import RobotDescription
 from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
@@ -60,8 +61,9 @@ def calibrate_home(
     :param postures: of the empty robot, whose joints no load moves.
     :param deviation: standard deviation of a measured coordinate, positive [m]; where the joints
         scatter more, the deviations follow from that.
-    :raises MeasurementError: a joint is unknown, there are too few, they do not determine the
-        zeros, or one of them does not fit; names it.
+    :raises GraspError: a joint is unknown.
+    :raises MeasurementError: there are too few joints, they do not determine the zeros, or one of
+        them does not fit; names it.
     """
     joints = [_numbers(robot, posture) for posture in postures]
     measured = np.concatenate(
@@ -110,13 +112,9 @@ def calibrate_home(
 
 def _numbers(robot: Robot, posture: Posture) -> Indices:
     """Return the numbers of the measured joints."""
-    names = robot.topology.joint_names
     for name in posture.joints:
-        if name not in names:
-            raise MeasurementError(
-                f'joint {name!r}: robot {robot.name} has no such joint; its joints are '
-                f'{", ".join(names)}'
-            )
+        check_joint(robot, name)
+    names = robot.topology.joint_names
     return np.array([names.index(name) for name in posture.joints], dtype=np.intp)
 
 

@@ -32,7 +32,6 @@ class FittedLaw:
     high: Law  #: upper ends
     r_squared: float  #: part of the variance of ln k that the law explains; NaN if k does not vary
     misfit: float  #: root mean square of ln(measured / fitted stiffness)
-    count: int  #: number of stiffnesses
 
 
 def half_widths(matrix: Array, rest: Array) -> Array:
@@ -75,7 +74,6 @@ def fit_law(pressures: Array, lengths: Array, stiffnesses: Array) -> FittedLaw:
         _law(solution + reach),
         float(1.0 - rest @ rest / total) if total > n * ROUNDING**2 else np.nan,
         float(np.sqrt(np.mean(rest**2))),
-        n,
     )
 
 

@@ -40,12 +40,9 @@ def replay(view: View, path: Path, speed: float, wait: Callable[[float], None]) 
     :param wait: called after each picture with the time at which the next may be shown, from the
         first on [s].
     :raises RecordingError: the file cannot be read, or holds no complete message.
-    :raises MissingPackageError: mcap or rosbags is not installed.
     """
-    try:
-        from isotruss_ros.viewer.recording import read_recording, show_message
-    except ModuleNotFoundError as error:
-        raise MissingPackageError(error) from error
+    from isotruss_ros.viewer.recording import read_recording, show_message
+
     count, shown = 0, -1.0
     first = None
     for now, topic, message in read_recording(path):

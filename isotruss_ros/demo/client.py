@@ -23,7 +23,7 @@ from isotruss_ros.core import IsotrussError, Pose, Status
 from isotruss_ros.demo.path import Phase, Wrench
 from isotruss_ros.demo.record import PhaseRecord, Snapshot
 from isotruss_ros.nodes.conversions.grasp_messages import to_wrench_message
-from isotruss_ros.nodes.conversions.joint_state_messages import RollerStateReader
+from isotruss_ros.nodes.conversions.joint_state_messages import read_roller_state
 from isotruss_ros.nodes.conversions.messages import (
     make_header,
     name_object_frame,
@@ -88,7 +88,7 @@ class DemoClient(Node):
         self._twists = self.create_publisher(Twist, 'cmd_vel', RELIABLE)
         self._wrenches = self.create_publisher(WrenchStamped, 'external_wrench', RELIABLE)
         self._pulls = False
-        self._roller_states = RollerStateReader(roller_names)
+        self._roller_names = roller_names
         self.frame_id = ''
         self.measured: Pose | None = None
         self.pose: Pose | None = None
@@ -146,7 +146,7 @@ class DemoClient(Node):
                 self._rest, self._moved = here, self._stamp
 
     def _take_joints(self, message: JointState) -> None:
-        self.rollers = self._roller_states.read(message).positions + self._offsets
+        self.rollers = read_roller_state(message, self._roller_names).positions + self._offsets
         speed = max(map(abs, message.velocity), default=0.0)
         self._record.max_roller_speed = max(self._record.max_roller_speed, speed)
 

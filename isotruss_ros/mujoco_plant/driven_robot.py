@@ -70,11 +70,6 @@ class DrivenRobot(DrivenRollers):
         """Return the object's pose in the robot frame."""
         return self.plant.object_pose()
 
-    @property
-    def grasping_members(self) -> list[str]:
-        """Return the names of the members that press on the object."""
-        return [name for name, force in self.plant.contact_forces().items() if force.normal > 0.0]
-
     def place_object(self, pose: Pose) -> None:
         """
         Put the object elsewhere, free and at rest; the robot stays as it is.

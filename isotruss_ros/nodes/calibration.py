@@ -27,7 +27,6 @@ from isotruss_ros.nodes.components.joint_markers import (
     STILL,
     WINDOW,
 )
-from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.parameters import FixedSpec, ROBOT
 from isotruss_ros.nodes.framework.runner import StoppableNode
 import numpy as np
@@ -57,8 +56,6 @@ class Calibration(StoppableNode):
         self._stiffness: StiffnessCalibration | None = None
         self.offer('calibrate_home', self._calibrate_home)
         self.create_service(CalibrateStiffness, 'calibrate_stiffness', self._calibrate_stiffness)
-        # It wakes a node that is stopped by a signal.
-        create_steady_timer(self, 1.0, lambda: None)
 
     def _measure(self) -> MeasuredJoints:
         return self._markers.measure(self.now())

@@ -20,7 +20,7 @@ from pathlib import Path
 
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.calibration.robot_files import write_checked_rollers
-from isotruss_ros.calibration.roller_check import judge_roller
+from isotruss_ros.calibration.roller_check import judge_roller, LARGEST_ERROR
 from isotruss_ros.core import load_robot
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.nodes.components import common_parameters as common
@@ -129,7 +129,7 @@ def _judge_encoders(names: Sequence[str], number: int, travel: float, turned: Ar
     expected[number] = travel
     off = np.abs(turned - expected)
     worst = int(off.argmax())
-    if off[worst] <= 0.2 * abs(travel):
+    if off[worst] <= LARGEST_ERROR * travel:
         return ''
     return (
         f'the encoder of {names[worst]} counted {1e3 * turned[worst]:+.1f} mm in place of '

@@ -33,7 +33,7 @@ from isotruss_ros.nodes.conversions.grasp_messages import (
     read_query,
     to_state_message,
 )
-from isotruss_ros.nodes.conversions.markers import GraspMarkers
+from isotruss_ros.nodes.conversions.markers import to_marker_array
 from isotruss_ros.nodes.conversions.messages import make_header, name_object_frame
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.managed import ManagedNode
@@ -85,7 +85,6 @@ class GraspAnalysisNode(ManagedNode):
         self._wrenches = self.create_lifecycle_publisher(WrenchStamped, 'grasp/wrench', RELIABLE)
         self._arrays = self.create_lifecycle_publisher(MarkerArray, 'grasp/markers', RELIABLE)
         self._transforms = TransformBroadcaster(self, self.robot)
-        self._markers = GraspMarkers(self.robot.frame)
         self.inputs = Inputs(self, self.robot, self._monitor)
         self.inputs.keep_joint_states()
         self.inputs.keep_object_pose()
@@ -153,5 +152,5 @@ class GraspAnalysisNode(ManagedNode):
         """Publish markers if there is a subscriber, at the rate at which they are drawn."""
         now = time.monotonic()
         if now - self._drawn >= MARKER_PERIOD and self._arrays.get_subscription_count():
-            self._arrays.publish(self._markers.update(report, self.now()))
+            self._arrays.publish(to_marker_array(report, self.robot.frame, self.now()))
             self._drawn = now

@@ -19,7 +19,7 @@ from isotruss_ros.core import IsotrussError, load_robot
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.joint_markers import JointMarkers, LATEST, WINDOW
-from isotruss_ros.nodes.conversions.joint_state_messages import RollerStateReader
+from isotruss_ros.nodes.conversions.joint_state_messages import read_roller_state
 from isotruss_ros.nodes.conversions.messages import read_stamp
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.parameters import ROBOT, Spec
@@ -91,9 +91,8 @@ class Preflight(StoppableNode):
         self.done = True
 
     def _check_encoders(self) -> str:
-        read = RollerStateReader(self._robot.roller_names).read
         for message in self._joint_states:
-            self._travel = read(message).positions
+            self._travel = read_roller_state(message, self._robot.roller_names).positions
         return self._check_live('joint_states', self._joint_states)
 
     def _check_zeros(self) -> str:

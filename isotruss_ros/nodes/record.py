@@ -83,7 +83,6 @@ class Record(StoppableNode):
                 EVENTS if topic == 'emergency_stop' else NEWEST,
                 raw=True,
             )
-        # It also wakes a node that is stopped by a signal.
         create_steady_timer(self, PERIOD, self._flush)
 
     def begin(self) -> None:

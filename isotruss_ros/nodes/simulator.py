@@ -233,8 +233,8 @@ class Simulator(ManagedNode):
         except MessageError as error:
             self.warn('place_object', str(error))
             return
-        if isinstance(self._simulated, DrivenRobot):
-            self._simulated.place_object(pose)
+        if self._driven is not None:
+            self._driven.place_object(pose)
             return
         self._simulated.replace_object(self._put_object(pose))
         self._simulated.advance(0.0)
@@ -267,10 +267,8 @@ class Simulator(ManagedNode):
 
     def _step(self, now: float) -> None:
         self._advance(now)
-        if self._elastic is not None:
-            self._report_hold(self._elastic)
-        elif self._driven is not None:
-            self._report_contact(self._driven)
+        if self.values.plant != KINEMATIC:
+            self._report_hold()
         if self._recorder is not None:
             self._recorder.record(now)
         simulated = self._simulated
@@ -313,30 +311,19 @@ class Simulator(ManagedNode):
         driven = self._driven
         return {} if driven is None else {'lag of the simulation [s]': round(driven.lag, 3)}
 
-    def _report_contact(self, simulated: DrivenRobot) -> None:
-        """State in the diagnostics which members press on the object."""
-        members = simulated.grasping_members
-        if len(members) > 1:
-            self.diagnostics.set_status(
-                DiagnosticStatus.OK, f'the object is between {", ".join(members)}'
-            )
-        else:
-            self.diagnostics.set_status(DiagnosticStatus.WARN, 'the object is not held')
-
-    def _report_hold(self, simulated: ElasticObject) -> None:
-        """State in the diagnostics whether the object is held, and log once why it is not."""
-        dropped, before = simulated.dropped, self._dropped
+    def _report_hold(self) -> None:
+        """State in the diagnostics what holds the object, and log once why nothing does."""
+        members = [name for name, force in self._forces().items() if force > 0.0]
+        dropped, before = None if self._elastic is None else self._elastic.dropped, self._dropped
         self._dropped = dropped
-        if simulated.grasp is not None:
-            self.diagnostics.set_status(DiagnosticStatus.OK, 'the object is held')
+        if len(members) > 1:
+            words = f'the object is between {", ".join(members)}'
+            self.diagnostics.set_status(DiagnosticStatus.OK, words)
             return
         words = 'the object is not held'
-        if dropped is HoldStatus.NO_CONTACT:
-            words = f'the object is free: {dropped.value}'
-        elif dropped is not None:
-            words = f'the object was dropped: {dropped.value}'
+        if dropped is not None:
+            words = f'{words}: {dropped.value}'
         self.diagnostics.set_status(DiagnosticStatus.WARN, words)
-        if dropped is HoldStatus.NO_CONTACT and before is not dropped:
-            self.get_logger().info(words)
-        elif dropped is not None and before is not dropped:
-            self.get_logger().warning(words)
+        if dropped is not None and before is not dropped:
+            log = self.get_logger()
+            (log.info if dropped is HoldStatus.NO_CONTACT else log.warning)(words)

@@ -26,7 +26,7 @@ from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.robot_frame import RobotFrame
 from isotruss_ros.nodes.components.sensors import Inputs
 from isotruss_ros.nodes.conversions.estimate_messages import to_estimate_message
-from isotruss_ros.nodes.conversions.joint_state_messages import RollerStateReader
+from isotruss_ros.nodes.conversions.joint_state_messages import read_roller_state
 from isotruss_ros.nodes.conversions.messages import read_stamp
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.managed import ManagedNode
@@ -79,7 +79,6 @@ class StateEstimatorNode(ManagedNode):
 
     def configure(self) -> None:
         """Create publisher and subscriptions."""
-        self._reader = RollerStateReader(self.robot.roller_names)
         self._frame = RobotFrame.heard_by(self, self.robot)
         self.inputs = Inputs(self, self.robot, self)
         self.inputs.keep_tube_pressures()
@@ -150,7 +149,7 @@ class StateEstimatorNode(ManagedNode):
             self.warn(topic, f'{topic}: {error}')
 
     def _take_encoders(self, message: JointState) -> None:
-        state = self._reader.read(message)
+        state = read_roller_state(message, self.robot.roller_names)
         self._estimator.take_encoders(read_stamp(message.header), state.positions)
 
     def _take_pose(self, message: PoseStamped) -> None:

@@ -33,8 +33,8 @@ TIMEOUT = 1.0
 HISTORY = 20.0
 #: Samples that are kept of it, for 20 Hz.
 SAMPLES = 400
-#: Type of a marker that is a strip of lines, and action of one that is deleted.
-DELETE = 2
+#: Actions of markers that delete one, as in older recordings, or all.
+DELETE, DELETEALL = 2, 3
 #: Namespaces of the markers of grasp_analysis that are drawn.
 DEFORMED, REGIONS, FORCES = 'deformed', 'contact_regions', 'contact_forces'
 
@@ -148,7 +148,9 @@ class Picture:
         """
         for marker in message.markers:
             key = (marker.ns, marker.id)
-            if marker.action == DELETE:
+            if marker.action == DELETEALL:
+                self.lines.clear()
+            elif marker.action == DELETE:
                 self.lines.pop(key, None)
             elif marker.ns in (DEFORMED, REGIONS, FORCES):
                 self.lines[key] = np.array([(p.x, p.y, p.z) for p in marker.points])

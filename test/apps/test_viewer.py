@@ -31,7 +31,7 @@ from isotruss_ros.viewer.picture import Picture, TIMEOUT, trim_start
 import numpy as np
 import pytest
 from sensor_msgs.msg import JointState
-from visualization_msgs.msg import MarkerArray
+from visualization_msgs.msg import Marker, MarkerArray
 
 ROBOT = load_robot('nine_member')
 #: With which MCAP files begin and end.
@@ -184,6 +184,18 @@ def test_joint_states_move_the_picture_as_they_move_the_robot():
         JointState(name=list(ROBOT.roller_names), position=positions), 0.0
     )
     assert picture.config.nodes == pytest.approx(ROBOT.configuration(positions).nodes, abs=1e-9)
+
+
+def test_what_the_analysis_deletes_is_drawn_no_more():
+    picture, shown = Picture(ROBOT, 0.3), [Marker(ns='deformed', id=i) for i in range(2)]
+    picture.receive_markers(MarkerArray(markers=shown), 0.0)
+    deletions = (
+        Marker(ns='deformed', id=1, action=Marker.DELETE),
+        Marker(action=Marker.DELETEALL),
+    )
+    for left, deletion in zip((1, 0), deletions, strict=True):
+        picture.receive_markers(MarkerArray(markers=[deletion]), 0.0)
+        assert len(picture.select_lines('deformed', 0.0)) == left
 
 
 @pytest.mark.skipif(not RECORDS, reason='needs mcap and rosbags')

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from isotruss_ros.calibration.home import calibrate_home, move_home, Posture
 from isotruss_ros.calibration.measurements import MeasurementError
-from isotruss_ros.core import load_robot
+from isotruss_ros.core import IsotrussError, load_robot
 from isotruss_ros.core.kinematics.robot import Robot
 import numpy as np
 import pytest
@@ -104,7 +104,7 @@ def test_a_marker_that_lies_is_named():
     [({'P': (0.0, 0.0)}, 'joints P: must be 3 or more'), ({'W': (0.0, 0.0)}, "joint 'W'")],
 )
 def test_what_is_no_measurement_is_refused(joints, words):
-    with pytest.raises(MeasurementError, match=words):
+    with pytest.raises(IsotrussError, match=words):
         calibrate_home(ROBOT, [Posture(np.zeros(N), joints)])
 
 

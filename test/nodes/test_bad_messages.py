@@ -29,13 +29,12 @@ from geometry_msgs.msg import (
 from geometry_msgs.msg import Pose as PoseMessage
 from hypothesis import given
 from hypothesis import strategies as st
-from isotruss_msgs.msg import ConvexObject as ObjectMessage
 from isotruss_msgs.msg import GraspState, ManipulationStatus
 from isotruss_msgs.srv import AnalyzeGrasp
 from isotruss_ros.core import Pose, Status, TwistServo
 from isotruss_ros.core.control.grasp_report import GraspCode
 from isotruss_ros.core.control.inputs import RejectedInput, StampedInput
-from isotruss_ros.nodes.conversions.joint_state_messages import RollerStateReader
+from isotruss_ros.nodes.conversions.joint_state_messages import read_roller_state
 from isotruss_ros.nodes.conversions.messages import make_header, MessageError
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from isotruss_ros.nodes.grasp_planner import GraspPlanner
@@ -241,7 +240,7 @@ def test_any_numbers_move_the_rollers_within_their_limits_or_not_at_all(
     servo = TwistServo(ROBOT, MODULE, DIAMETER, period=0.005, timeout=0.2)
     message = JointState(name=list(names), position=positions, velocity=speeds)
     try:
-        servo.rollers = StampedInput(RollerStateReader(NAMES).read(message), 0.0)
+        servo.rollers = StampedInput(read_roller_state(message, NAMES), 0.0)
     except MessageError as error:
         servo.rollers = RejectedInput(str(error))
     for x, y in (CENTER, center):
@@ -361,46 +360,6 @@ def test_invalid_requests_of_an_analysis_get_the_reason():
             assert answer.message, case
             assert not answer.state.force_closure
         w.until_code(GraspState.OK, lambda: (w.probe.send_joints(), w.probe.send_pose()), 'state')
-
-
-def bad_objects():
-    """Return descriptions of objects with numbers that cannot be, in every field."""
-    corners = [Point(x=x, y=y) for x, y in ((0.0, 0.0), (0.3, 0.0), (0.0, 0.3))]
-    shapes = (
-        {'shape': ObjectMessage.DISC, 'diameter': 0.3},
-        {'shape': ObjectMessage.POLYGON, 'vertices': corners},
-        {'shape': ObjectMessage.ELLIPSE, 'semi_axes': [0.2, 0.1]},
-    )
-    known = ('mass', 'center_of_mass', 'friction')
-    for good in shapes:
-        for value in (*BAD, *HUGE):
-            place = Point(x=value, y=0.0)
-            bad = {
-                'diameter': value,
-                'vertices': [*corners[:2], place],
-                'corner_radii': [value],
-                'semi_axes': [0.2, value],
-                'mass': [value],
-                'center_of_mass': [place],
-                'friction': [value],
-            }
-            for name, change in bad.items():
-                # What is finite may be so heavy, and so rough.
-                if name not in known or name == 'center_of_mass' or not math.isfinite(value):
-                    yield ObjectMessage(**(good | {name: change}))
-
-
-def test_bad_objects_of_an_analysis_get_the_reason():
-    with world(lambda: GraspAnalysisNode()) as w:
-        request = AnalyzeGrasp.Request(friction=0.5, roller_positions=[0.0] * N)
-        request.object_pose.position = Point(x=CENTER[0], y=CENTER[1])
-        objects = [*bad_objects(), *(ObjectMessage(shape=number) for number in range(256))]
-        for message in objects:
-            request.object = message
-            answer = w.call('analyze_grasp', request)
-            assert not answer.success, message
-            assert answer.state.code == GraspState.INVALID_REQUEST
-            assert 0 < len(answer.message) < 1000
 
 
 def parameter_values():

@@ -14,7 +14,7 @@ from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.msg import GraspState
 from isotruss_ros.core import Pose, Status
 from isotruss_ros.nodes.conversions.messages import read_stamp, to_pose_message
-from isotruss_ros.nodes.framework.managed import ignore_negative_time
+from isotruss_ros.nodes.framework.managed import log_refusals
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.simulator import Simulator
@@ -208,7 +208,7 @@ def test_answers_at_the_very_beginning_of_time():
 def test_time_before_zero_is_not_taken():
     with simulated(Manipulation) as w:
         time = SimulatedTime(w)
-        ignore_negative_time(w.probe)
+        log_refusals(w.probe)
         w.until_code(Status.OK, time.run(w.probe.send_all))
         for sec, nanosec in ((-1, 0), (-(2**31), 0), (-1, 2**32 - 1)):
             w.probe.clock.publish(Clock(clock=Time(sec=sec, nanosec=nanosec)))

@@ -36,8 +36,8 @@ from isotruss_ros.nodes.conversions.grasp_messages import (
     to_wrench_message,
 )
 from isotruss_ros.nodes.conversions.joint_state_messages import (
+    read_roller_state,
     read_tube_pressures,
-    RollerStateReader,
 )
 from isotruss_ros.nodes.conversions.marker_messages import read_joint_markers, to_joint_markers
 from isotruss_ros.nodes.conversions.messages import (
@@ -90,7 +90,7 @@ def joint_states(**changes):
 )
 def test_joint_states_that_cannot_be_are_rejected(changes, words):
     with pytest.raises(MessageError, match=words) as error:
-        RollerStateReader(NAMES).read(joint_states(**changes))
+        read_roller_state(joint_states(**changes), NAMES)
     assert len(str(error.value)) < 1000
 
 
@@ -105,14 +105,14 @@ def test_selects_the_rollers_in_any_order_among_other_joints(order, travel, spee
         position=[math.nan, *(travel[i] for i in order)],
         velocity=[math.inf, *(speeds[i] for i in order)],
     )
-    state = RollerStateReader(NAMES).read(message)
+    state = read_roller_state(message, NAMES)
     assert state.positions.tolist() == travel
     assert state.velocities.tolist() == speeds
 
 
 @pytest.mark.parametrize('velocity', [[], [math.nan] * N])
 def test_velocities_that_are_not_measured_are_zero(velocity):
-    state = RollerStateReader(NAMES).read(joint_states(velocity=velocity))
+    state = read_roller_state(joint_states(velocity=velocity), NAMES)
     assert state.velocities.tolist() == [0.0] * N
 
 

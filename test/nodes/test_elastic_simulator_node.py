@@ -73,13 +73,16 @@ def log_of(w, dropped):
     simulator.get_logger = lambda: logger
     simulator._elastic._grasp, simulator._elastic.dropped = None, dropped
     for _ in range(3):
-        simulator._report_hold(simulator._elastic)
+        simulator._report_hold()
     return lines
 
 
 @pytest.mark.parametrize(
     ('dropped', 'level', 'words'),
-    [(HoldStatus.NO_CONTACT, 'info', 'is free'), (HoldStatus.SLIPS, 'warning', 'was dropped')],
+    [
+        (HoldStatus.NO_CONTACT, 'info', 'not held: fewer than two members'),
+        (HoldStatus.SLIPS, 'warning', 'not held: the balance needs more friction'),
+    ],
 )
 def test_an_object_that_is_let_go_is_logged_once(dropped, level, words):
     with world(node()) as w:

@@ -46,6 +46,25 @@ def test_no_cycle_waits_for_an_import():
     subprocess.run([sys.executable, '-c', asked], check=True, timeout=300)
 
 
+#: A node that waits for nothing, and gets a signal meanwhile.
+IDLE = """
+import os, signal, threading
+from isotruss_ros.nodes.framework.runner import run, StoppableNode
+
+class Idle(StoppableNode):
+    node_name, specs = 'idle', ()
+
+    def begin(self):
+        threading.Timer(1.0, os.kill, (os.getpid(), signal.SIGINT)).start()
+
+raise SystemExit(run(Idle))
+"""
+
+
+def test_a_signal_ends_a_node_without_a_timer():
+    subprocess.run([sys.executable, '-c', IDLE], check=True, timeout=60)
+
+
 def until(executor, probe, what, each=lambda: None):
     """Spin node and probe until something holds."""
     end = time.monotonic() + 240.0

@@ -52,11 +52,17 @@ def read_object(path_or_text: str | Path) -> ConvexObject:
     else:
         source = str(path_or_text)
         text = read_text(Path(path_or_text), 'an object file', ObjectFileError)
-    return _make_object(parse_yaml(source, text, 'object files', ObjectFileError), source)
+    return make_object(parse_yaml(source, text, 'object files', ObjectFileError), source)
 
 
-def _make_object(content: Any, source: str) -> ConvexObject:
-    """Return the object that keys and values describe."""
+def make_object(content: Any, source: str) -> ConvexObject:
+    """
+    Return the object that keys and values describe; its pose is the origin.
+
+    :param content: of a file, or of a message.
+    :param source: what is read, for errors.
+    :raises ObjectFileError: it describes no object; names the key and what would be right.
+    """
     if not isinstance(content, Mapping):
         raise ObjectFileError(
             f'{source}: {quote(repr(content))}: must be keys and values, with the key shape'

@@ -19,8 +19,9 @@ from isotruss_ros.calibration.home import Posture
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.core import Robot
 from isotruss_ros.core.control.inputs import Timeline
+from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.nodes.components.robot_frame import RobotFrame
-from isotruss_ros.nodes.conversions.joint_state_messages import RollerStateReader
+from isotruss_ros.nodes.conversions.joint_state_messages import read_roller_state
 from isotruss_ros.nodes.conversions.messages import MessageError, read_stamp
 from isotruss_ros.nodes.framework.parameters import Spec
 from isotruss_ros.nodes.framework.topics import RELIABLE
@@ -69,10 +70,13 @@ class JointMarkers:
         self._markers, self._rollers = Timeline(), Timeline()
         #: Why the last message that is not usable is none; empty before.
         self._last_error = ''
-        read = RollerStateReader(robot.roller_names).read
+
+        def read_travel(message: JointState) -> Array:
+            return read_roller_state(message, robot.roller_names).positions
+
         for kind, topic, kept, reader in (
             (MultiDOFJointState, 'joint_markers', self._markers, self.frame.read_markers),
-            (JointState, 'joint_states', self._rollers, lambda message: read(message).positions),
+            (JointState, 'joint_states', self._rollers, read_travel),
         ):
             take = partial(self._take, kept, reader)
             node.create_subscription(kind, topic, take, RELIABLE)

@@ -32,8 +32,8 @@ from isotruss_ros.core.kinematics.configuration import ConfigurationTracker
 from isotruss_ros.nodes.components.robot_frame import RobotFrame
 from isotruss_ros.nodes.conversions.estimate_messages import read_estimate
 from isotruss_ros.nodes.conversions.joint_state_messages import (
+    read_roller_state,
     read_tube_pressures,
-    RollerStateReader,
 )
 from isotruss_ros.nodes.conversions.messages import MessageError, read_stamp
 from isotruss_ros.nodes.framework.runner import StoppableNode
@@ -94,11 +94,10 @@ class Inputs:
         Where a node publishes `state_estimate`, its EstimatedTravel is `estimate`, and what it
         adds to the encoders is in the positions of the rollers: the last one stays, as zeros do.
         """
-        reader = RollerStateReader(self._robot.roller_names)
         offsets = np.zeros(len(self._robot.roller_names))
 
         def read(message: JointState) -> RollerState:
-            state = reader.read(message)
+            state = read_roller_state(message, self._robot.roller_names)
             return RollerState(state.positions + offsets, state.velocities, offsets)
 
         def read_offsets(message: StateEstimate) -> EstimatedTravel:

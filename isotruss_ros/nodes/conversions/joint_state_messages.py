@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from isotruss_ros.core import Robot
 from isotruss_ros.core.control.inputs import RollerState
 from isotruss_ros.core.errors import quote, StructureError
-from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.statics.section import tube_pressures
 from isotruss_ros.nodes.conversions.messages import MAX_DISTANCE, MessageError
 import numpy as np
@@ -26,68 +26,52 @@ from sensor_msgs.msg import JointState
 MAX_SPEED = 10.0
 
 
-class RollerStateReader:
+def read_roller_state(message: JointState, names: Sequence[str]) -> RollerState:
     """
-    Select the rollers from joint states by name, in any order and among other joints.
+    Return travel (r,) [m] and velocities (r,) [m/s] of the rollers, by name, among other joints.
 
+    Velocities that the message leaves out, or that are NaN, as a broadcaster publishes where
+    nothing is measured, are zero.
+
+    :param message: joint states, in any order.
     :param names: names of the rollers, in the order of the result.
+    :raises MessageError: a roller is missing or named twice, there are not as many positions
+        (or velocities) as names, or a number is not finite or out of range.
     """
+    missing = [name for name in names if name not in message.name]
+    if missing:
+        raise MessageError(
+            f'joint states: rollers {", ".join(missing)} are missing; must name {", ".join(names)}'
+        )
+    twice = [name for name in names if message.name.count(name) > 1]
+    if twice:
+        raise MessageError(f'joint states: {", ".join(twice)} named twice; must be once')
+    places = [message.name.index(name) for name in names]
 
-    def __init__(self, names: Sequence[str]) -> None:
-        self._names = tuple(names)
-        self._message_names: list[str] | None = None
-        self._places = np.zeros(0, dtype=int)
-
-    def read(self, message: JointState) -> RollerState:
-        """
-        Return travel (r,) [m] and velocities (r,) [m/s] of the rollers.
-
-        Velocities that the message leaves out, or that are NaN, as a broadcaster publishes where
-        nothing is measured, are zero.
-
-        :param message: joint states.
-        :raises MessageError: a roller is missing or named twice, there are not as many positions
-            (or velocities) as names, or a number is not finite or out of range.
-        """
-        if message.name != self._message_names:
-            self._places = self._find_places(message.name)
-            self._message_names = list(message.name)
-        positions = self._select('positions', message.position)
-        if not np.abs(positions).max() <= MAX_DISTANCE:  # nor for NaN
+    def select(what: str, values: Sequence[float]) -> Array:
+        if len(values) != len(message.name):
             raise MessageError(
-                f'joint states: roller positions {positions.tolist()} m: must be finite, '
-                f'at most {MAX_DISTANCE:g} m'
-            )
-        velocities = np.zeros_like(positions)
-        if message.velocity:
-            velocities = self._select('velocities', message.velocity)
-            velocities[np.isnan(velocities)] = 0.0
-        if np.abs(velocities).max() > MAX_SPEED:
-            raise MessageError(
-                f'joint states: roller velocities {velocities.tolist()} m/s: '
-                f'must be at most {MAX_SPEED} m/s'
-            )
-        return RollerState(positions, velocities)
-
-    def _select(self, what: str, values: Sequence[float]) -> Array:
-        if len(values) != len(self._message_names):
-            raise MessageError(
-                f'joint states: {len(values)} {what} for {len(self._message_names)} names; '
+                f'joint states: {len(values)} {what} for {len(message.name)} names; '
                 'must be as many'
             )
-        return np.asarray(values)[self._places]
+        return np.asarray(values)[places]
 
-    def _find_places(self, names: Sequence[str]) -> Indices:
-        missing = [name for name in self._names if name not in names]
-        if missing:
-            raise MessageError(
-                f'joint states: rollers {", ".join(missing)} are missing; '
-                f'must name {", ".join(self._names)}'
-            )
-        twice = [name for name in self._names if names.count(name) > 1]
-        if twice:
-            raise MessageError(f'joint states: {", ".join(twice)} named twice; must be once')
-        return np.array([names.index(name) for name in self._names])
+    positions = select('positions', message.position)
+    if not np.abs(positions).max() <= MAX_DISTANCE:  # nor for NaN
+        raise MessageError(
+            f'joint states: roller positions {positions.tolist()} m: must be finite, '
+            f'at most {MAX_DISTANCE:g} m'
+        )
+    velocities = np.zeros_like(positions)
+    if message.velocity:
+        velocities = select('velocities', message.velocity)
+        velocities[np.isnan(velocities)] = 0.0
+    if np.abs(velocities).max() > MAX_SPEED:
+        raise MessageError(
+            f'joint states: roller velocities {velocities.tolist()} m/s: '
+            f'must be at most {MAX_SPEED} m/s'
+        )
+    return RollerState(positions, velocities)
 
 
 def read_tube_pressures(message: JointState, robot: Robot) -> tuple[float, ...]:

@@ -48,35 +48,21 @@ CLOSED = ColorRGBA(r=0.2, g=0.7, b=0.3, a=0.8)
 OPEN = ColorRGBA(r=0.85, g=0.2, b=0.2, a=0.8)
 
 
-class GraspMarkers:
+def to_marker_array(report: GraspReport, frame: str, time: float) -> MarkerArray:
     """
-    Create markers with lasting ids: a new one replaces the old one, others are deleted.
+    Return the markers to be shown, behind one that deletes those from before.
 
+    :param report: of the grasp monitor.
     :param frame: the robot's frame.
+    :param time: stamp of the markers [s].
     """
-
-    def __init__(self, frame: str) -> None:
-        self._frame = frame
-        self._shown: set[tuple[str, int]] = set()
-
-    def update(self, report: GraspReport, time: float) -> MarkerArray:
-        """
-        Return the markers to be shown, and those to be deleted.
-
-        :param report: of the grasp monitor.
-        :param time: stamp of the markers.
-        """
-        markers = []
-        if report.grasp is not None:
-            color = CLOSED if report.held else OPEN
-            markers = [*_make_grasp_markers(report.grasp), _make_object(report.grasp, color)]
-        shown = {(marker.ns, marker.id) for marker in markers}
-        for name, number in sorted(self._shown - shown):
-            markers.append(Marker(ns=name, id=number, action=Marker.DELETE))
-        for marker in markers:
-            marker.header = make_header(time, self._frame)
-        self._shown = shown
-        return MarkerArray(markers=markers)
+    markers = [Marker(action=Marker.DELETEALL)]
+    if report.grasp is not None:
+        color = CLOSED if report.held else OPEN
+        markers += [*_make_grasp_markers(report.grasp), _make_object(report.grasp, color)]
+    for marker in markers:
+        marker.header = make_header(time, frame)
+    return MarkerArray(markers=markers)
 
 
 def _make_grasp_markers(grasp: AnalyzedGrasp) -> list[Marker]:

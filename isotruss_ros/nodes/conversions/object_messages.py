@@ -7,23 +7,28 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Objects of any convex shape from messages, and to messages."""
+"""Objects of any convex shape from messages, and to messages: what object files say of them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from dataclasses import fields
 
 from geometry_msgs.msg import Point
 from geometry_msgs.msg import Pose as PoseMessage
 from isotruss_msgs.msg import ConvexObject as ObjectMessage
-from isotruss_ros.core import ConvexObject, Disc, Ellipse, Polygon
+from isotruss_ros.core import ConvexObject
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.model.shapes import Shape
+from isotruss_ros.core.model.object_file import make_object, SHAPES
 from isotruss_ros.nodes.conversions.messages import MessageError, read_pose
 import numpy as np
 
 NO_OBJECT = ObjectMessage()
+#: Shapes of object files by their numbers in messages.
+NAMES = {
+    ObjectMessage.DISC: 'disc',
+    ObjectMessage.POLYGON: 'polygon',
+    ObjectMessage.ELLIPSE: 'ellipse',
+}
 
 
 def describes_object(message: ObjectMessage) -> bool:
@@ -42,29 +47,29 @@ def read_object_message(message: ObjectMessage, pose: PoseMessage) -> ConvexObje
     :param message: of the object.
     :param pose: of its frame in the robot frame.
     :raises MessageError: it describes no object, has a field that its shape does not have, or the
-        pose is not usable; names the field, and the vertex or the side of a polygon.
+        pose is not usable; names the field as a key of an object file, and the vertex or the side
+        of a polygon.
     """
     place = read_pose('object_pose', pose)
-    if message.shape not in SHAPES:
-        known = ', '.join(f'{number} ({kind.name})' for number, kind in SHAPES.items())
+    if message.shape not in NAMES:
+        known = ', '.join(f'{number} (a {name})' for number, name in NAMES.items())
         raise MessageError(f'object: shape {message.shape}: must be one of {known}')
-    kind = SHAPES[message.shape]
-    for name in FIELDS:
-        if name not in kind.fields and _is_given(getattr(message, name)):
-            raise MessageError(
-                f'object: {name}: {kind.name} has none; must be left out, the fields of '
-                f'{kind.name} are {", ".join(kind.fields)}'
-            )
+    radii, axes = message.corner_radii.tolist(), message.semi_axes.tolist()
+    # Of each key its values; none where the field is as in a new message.
+    given = {
+        'diameter': [message.diameter] if message.diameter != 0.0 else [],
+        'vertices': [[_planar(vertex) for vertex in message.vertices]] if message.vertices else [],
+        'corner_radius': radii if len(radii) < 2 else [radii],
+        'semi_axes': [axes] if any(axes) else [],
+        'mass': message.mass,
+        'center_of_mass': [_planar(point) for point in message.center_of_mass],
+        'friction': message.friction,
+    }
+    content = {key: values[0] for key, values in given.items() if len(values)}
     try:
-        return ConvexObject(
-            kind.read(message),
-            place,
-            message.mass[0] if message.mass else None,
-            _planar(message.center_of_mass[0]) if message.center_of_mass else None,
-            message.friction[0] if message.friction else None,
-        )
+        return make_object({'shape': NAMES[message.shape]} | content, 'object').moved_to(place)
     except GraspError as error:
-        raise MessageError(f'object: {error}') from error
+        raise MessageError(str(error)) from error
 
 
 def to_object_message(body: ConvexObject) -> ObjectMessage:
@@ -72,79 +77,24 @@ def to_object_message(body: ConvexObject) -> ObjectMessage:
     Return an object as a message, without its pose.
 
     :param body: the object, anywhere.
+    :raises GraspError: messages have no such shape.
     """
-    message, shape = ObjectMessage(), body.shape
-    if type(shape) not in NUMBERS:
-        known = ', '.join(kind.__name__ for kind in NUMBERS)
+    shape, numbers = body.shape, {SHAPES[name]: number for number, name in NAMES.items()}
+    if type(shape) not in numbers:
+        known = ', '.join(kind.__name__ for kind in numbers)
         raise GraspError(f'shape {shape!r}: must be one of {known} in a message')
-    message.shape = NUMBERS[type(shape)]
-    for name, value in SHAPES[message.shape].fields_of(shape).items():
-        setattr(message, name, value)
-    if body.mass is not None:
-        message.mass = [body.mass]
-    if body.center_of_mass is not None:
-        x, y = body.center_of_mass
-        message.center_of_mass = [Point(x=x, y=y)]
-    if body.friction is not None:
-        message.friction = [body.friction]
-    return message
-
-
-def _read_polygon(message: ObjectMessage) -> Polygon:
-    radii = tuple(message.corner_radii)
-    if len(radii) < 2:
-        return Polygon([_planar(v) for v in message.vertices], radii[0] if radii else 0.0)
-    return Polygon([_planar(v) for v in message.vertices], radii)
-
-
-def _polygon_fields(shape: Polygon) -> dict[str, Any]:
-    return {
-        'vertices': [Point(x=x, y=y) for x, y in shape.vertices],
-        'corner_radii': np.atleast_1d(shape.corner_radius).tolist(),
-    }
+    x, y = body.center_of_mass or (0.0, 0.0)
+    sizes = {field.name: getattr(shape, field.name) for field in fields(shape)}
+    return ObjectMessage(
+        shape=numbers[type(shape)],
+        corner_radii=np.atleast_1d(sizes.pop('corner_radius', [])).tolist(),
+        vertices=[Point(x=p, y=q) for p, q in sizes.pop('vertices', ())],
+        mass=[] if body.mass is None else [body.mass],
+        center_of_mass=[] if body.center_of_mass is None else [Point(x=x, y=y)],
+        friction=[] if body.friction is None else [body.friction],
+        **sizes,
+    )
 
 
 def _planar(point: Point) -> tuple[float, float]:
     return point.x, point.y
-
-
-def _is_given(value: Any) -> bool:
-    """Return whether a field is not as in a new message; what is not a number is given, too."""
-    if isinstance(value, float):
-        return value != 0.0
-    return bool((value != 0.0).any()) if isinstance(value, np.ndarray) else len(value) > 0
-
-
-class _ShapeMessage(NamedTuple):
-    """How a kind of shape is in a message."""
-
-    name: str
-    shape: type
-    fields: tuple[str, ...]
-    read: Callable[[ObjectMessage], Shape]
-    fields_of: Callable[[Any], dict[str, Any]]
-
-
-#: How each kind of shape is in a message, by its number there.
-SHAPES: dict[int, _ShapeMessage] = {
-    ObjectMessage.DISC: _ShapeMessage(
-        'a disc',
-        Disc,
-        ('diameter',),
-        lambda message: Disc(message.diameter),
-        lambda shape: {'diameter': shape.diameter},
-    ),
-    ObjectMessage.POLYGON: _ShapeMessage(
-        'a polygon', Polygon, ('vertices', 'corner_radii'), _read_polygon, _polygon_fields
-    ),
-    ObjectMessage.ELLIPSE: _ShapeMessage(
-        'an ellipse',
-        Ellipse,
-        ('semi_axes',),
-        lambda message: Ellipse(tuple(message.semi_axes.tolist())),
-        lambda shape: {'semi_axes': shape.semi_axes},
-    ),
-}
-NUMBERS = {kind.shape: number for number, kind in SHAPES.items()}
-#: The fields of the message that only some shapes have.
-FIELDS = tuple(name for kind in SHAPES.values() for name in kind.fields)

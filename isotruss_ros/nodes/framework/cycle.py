@@ -66,7 +66,6 @@ class Cycle:
         self._timer = create_timer(1.0 / self._values.rate, self._tick)
         if stopped is not None and not self.is_steady:
             create_steady_timer(node, WATCH_PERIOD, self._check)
-        self.apply()
 
     def apply(self) -> None:
         """Continue with the present values of the parameters."""

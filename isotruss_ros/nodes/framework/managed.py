@@ -27,13 +27,11 @@ from isotruss_ros.nodes.framework.parameters import (
     Value,
 )
 from isotruss_ros.nodes.framework.runner import StoppableNode
-from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.action import ActionClient, ActionServer
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rosgraph_msgs.msg import Clock
 
 SUCCESS = TransitionCallbackReturn.SUCCESS
 FAILURE = TransitionCallbackReturn.FAILURE
@@ -113,8 +111,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
         self._before: dict[str, dict[Any, Callable[[Any], object]]] = {}
         self.add_on_set_parameters_callback(self._check_change)
         self.add_post_set_parameters_callback(lambda _: self._apply_change())
-        ignore_negative_time(self)
-        _reject_unknown_transitions(self)
+        log_refusals(self)
         self.create()
         if not self.values.autostart:
             self.diagnostics.set_status(DiagnosticStatus.WARN, 'unconfigured')
@@ -147,7 +144,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
     def on_configure(self, _state: LifecycleState) -> TransitionCallbackReturn:
         """Configure; release what a failure leaves behind."""
         self._enter('configured')
-        ignore_negative_time(self)  # which may be simulated since it was unconfigured
+        log_refusals(self)  # which may be simulated since it was unconfigured
         result = self._try_step('configure', self._configure)
         if result != SUCCESS:
             self._release()
@@ -283,49 +280,25 @@ class ManagedNode(StoppableNode, LifecycleNode):
         for entity, destroy in self._list_entities().items():
             if entity not in before and entity not in self.kept:
                 destroy(entity)
-        # rclpy keeps a weak reference to everything that ever was in the group: without this, a
-        # node that is configured again and again grows.
-        references = self.default_callback_group.entities
-        references -= {reference for reference in references if reference() is None}
 
 
-def ignore_negative_time(node: Node) -> None:
+def log_refusals(node: Node) -> None:
     """
-    Drop messages on `/clock` with a time before zero, on which rclpy would raise.
+    Log what rclpy itself would raise of a time before zero, or of a transition that there is not.
 
-    :param node: a node that may go by simulated time.
+    :param node: may go by simulated time, and may have states.
     """
-
-    def take_checked(take: Callable[[Clock], None], message: Clock) -> None:
-        if message.clock.sec >= 0:
-            take(message)
-            return
-        node.get_logger().warning(
-            f'/clock: {message.clock.sec} s is before zero; the time stays as it is',
-            throttle_duration_sec=1.0,
-        )
-
-    for subscription in node.subscriptions:
-        # The callback of rclpy itself is a method.
-        if subscription.topic_name == '/clock' and inspect.ismethod(subscription.callback):
-            subscription.callback = partial(take_checked, subscription.callback)
+    for entity in (*node.subscriptions, *node.services):
+        name = getattr(entity, 'topic_name', '') or getattr(entity, 'service_name', '')
+        # The callbacks of rclpy itself are methods, until they are replaced here.
+        if name.endswith(('/clock', '/change_state')) and inspect.ismethod(entity.callback):
+            entity.callback = partial(_try_callback, node, name, entity.callback)
 
 
-def _reject_unknown_transitions(node: LifecycleNode) -> None:
-    """Reject a transition that does not exist in the present state, on which rclpy would raise."""
-    name = node.resolve_service_name('~/change_state')
-    (service,) = (service for service in node.services if service.service_name == name)
-    change = service.callback
-
-    def change_checked(
-        request: ChangeState.Request, response: ChangeState.Response
-    ) -> ChangeState.Response:
-        try:
-            return change(request, response)
-        except RuntimeError as error:  # of rcl; what a step raises is caught there
-            transition = request.transition.label or request.transition.id
-            node.get_logger().error(f'no transition {transition!r} from this state: {error}')
-            response.success = False
-            return response
-
-    service.callback = change_checked
+def _try_callback(node: Node, name: str, call: Callable[..., Any], *messages: Any) -> Any:
+    """Return the response of a service, where it refuses too; none of a subscription."""
+    try:
+        return call(*messages)
+    except (RuntimeError, ValueError) as error:  # of rclpy; what a step raises is caught there
+        node.get_logger().warning(f'{name}: {error}', throttle_duration_sec=1.0)
+        return messages[-1]

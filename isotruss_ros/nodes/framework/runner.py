@@ -35,6 +35,8 @@ from std_srvs.srv import Trigger
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 #: Warnings of one kind are logged at most this often [s].
 WARNING_PERIOD = 1.0
+#: A wait ends so often, as no signal ends one [s].
+WAKE_PERIOD = 1.0
 
 
 class StoppableNode(Node):
@@ -187,8 +189,7 @@ def run(kind: Callable[[], StoppableNode], args: Sequence[str] | None = None) ->
             executor = PacedExecutor(node)
             while not (received or node.done):
                 try:
-                    # A signal ends no wait, but every node has a timer.
-                    executor.spin_once()
+                    executor.spin_once(WAKE_PERIOD)
                 except Exception as error:  # noqa: BLE001 - whatever it is, the robot must stop
                     node.fail(error)
         except KeyboardInterrupt:
