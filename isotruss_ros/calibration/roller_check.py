@@ -15,6 +15,7 @@ from collections.abc import Mapping
 
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint
 import numpy as np
 
 #: A roller whose travel is off by more than this share is not right.
@@ -34,8 +35,9 @@ def judge_roller(
     :param config: where the robot was in between.
     :param roller: its name.
     :param travel: commanded [m].
-    :param moved: (dx, dy) of measured joints of the robot, by name [m].
+    :param moved: (dx, dy) of measured joints, by name [m].
     :param deviation: standard deviation of a measured coordinate [m].
+    :raises GraspError: a joint is unknown.
     :raises MeasurementError: there is no joint.
     """
     found, turned, rest = _identify_roller(config, moved)
@@ -66,6 +68,8 @@ def _identify_roller(
     names = robot.topology.joint_names
     if not moved:
         raise MeasurementError(f'no joint was measured: must be some of {", ".join(names)}')
+    for name in moved:
+        check_joint(robot, name)
     places = [names.index(name) for name in moved]
     count = len(robot.roller_names)
     rows = config.node_jacobian.reshape(-1, 2, count)[places].reshape(-1, count)

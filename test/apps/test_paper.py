@@ -134,6 +134,7 @@ def test_fit_returns_what_made_the_points(results):
     # Three standard deviations of a count of 95 %.
     assert result.held == pytest.approx(0.95, abs=3 * math.sqrt(0.05 * 0.95 / count))
     for mode in MODES:
+        assert len(result.analysis.slopes[mode]) == 9
         assert result.analysis.points(mode) > 0.95 * 9 * 5 * synthetic.COUNT
 
 

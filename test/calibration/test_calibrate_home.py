@@ -13,7 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from isotruss_ros.calibration.home import calibrate_home, move_home, Posture
 from isotruss_ros.calibration.measurements import MeasurementError
-from isotruss_ros.core import IsotrussError, load_robot
+from isotruss_ros.core import load_robot
+from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.robot import Robot
 import numpy as np
 import pytest
@@ -100,11 +101,14 @@ def test_a_marker_that_lies_is_named():
 
 
 @pytest.mark.parametrize(
-    ('joints', 'words'),
-    [({'P': (0.0, 0.0)}, 'joints P: must be 3 or more'), ({'W': (0.0, 0.0)}, "joint 'W'")],
+    ('joints', 'kind', 'words'),
+    [
+        ({'P': (0.0, 0.0)}, MeasurementError, 'joints P: must be 3 or more'),
+        ({'W': (0.0, 0.0)}, GraspError, "joint 'W'"),
+    ],
 )
-def test_what_is_no_measurement_is_refused(joints, words):
-    with pytest.raises(IsotrussError, match=words):
+def test_what_is_no_measurement_is_refused(joints, kind, words):
+    with pytest.raises(kind, match=words):
         calibrate_home(ROBOT, [Posture(np.zeros(N), joints)])
 
 

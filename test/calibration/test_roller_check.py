@@ -14,6 +14,7 @@ import re
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.calibration.roller_check import judge_roller
 from isotruss_ros.core import load_robot
+from isotruss_ros.core.errors import GraspError
 import numpy as np
 import pytest
 
@@ -62,3 +63,8 @@ def test_joints_that_no_single_roller_moves_so_are_told():
 def test_without_a_joint_it_says_so():
     with pytest.raises(MeasurementError, match='no joint was measured: must be some of P, Q'):
         judge_roller(ROBOT.home, 'south/P', 0.02, {}, NOISE)
+
+
+def test_an_unknown_joint_is_refused():
+    with pytest.raises(GraspError, match="joint 'W'"):
+        judge_roller(ROBOT.home, 'south/P', 0.02, {'W': (0.0, 0.0)}, NOISE)

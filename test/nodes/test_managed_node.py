@@ -9,6 +9,8 @@
 
 """Managed nodes: their states, what they do in each, and what becomes of errors in between."""
 
+import gc
+
 from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_msgs.action import FollowObjectPath
 from isotruss_ros.core import IsotrussError
@@ -126,6 +128,17 @@ def test_goes_through_the_life_cycle_repeatedly(waiting):
         assert node.steps == ['configure', 'activate', 'deactivate', 'cleanup']
     assert manager.ask(Transition.TRANSITION_UNCONFIGURED_SHUTDOWN)
     assert manager.state() == 'finalized'
+
+
+def test_the_life_cycle_leaves_nothing_behind(waiting):
+    node, _, _ = waiting
+    known = []
+    for _ in range(6):
+        for step in ('configure', 'activate', 'deactivate', 'cleanup'):
+            getattr(node, f'trigger_{step}')()
+        gc.collect()
+        known.append((node.entities(), len(node.default_callback_group.entities)))
+    assert known[-1] == known[1]
 
 
 def test_publishes_only_while_active_and_a_last_message_on_the_transition(waiting):

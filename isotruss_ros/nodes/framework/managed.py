@@ -280,6 +280,10 @@ class ManagedNode(StoppableNode, LifecycleNode):
         for entity, destroy in self._list_entities().items():
             if entity not in before and entity not in self.kept:
                 destroy(entity)
+        # rclpy keeps a weak reference to everything that ever was in the group: without this, a
+        # node that is configured again and again grows.
+        references = self.default_callback_group.entities
+        references -= {reference for reference in references if reference() is None}
 
 
 def log_refusals(node: Node) -> None:
