@@ -204,6 +204,6 @@ def test_a_path_on_which_the_margin_ends_stands_before_the_object_slips():
     carry = Carry('box')
     carry.run(14.0, (0.03, 0.02, 0.0))
     assert Status.SLOWED_SLIP_MARGIN in carry.statuses
-    assert carry.control.slip_margin > 0.0
+    assert carry.control.model.slip_margin > 0.0
     assert carry.control.fault is None
     assert np.abs(carry.errors).max() < 5e-3

@@ -86,7 +86,7 @@ def at_rest(missing=0.0, **settings):
     """Return a control whose object is where the model has it."""
     force = MODEL.squeeze + missing
     control = SqueezeControl(SqueezeSettings(force, FRICTION, **MASSLESS | settings))
-    assert control.slip_margin == 0.0
+    assert control.model is None
     assert control.follow(CONFIG, AT_REST, 0.0) is HoldStatus.HELD
     return control
 
