@@ -13,6 +13,7 @@ from dataclasses import replace
 
 from drawn_robots import DrawnRobot, EXACT, MARKER, NAMES, PERIOD, POSE, ROBOT, THREE
 from isotruss_ros.core import ConvexObject, Grip, load_robot, Pose, tangent_center
+from isotruss_ros.core.control import state_filter
 from isotruss_ros.core.control.slip_watch import RARE, SlipWatch
 from isotruss_ros.core.control.state_estimator import StateEstimator
 from isotruss_ros.core.control.state_filter import StateFilter
@@ -257,6 +258,15 @@ def test_an_object_that_is_gone_is_not_held():
     found = drawn.estimator.estimate()
     assert found.pose is None
     assert np.isnan(found.squeeze)
+
+
+def test_an_object_that_no_equilibrium_holds_at_the_measured_state_is_released(monkeypatch):
+    drawn = DrawnRobot(11, held=True)
+    drawn.run(PERIOD, ())  # held, with zeros as unsure as at first
+    assert drawn.estimator.estimate().pose is not None
+    monkeypatch.setattr(state_filter, 'roll_contacts', lambda *_given: None)
+    assert not drawn.estimator.take_markers(drawn.time, drawn.markers(ALL), MARKER)
+    assert drawn.estimator.estimate().pose is None
 
 
 def test_without_measurements_it_is_where_the_encoders_say():
