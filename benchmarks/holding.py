@@ -131,7 +131,7 @@ def follow(
         if isinstance(command, str):
             return command
         control.advance(wanted, command)
-        margins.append(control.slip_margin)
+        margins.append(0.0 if control.model is None else control.model.slip_margin)
         times.append(duration)
         plant.command(command.roller_velocities)
         plant.advance(PERIOD)

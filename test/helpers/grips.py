@@ -18,7 +18,6 @@ from isotruss_ros.core import (
     Status,
     tangent_center,
 )
-from isotruss_ros.core.control.load_estimate import LoadSettings
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.model.pose import pose_difference
@@ -26,7 +25,7 @@ import numpy as np
 import robots
 
 #: Settings of the squeeze control for the elastic plant, which has no masses, and pulls.
-MASSLESS = {'pose_gain': 20.0, 'force_gain': True, 'load': LoadSettings(size=5.0)}
+MASSLESS = {'pose_gain': 20.0, 'force_gain': True, 'load': 5.0}
 
 
 def gripped(degrees=35.0, diameter=0.3, squeeze=0.02, module='north/Z', robot='nine_member'):

@@ -19,7 +19,6 @@ from carries import Carry, elastic_plant, GRASPS, mujoco_plant
 from isotruss_ros.calibration.oscillation import fit_oscillation
 from isotruss_ros.core import Status
 from isotruss_ros.core.control.grip_watch import GripFault
-from isotruss_ros.core.control.load_estimate import LoadSettings
 from mujoco_worlds import needs_mujoco
 from nightly import some_now
 import numpy as np
@@ -118,7 +117,7 @@ def test_a_gain_beyond_the_limit_is_refused_with_frequency_and_limit():
 def test_an_oscillation_that_grows_is_stopped_before_the_object_is_lost(
     plant, grasp, gain, masses
 ):
-    forced = {'pose_gain': gain, 'force_gain': True, 'load': LoadSettings(5.0)}
+    forced = {'pose_gain': gain, 'force_gain': True, 'load': 5.0}
     carry = Carry(grasp, masses, plant=plant, **forced)
     carry.run(1.0)
     carry.push(PUSH)
@@ -132,7 +131,7 @@ def test_an_oscillation_that_grows_is_stopped_before_the_object_is_lost(
 @pytest.mark.parametrize('seed', some_now(range(4)))
 @pytest.mark.parametrize('grasp', some_now(['box', 'brick', 'disc 0.1 m', 'disc 0.3 m']))
 def test_noise_is_no_slip_where_a_load_is_expected(grasp, seed):
-    carry = Carry(grasp, late=3, noise=NOISE, seed=seed, load=LoadSettings(5.0))
+    carry = Carry(grasp, late=3, noise=NOISE, seed=seed, load=5.0)
     rng = np.random.default_rng(seed)
     carry.run(1.0)
     carry.run(3.0, rng.uniform(-1.0, 1.0, 3) * (0.02, 0.02, 0.08))
@@ -205,6 +204,6 @@ def test_a_path_on_which_the_margin_ends_stands_before_the_object_slips():
     carry = Carry('box')
     carry.run(14.0, (0.03, 0.02, 0.0))
     assert Status.SLOWED_SLIP_MARGIN in carry.statuses
-    assert carry.control.slip_margin > 0.0
+    assert carry.control.model.slip_margin > 0.0
     assert carry.control.fault is None
     assert np.abs(carry.errors).max() < 5e-3

@@ -16,7 +16,6 @@ from types import SimpleNamespace
 
 from isotruss_ros.core import Status, tangent_center, TwistServo
 from isotruss_ros.core.control.decision import Decision
-from isotruss_ros.core.control.load_estimate import LoadSettings
 from isotruss_ros.core.control.squeeze_control import SqueezeSettings
 from isotruss_ros.core.manipulation.status import RollerCommand
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
@@ -181,7 +180,7 @@ def test_every_parameter_of_the_servo_reaches_it():
     assert (servo.period, servo.timeout, servo.pressure_timeout) == (0.02, 0.3, 9.0)
     assert (servo.slide_along_limits, servo.detector.criterion.time) == (True, 3.0)
     assert servo.squeeze.settings == SqueezeSettings(
-        30.0, 0.7, pose_gain=2.0, force_gain=True, frequency=8.0, load=LoadSettings(4.0)
+        30.0, 0.7, pose_gain=2.0, force_gain=True, frequency=8.0, load=4.0
     )
     # One that is raised while the node runs goes on from where it is.
     regulated = servo.squeeze

@@ -19,7 +19,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import NamedTuple
 
-from isotruss_ros.core.control.load_estimate import LoadEstimate, LoadSettings
+from isotruss_ros.core.control.load_estimate import LoadEstimate, POSE_ERROR
 from isotruss_ros.core.control.loop_gains import LoopGains
 from isotruss_ros.core.control.usage_limits import UsageLimits
 from isotruss_ros.core.holding.attach_grip import attach_grip
@@ -77,10 +77,10 @@ class HeldModel:
     :param grasp: the equilibrium near the measured pose, with a `response`.
     :param grip: its object is where it was measured.
     :param friction: coefficient between tube and object.
-    :param load: what is expected.
+    :param load: size of the loads that are expected, see `LoadEstimate` [N].
     """
 
-    def __init__(self, grasp: HeldGrip, grip: Grip, friction: float, load: LoadSettings) -> None:
+    def __init__(self, grasp: HeldGrip, grip: Grip, friction: float, load: float) -> None:
         self._friction, self.load = friction, LoadEstimate(load)
         offset, give = pose_difference(grip.body.pose, grasp.pose), grasp.response.pose
         self.load.offset = self.load.bias = offset
@@ -213,7 +213,7 @@ class HeldModel:
             # A load moves the object once; noise moves it in each cycle.
             steps = np.abs(np.diff(self._even * first, axis=0))
             self._noise = float(np.median(steps, axis=0).max())
-            if self._noise > self.load.settings.pose_error:
+            if self._noise > POSE_ERROR:
                 there = grip.body.moved_to(Pose(*(np.array(grasp.pose) + mean)))
                 found = attach_model(grasp.config, replace(grip, body=there), grasp.tubes.pressure)
                 if not isinstance(found, HoldStatus):

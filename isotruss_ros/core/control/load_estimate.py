@@ -12,44 +12,33 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 import math
 
 from isotruss_ros.core.control.loop_gains import LoopGains
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
-
-@dataclass(frozen=True)
-class LoadSettings:
-    """
-    What loads and errors are expected.
-
-    The estimate is the most probable wrench for a pose that the tubes give by and that model and
-    measurement miss: where the grasp is soft it follows the pose, where it is stiff it is small.
-    Where no load is expected, errors of the model do not become one.
-
-    :ivar size: of the wrench, moments over the object's radius; 0 where none is expected [N].
-    :ivar pose_error: of measurement and model together, turns times the radius [m].
-    """
-
-    size: float = 0.0
-    pose_error: float = 3e-4
+#: Error of measurement and model of the pose together, turns times the radius [m].
+POSE_ERROR = 3e-4
 
 
 class LoadEstimate:
     """
     The external wrench on an object, and what it does not explain of the measured pose.
 
+    The estimate is the most probable wrench for a pose that the tubes give by and that model and
+    measurement miss: where the grasp is soft it follows the pose, where it is stiff it is small.
+    Where no load is expected, errors of the model do not become one.
+
     :ivar offset: (x, y, angle) by which the object is off the model without a load, behind the
         first low-pass [m, rad].
     :ivar wrench: (fx, fy, m / radius) behind the second one [N].
     :ivar bias: (x, y, angle) by which the object is off its model, the wrench included [m, rad].
-    :param settings: what is expected.
+    :param size: of the wrench that is expected, moments over the object's radius; 0 for none [N].
     """
 
-    def __init__(self, settings: LoadSettings) -> None:
-        self.settings = settings
+    def __init__(self, size: float) -> None:
+        self._size = size
         self.offset, self.wrench, self.bias = np.zeros(3), np.zeros(3), np.zeros(3)
 
     def begin(
@@ -114,7 +103,7 @@ class LoadEstimate:
         :param compliance: as for `update`.
         :param radius: of the object [m].
         """
-        settings, even = self.settings, np.array([1.0, 1.0, radius])
+        expected, even = self._size**2, np.array([1.0, 1.0, radius])
         give = even[:, None] * compliance
-        variance = settings.size**2 * give @ give.T + settings.pose_error**2 * np.eye(3)
-        return settings.size**2 * give.T @ np.linalg.solve(variance, even * offset)
+        variance = expected * give @ give.T + POSE_ERROR**2 * np.eye(3)
+        return expected * give.T @ np.linalg.solve(variance, even * offset)

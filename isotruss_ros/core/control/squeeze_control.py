@@ -90,11 +90,6 @@ class SqueezeControl:
         """Return how the object is held where the robot is; None before `follow`."""
         return None if self.model is None else self.model.grasp
 
-    @property
-    def slip_margin(self) -> float:
-        """Return the slip margin of the object under the estimated load; 0 without one [N]."""
-        return 0.0 if self.model is None else self.model.slip_margin
-
     def lose(self) -> None:
         """Take note that the object is not between the members any more."""
         if self.model is not None and self.fault is None:

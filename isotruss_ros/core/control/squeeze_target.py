@@ -11,10 +11,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 import math
 
-from isotruss_ros.core.control.load_estimate import LoadSettings
 from isotruss_ros.core.control.state_estimate import EstimatedTravel
 
 #: The target moves by the difference to an estimated squeeze, behind this low-pass [s], ...
@@ -37,7 +36,7 @@ class SqueezeSettings:
         the masses [rad/s].
     :ivar max_utilisation: of the moment at which tubes wrinkle; commands that lead toward it are
         slowed, and beyond it only those that lead away are carried out [-].
-    :ivar load: what loads and errors are expected.
+    :ivar load: size of the loads on the object that are expected, see `LoadEstimate` [N].
     """
 
     force: float
@@ -46,7 +45,7 @@ class SqueezeSettings:
     force_gain: bool = False
     frequency: float | None = None
     max_utilisation: float = 1.0
-    load: LoadSettings = field(default_factory=LoadSettings)
+    load: float = 0.0
 
 
 class SqueezeTrim:

@@ -26,7 +26,7 @@ from dataclasses import replace
 import math
 
 from isotruss_ros.core.control.first_contact import FirstContact, Seen
-from isotruss_ros.core.control.inputs import steady_pressures, Timeline
+from isotruss_ros.core.control.inputs import Timeline
 from isotruss_ros.core.control.marker_gate import fits, judge_markers
 from isotruss_ros.core.control.slip_watch import SlipWatch
 from isotruss_ros.core.control.state_estimate import EstimatorSettings, StateEstimate
@@ -108,8 +108,7 @@ class StateEstimator:
         :param pressures: (t,) gauge, by tube in the order of the robot file [Pa]; None for those
             of the file.
         """
-        model = self._filter.model
-        model.take_pressures(steady_pressures(model.tubes.pressure, pressures))
+        self._filter.take_pressures(pressures)
 
     @single_threaded
     def take_pose(self, time: float, pose: Pose, deviations: Array) -> bool:
@@ -126,15 +125,15 @@ class StateEstimator:
             return False
         readings, believed = self._readings.at(time), self._filter
         believed.go_to(readings)
-        if believed.model.held is None:
+        if believed.held is None:
             told = self._touch(time, readings, pose, deviations)
             sure = FREE if self._contact.lies else 1.0
             if not believed.attach(self._grip.moved_to(pose), readings, sure):
                 return told
             self._contact, self._lost = FirstContact(), 0
-        rows = np.arange(len(believed.model.expected.values))[-3:]
+        rows = np.arange(len(believed.expected.values))[-3:]
         expected, spread = believed.expect(rows)
-        errors = self.settings.pose_error / np.array([1.0, 1.0, believed.model.held.arm])
+        errors = self.settings.pose_error / np.array([1.0, 1.0, believed.held.arm])
         noise = np.diag(np.asarray(deviations) ** 2 + errors**2)
         off = pose_difference(pose, expected.values)
         if not fits(off, spread + noise):
@@ -166,7 +165,7 @@ class StateEstimator:
         if not joints or not self._in_time(time):
             return False
         readings = self._readings.at(time)
-        believed, model = self._filter, self._filter.model
+        believed = self._filter
         believed.go_to(readings)
         rows = np.array([2 * names.index(name) + i for name in joints for i in (0, 1)])
         expected, spread = believed.expect(rows)
@@ -175,7 +174,7 @@ class StateEstimator:
         used, slipped = judge_markers(
             (measured - expected.values).reshape(-1, 2),
             spread + noise,
-            expected.rates[:, model.rollers],
+            expected.rates[:, believed.rollers],
             np.ptp(self._readings.values, axis=0),
         )
         believed.doubt(slipped)
@@ -191,7 +190,7 @@ class StateEstimator:
             measured[chosen], noise[np.ix_(chosen, chosen)], rows[chosen]
         ):
             return False
-        belief, own = believed.belief, model.rollers
+        belief, own = believed.belief, believed.rollers
         variances = np.diag(belief.covariance)[own] + self.settings.joint_error**2
         self._slips.add(time, readings, belief.mean[own], variances)
         return True
@@ -206,10 +205,10 @@ class StateEstimator:
         if not self._readings:
             return None
         time, readings = self._readings.last
-        given, model = self.settings, self._filter.model
+        given, model = self.settings, self._filter
         if np.abs(readings - model.readings).max() > NEAR:
-            self._filter.go_to(readings)
-        belief = self._filter.belief
+            model.go_to(readings)
+        belief = model.belief
         # To first order from where the model was last.
         beyond = belief.mean - model.state
         beyond[model.rollers] += readings - model.readings
@@ -251,11 +250,11 @@ class StateEstimator:
         if time <= self._seen:
             return False
         self._seen = time
-        belief, model, placed = self._filter.belief, self._filter.model, self._grip.moved_to(pose)
+        model, placed = self._filter, self._grip.moved_to(pose)
         measured = np.array(pose), np.square(deviations)
-        seen = Seen(*measured, readings, belief.mean, *model.depths(placed))
-        told = self._contact.take(seen, belief, lambda: model.pressed_depths(placed))
+        seen = Seen(*measured, readings, model.belief.mean, *model.depths(placed))
+        told = self._contact.take(seen, model.belief, lambda: model.pressed_depths(placed))
         if told is None:
             return False
-        self._filter.learn_zero(told, readings)
+        model.learn_zero(told, readings)
         return True

@@ -34,7 +34,6 @@ class RigidObject:
     contact leaves its member, and where a member does not press any more when the rollers rest.
 
     :ivar rolling: the grip; None while the object lies.
-    :ivar lost: how it left a grip while rolling; None if it did not.
     :param body: the object, where it lies.
     :param friction: coefficient between tube and object; one of its own counts instead.
     """
@@ -44,7 +43,6 @@ class RigidObject:
         self._friction = friction if body.friction is None else body.friction
         self._looks = True
         self.rolling: RollingGrip | None = None
-        self.lost: str | None = None
 
     @classmethod
     def in_grip(cls, rolling: RollingGrip) -> RigidObject:
@@ -82,8 +80,7 @@ class RigidObject:
             return
         try:
             self.rolling = self._rolled(self.rolling, config)
-        except GraspError as error:
-            self.lost = str(error)
+        except GraspError:
             self._body, self.rolling = self._body.moved_to(self.rolling.pose), None
 
     def come_to_rest(self, config: Configuration) -> None:
@@ -106,7 +103,7 @@ class RigidObject:
             settled = settle_grasp(config, body, self._friction, members=names)
             if settled.hold.at_rest:
                 grip = Grip(names, body.moved_to(settled.pose), self._friction)
-                self.rolling, self.lost = RollingGrip.attach(config, grip), None
+                self.rolling = RollingGrip.attach(config, grip)
         except IsotrussError:
             return  # a member presses with its end, or the forces cannot be computed
 

@@ -89,7 +89,9 @@ class SensorChannel:
             values = np.atleast_2d(np.asarray(read(), dtype=float))
             # Drawn always, so that the noise of a seed does not depend on the dropouts.
             noise, lost = self._random.normal(size=values.shape), self._random.random(len(values))
-            measured = round_to(values + self.faults.noise * noise, self.faults.step)
+            measured, step = values + self.faults.noise * noise, np.asarray(self.faults.step)
+            unit = np.where(step > 0.0, step, 1.0)
+            measured = np.where(step > 0.0, unit * np.round(measured / unit), measured)
             seen = lost >= self.faults.dropouts
             if seen.any():
                 waiting.append(Measurement(time, measured, seen))
@@ -107,17 +109,3 @@ class SensorChannel:
             return False
         self._due = self._due + period if 0.0 <= late + SAME_TIME < period else time + period
         return True
-
-
-def round_to(values: Array, step: ArrayLike) -> Array:
-    """
-    Return values rounded to multiples of a step, as an encoder counts.
-
-    :param values: (k, n).
-    :param step: one for all, or (n,) by value, not negative; 0 does not round.
-    """
-    step = np.broadcast_to(np.asarray(step, dtype=float), values.shape)
-    rounded = step > 0.0
-    found = values.copy()
-    found[rounded] = step[rounded] * np.round(values[rounded] / step[rounded])
-    return found

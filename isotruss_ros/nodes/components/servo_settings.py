@@ -18,7 +18,6 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.core import ShapeGuard, Status, TwistServo
 from isotruss_ros.core.control.decision import Decision
-from isotruss_ros.core.control.load_estimate import LoadSettings
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
 from isotruss_ros.core.safety.roller_failure import FailureCriterion, FailureDetector
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
@@ -147,7 +146,7 @@ def _apply_squeeze(servo: TwistServo, values: Parameters) -> None:
         pose_gain=values.pose_gain or None,
         force_gain=values.force_gain,
         frequency=values.frequency or None,
-        load=LoadSettings(values.expected_load),
+        load=values.expected_load,
     )
     if servo.squeeze is None or servo.squeeze.fault is not None:
         servo.squeeze = SqueezeControl(settings)

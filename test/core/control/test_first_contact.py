@@ -15,9 +15,9 @@ import functools
 from drawn_robots import EXACT, PERIOD, POSE, ROBOT
 from isotruss_ros.core import ConvexObject, plan_grasps, Polygon, Pose
 from isotruss_ros.core.control.belief import Belief
-from isotruss_ros.core.control.estimated_robot import EstimatedRobot
 from isotruss_ros.core.control.first_contact import AGAINST, FirstContact, Seen, WINDOW
 from isotruss_ros.core.control.state_estimator import StateEstimator
+from isotruss_ros.core.control.state_filter import StateFilter
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.simulation.elastic_object import ElasticObject
 from isotruss_ros.mujoco_plant.options import PlantOptions
@@ -165,7 +165,7 @@ def test_stated_deviations_contain_the_true_squeeze(plant, runs, within):
 def test_derivatives_of_depths_are_those_of_differences(shape):
     grip, path = planned()
     body = replace(BODY, shape=shape)
-    model = EstimatedRobot(ROBOT)
+    model = StateFilter(ROBOT, EXACT)
     state, pose, small = model.state.copy(), np.array([0.6, 0.3, 0.2]), 1e-6
 
     def depths(state, pose):

@@ -132,7 +132,7 @@ def test_keeps_the_robot_clear_of_the_object():
         robot.command(decision.command.roller_velocities)
         robot.advance(PERIOD)
         now += PERIOD
-    assert box.lost is None
+    assert box.rolling is not None
     assert any(10 <= status < 20 or status is Status.HALT_NO_GRASP for status in seen), seen
 
 

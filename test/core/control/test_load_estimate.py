@@ -9,7 +9,7 @@
 
 """The load on a held object, against least squares and in closed form."""
 
-from isotruss_ros.core.control.load_estimate import LoadEstimate, LoadSettings
+from isotruss_ros.core.control.load_estimate import LoadEstimate
 from isotruss_ros.core.control.loop_gains import LoopGains
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ GAINS = LoopGains(pose=50.0, squeeze=5.0, bias=2.0, filter_time=0.02)
 def test_the_wrench_is_the_most_probable_one():
     """Errors of the pose count against 0.3 mm, turns at the radius, and the wrench against 5 N."""
     rng = np.random.default_rng(0)
-    load = LoadEstimate(LoadSettings(size=5.0))
+    load = LoadEstimate(5.0)
     even = np.array([1.0, 1.0, RADIUS])
     passed = 1.0 - np.exp(-0.5)  # in 10 ms of 20 ms
     for _ in range(4):
@@ -49,14 +49,14 @@ def test_the_wrench_is_the_most_probable_one():
 
 
 def test_a_load_from_the_start_is_taken_over_whole():
-    load, offset = LoadEstimate(LoadSettings(size=50.0)), np.array([4e-3, 2e-3, 0.0])
+    load, offset = LoadEstimate(50.0), np.array([4e-3, 2e-3, 0.0])
     load.begin(offset, 2e-3 * np.eye(3), RADIUS, lambda wrench: True)
     assert load.wrench[:2] == pytest.approx([2.0, 1.0], abs=0.01)
     assert 2e-3 * load.wrench + load.bias == pytest.approx(offset)
 
 
 def test_a_load_under_which_the_object_would_slip_is_not_believed():
-    load, real = LoadEstimate(LoadSettings(size=50.0)), 0.02 * np.array([1.0, 0.0, 0.0])
+    load, real = LoadEstimate(50.0), 0.02 * np.array([1.0, 0.0, 0.0])
     for _ in range(200):
         held = load.update(
             real - 2e-3 * load.wrench,
@@ -71,7 +71,7 @@ def test_a_load_under_which_the_object_would_slip_is_not_believed():
 
 
 def test_where_no_load_is_expected_errors_of_the_model_do_not_become_one():
-    load = LoadEstimate(LoadSettings())
+    load = LoadEstimate(0.0)
     load.begin(np.array([0.01, 0.0, 0.0]), 5e-3 * np.eye(3), RADIUS, lambda wrench: True)
     assert not load.wrench.any()
     assert load.bias == pytest.approx([0.01, 0.0, 0.0])

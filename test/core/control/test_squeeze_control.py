@@ -84,7 +84,7 @@ def test_an_unknown_load_is_found_and_costs_little_squeeze_and_no_pose():
     assert loop.errors[-1] < 1e-4
     assert loop.control.model.load.wrench == pytest.approx([1.8, 2.4, 0.0], abs=0.2)
     # The margin is what is left beside the load.
-    assert loop.control.slip_margin == pytest.approx(loop.object.slip_margin, rel=0.05)
+    assert loop.control.model.slip_margin == pytest.approx(loop.object.slip_margin, rel=0.05)
 
 
 def test_an_object_that_is_loaded_from_the_start_is_wanted_where_it_is():

@@ -13,9 +13,10 @@ from dataclasses import replace
 
 from drawn_robots import DrawnRobot, EXACT, MARKER, NAMES, PERIOD, POSE, ROBOT, THREE
 from isotruss_ros.core import ConvexObject, Grip, load_robot, Pose, tangent_center
-from isotruss_ros.core.control.estimated_robot import EstimatedRobot
+from isotruss_ros.core.control import state_filter
 from isotruss_ros.core.control.slip_watch import RARE, SlipWatch
 from isotruss_ros.core.control.state_estimator import StateEstimator
+from isotruss_ros.core.control.state_filter import StateFilter
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_statics import TubeModel
@@ -184,10 +185,10 @@ def test_pressures_measured_while_an_object_is_held_count_as_those_from_before()
     robot = load_robot('nine_member')  # whose tubes flatten the more, the softer they are
     more = tuple(2.0 * pressure for pressure in tube_pressures(robot.description, None))
     body = ConvexObject.disc(tangent_center(robot.home, 'north/Z', 0.3, 0.02), 0.3)
-    before, after = EstimatedRobot(robot), EstimatedRobot(robot)
+    before, after = StateFilter(robot, EXACT), StateFilter(robot, EXACT)
     before.take_pressures(more)
     for model in (before, after):
-        assert model.attach(Grip.at_module(robot, 'north/Z', body), np.zeros(6), model.state)
+        assert model.attach(Grip.at_module(robot, 'north/Z', body), np.zeros(6), 1.0)
     after.take_pressures(more)
     for _ in range(3):  # members bend as they did the last time
         for model in (before, after):
@@ -197,10 +198,10 @@ def test_pressures_measured_while_an_object_is_held_count_as_those_from_before()
 
 @pytest.mark.parametrize('follow', [False, True])
 def test_members_that_hold_an_object_are_shorter_by_what_they_bend(follow):
-    model, grip = EstimatedRobot(ROBOT), DrawnRobot(3, held=True).grip
+    model, grip = StateFilter(ROBOT, EXACT), DrawnRobot(3, held=True).grip
     held = Grip(tuple(grip.member_names), grip.body)
     travel = grip.config.roller_positions
-    assert model.attach(held, travel, model.state)
+    assert model.attach(held, travel, 1.0)
     for _ in range(4):
         model.evaluate(travel, model.state, follow)
     shorter = grip.config.moved_to(travel).member_lengths - model.held.config.member_lengths
@@ -257,6 +258,15 @@ def test_an_object_that_is_gone_is_not_held():
     found = drawn.estimator.estimate()
     assert found.pose is None
     assert np.isnan(found.squeeze)
+
+
+def test_an_object_that_no_equilibrium_holds_at_the_measured_state_is_released(monkeypatch):
+    drawn = DrawnRobot(11, held=True)
+    drawn.run(PERIOD, ())  # held, with zeros as unsure as at first
+    assert drawn.estimator.estimate().pose is not None
+    monkeypatch.setattr(state_filter, 'roll_contacts', lambda *_given: None)
+    assert not drawn.estimator.take_markers(drawn.time, drawn.markers(ALL), MARKER)
+    assert drawn.estimator.estimate().pose is None
 
 
 def test_without_measurements_it_is_where_the_encoders_say():
