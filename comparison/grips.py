@@ -33,7 +33,7 @@ STILL = PlantOptions(joint_drag=25.0)
 #: A motion of the rollers, the cycle of its commands, and the rest after it [s].
 MOTION, CYCLE, REST = 2.0, 0.01, 1.0
 #: Numbers of segments of members that hold an object, and of the others.
-FINE, COARSE = 8, 4
+NEAR, COARSE = 8, 4
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ def soften(robot: Robot, stiffness: float) -> Robot:
     return Robot(replace(description, stiffness={'model': 'section', **block}))
 
 
-def mesh(robot: Robot, members: Sequence[str], segments: int = FINE) -> Indices:
+def mesh(robot: Robot, members: Sequence[str], segments: int = NEAR) -> Indices:
     """
     Return the numbers of segments of all members (m,).
 
@@ -108,7 +108,7 @@ def place(case: PressedCase) -> tuple[Configuration, ConvexObject]:
 
 
 def press(
-    case: PressedCase, options: PlantOptions = STILL, segments: int = FINE
+    case: PressedCase, options: PlantOptions = STILL, segments: int = NEAR
 ) -> tuple[MujocoPlant, Configuration, ConvexObject]:
     """
     Return a plant that presses on an object held fast, its configuration, and the object.
@@ -127,7 +127,7 @@ def press_on(
     held: ConvexObject,
     members: Sequence[str],
     options: PlantOptions = STILL,
-    segments: int = FINE,
+    segments: int = NEAR,
 ) -> MujocoPlant:
     """
     Return a plant that presses on an object held fast, without friction.
