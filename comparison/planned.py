@@ -19,6 +19,7 @@ from comparison.carrying import carry, Regulated
 from comparison.grips import mesh, round_robot
 from comparison.section import Check, Section
 from isotruss_ros.core import ConvexObject, GraspRequirements, plan_grasps
+from isotruss_ros.core.control.load_estimate import LoadSettings
 from isotruss_ros.core.control.object_path import ObjectPath
 from isotruss_ros.core.control.path_tracking import (
     FINISHED,
@@ -42,6 +43,8 @@ FRICTION = 0.5
 RATE, REST = 50.0, 3.0
 #: The path takes so much longer than at the speed of the planner.
 SLOWER = 2.0
+#: That the servo expects: without one it takes what the linear model is off for a slip [N].
+LOAD = 5.0
 #: What holds the object to the ground while it lies there [N].
 GROUND = 0.5
 
@@ -148,7 +151,7 @@ def compare(wanted: Sequence[Wanted] = WANTED) -> Section:
 
 
 def _regulated(plant: MujocoPlant, wanted: Wanted, grasp: PlannedGrasp) -> Regulated:
-    settings = SqueezeSettings(wanted.squeeze, grasp.grip.friction)
+    settings = SqueezeSettings(wanted.squeeze, grasp.grip.friction, load=LoadSettings(LOAD))
     return Regulated(plant, grasp.config.robot, grasp.grip, settings)
 
 
