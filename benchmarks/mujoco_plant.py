@@ -112,7 +112,7 @@ def main() -> None:
     """Measure and print."""
     print_machine()
     still = np.zeros_like(SPEEDS)
-    fine = PlantOptions(friction=FRICTION, segments=8, contact_segments=16)
+    fine = PlantOptions(friction=FRICTION, segments=16)
     rows = [
         plant_row('at rest', PlantOptions(friction=FRICTION), still),
         plant_row('rollers moving', PlantOptions(friction=FRICTION), SPEEDS),

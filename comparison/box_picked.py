@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from comparison.carrying import Carried, carry, Feedback, Regulated
-from comparison.grips import round_robot
+from comparison.grips import mesh, round_robot
 from isotruss_ros.core import (
     Configuration,
     ConvexObject,
@@ -25,6 +25,7 @@ from isotruss_ros.core import (
     Pose,
     Status,
 )
+from isotruss_ros.core.control.squeeze_control import SqueezeSettings
 from isotruss_ros.demo.path import Phase, rotation, translation
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.plant import ContactForce, MujocoPlant
@@ -103,9 +104,7 @@ def pick(phases: Sequence[Phase] = PHASES) -> Picked:
     lying = place_between(robot.home, SIDES, BOX, ANGLE, -GAP).body
     grip = Grip(SIDES, lying, FRICTION)
     options = PlantOptions(friction=FRICTION, ground_friction=GROUND)
-    segments = np.full(len(robot.member_names), options.segments)
-    segments[[robot.member_names.index(name) for name in SIDES]] = options.contact_segments
-    plant = MujocoPlant(robot, [lying], options, segments)
+    plant = MujocoPlant(robot, [lying], options, mesh(robot, SIDES))
     plant.settle()
     picked = Picked()
 
@@ -115,15 +114,14 @@ def pick(phases: Sequence[Phase] = PHASES) -> Picked:
         picked.stages.append(stage)
 
     def move(rate: float, path: Sequence[Phase]) -> None:
-        steering = Feedback(robot.configuration(plant.travel), grip, opening_rate=rate)
-        picked.carried.append(carry(plant, steering, path))
+        steering = Feedback(plant, robot.configuration(plant.travel), grip, rate)
+        picked.carried.append(carry(steering, path))
 
     def transport(path: Sequence[Phase]) -> None:
-        config = robot.configuration(plant.travel)
         squeeze = float(np.mean([force.normal for force in plant.contact_forces().values()]))
         held = replace(grip, body=lying.moved_to(plant.object_pose()))
-        regulated = Regulated(config, held, squeeze)
-        picked.carried.append(carry(plant, regulated, path))
+        regulated = Regulated(plant, robot, held, SqueezeSettings(squeeze, FRICTION))
+        picked.carried.append(carry(regulated, path))
         picked.statuses.update(regulated.statuses)
 
     def wait(duration: float) -> tuple[Phase]:

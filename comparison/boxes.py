@@ -12,16 +12,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from comparison.box_picked import BOX, draw, FRICTION, PHASES, pick, Picked, SIDES
 from comparison.carrying import RATE
-from comparison.grips import release, REST, round_robot, STILL
+from comparison.grasps import FINE
+from comparison.grips import press_on, release, round_robot
 from comparison.section import Check, Section
 from isotruss_ros.core import (
     analyze_grasp,
     Configuration,
-    ConvexObject,
     Disc,
     Ellipse,
     Grip,
@@ -31,13 +31,10 @@ from isotruss_ros.core import (
 from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.demo.path import Phase
-from isotruss_ros.mujoco_plant.options import PlantOptions
-from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
 from paper.tables import number, Table
 
 LAG = 'the tubes are elastic, and the robot lags'
-FINE = replace(STILL, contact_segments=16)
 
 
 @dataclass(frozen=True)
@@ -112,23 +109,6 @@ def compare(cases: Sequence[Case] = CASES, phases: Sequence[Phase] = PHASES) -> 
     )
 
 
-def press_between(grip: Grip, options: PlantOptions) -> MujocoPlant:
-    """
-    Return a plant at home that presses on an object held fast, without friction.
-
-    :param grip: the object and the sides.
-    :param options: of the plant.
-    """
-    robot = round_robot()
-    segments = np.full(len(robot.member_names), options.segments)
-    segments[[robot.member_names.index(name) for name in grip.members]] = options.contact_segments
-    plant = MujocoPlant(robot, [grip.body], options, segments)
-    plant.set_friction(0.0)
-    plant.hold_object(_pose(grip))
-    plant.settle(2.0 * REST)
-    return plant
-
-
 def compare_one(case: Case) -> Compared:
     """
     Compare the forces on one object.
@@ -137,7 +117,8 @@ def compare_one(case: Case) -> Compared:
     """
     home = round_robot().home
     grip = case.grip(home)
-    plant, analysis = press_between(grip, FINE), analyze_grasp(home, grip.body)
+    plant = press_on(home, grip.body, SIDES, segments=FINE)
+    analysis = analyze_grasp(home, grip.body)
     forces = plant.contact_forces()
     fast = [[forces[name].normal, analysis.contact_forces[name]] for name in SIDES]
     release(plant, FRICTION)
@@ -148,12 +129,6 @@ def compare_one(case: Case) -> Compared:
     used = max(abs(force.friction) / force.normal for force in forces.values())
     required = np.array([used, settled.required_friction])
     return Compared(case, np.array(fast).T, np.array(free).T, required)
-
-
-def _pose(grip: Grip) -> Array:
-    """Return the pose of the object (3,)."""
-    assert isinstance(grip.body, ConvexObject)
-    return np.array(grip.body.pose)
 
 
 def _force_checks(found: Sequence[Compared]) -> tuple[Check, ...]:

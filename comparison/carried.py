@@ -18,6 +18,7 @@ from comparison.grips import press, PressedCase, release
 from comparison.section import Check, Section
 from comparison.wedge import MODULE
 from isotruss_ros.core import Grip, settle_grasp
+from isotruss_ros.core.control.squeeze_control import SqueezeSettings
 from isotruss_ros.demo.path import figure_9, Phase
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from matplotlib import rc_context
@@ -111,14 +112,15 @@ def run(name: str, phases: Sequence[Phase]) -> Carried:
     grip = Grip.at_module(config.robot, MODULE, body, FRICTION)
     steering: Steering
     if name == OPEN:
-        steering = OpenLoop(config, grip)
+        steering = OpenLoop(plant, config, grip)
     elif name == FEEDBACK:
-        steering = Feedback(config, grip)
+        steering = Feedback(plant, config, grip)
     else:
         settled = settle_grasp(config, body, FRICTION)
         squeeze = float(np.mean(list(settled.normal_forces.values())))
-        steering = Regulated(config, grip, squeeze)
-    return carry(plant, steering, phases)
+        settings = SqueezeSettings(squeeze, FRICTION)
+        steering = Regulated(plant, config.robot, grip, settings)
+    return carry(steering, phases)
 
 
 def _draw(carried: dict[str, Carried], phases: Sequence[Phase]) -> Figure:

@@ -11,15 +11,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 import math
 from typing import Protocol
 
+from comparison.elastic_plant import ElasticPlant
 from isotruss_ros.core import (
     Configuration,
     Grip,
     Pose,
+    Robot,
     RollingGrip,
     solve_twist,
     solve_twist_ahead,
@@ -33,24 +36,25 @@ from isotruss_ros.demo.path import Phase
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
+from numpy.typing import ArrayLike
 
-#: Commands per second.
-RATE = 100.0
+#: Commands per second, and the share of an error that feedback corrects in a second [1/s].
+RATE, GAIN = 100.0, 1.0
 #: An object farther than this from where it should be was lost [m].
 LOST = 0.1
 
 
 class Steering(Protocol):
-    """Commands the rollers."""
+    """Commands the rollers of a plant."""
 
-    def command(self, plant: MujocoPlant, twist: Array, error: Array, time: float) -> Array:
+    plant: MujocoPlant
+
+    def command(self, twist: Array, error: Array) -> Array:
         """
         Return roller velocities (r,) [m/s].
 
-        :param plant: as it is now.
         :param twist: (3,) of the object on its path [m/s, rad/s].
         :param error: (3,) by which the object is short of its path [m, rad].
-        :param time: since the start [s].
         """
         ...
 
@@ -59,16 +63,17 @@ class OpenLoop:
     """
     The paper's program for rigid tubes: nobody looks where the object is.
 
+    :param plant: holds the object.
     :param config: where the robot is at first.
     :param grip: how it holds the object.
     """
 
-    def __init__(self, config: Configuration, grip: Grip) -> None:
-        self._rolling = RollingGrip.attach(config, grip)
+    def __init__(self, plant: MujocoPlant, config: Configuration, grip: Grip) -> None:
+        self.plant, self._rolling = plant, RollingGrip.attach(config, grip)
 
-    def command(self, plant: MujocoPlant, twist: Array, error: Array, time: float) -> Array:
+    def command(self, twist: Array, error: Array) -> Array:
         """Return roller velocities for the middle of the cycle, see `Steering`."""
-        self._rolling = self._rolling.moved_to(self._rolling.config.moved_to(plant.travel))
+        self._rolling = self._rolling.moved_to(self._rolling.config.moved_to(self.plant.travel))
         found = solve_twist_ahead(self._rolling.config, self._rolling.grip, twist, 0.5 / RATE)
         return found.roller_velocities
 
@@ -77,23 +82,23 @@ class Feedback:
     """
     The same program, for the measured pose, which is brought back to the path.
 
+    :param plant: holds the object, or closes on it.
     :param config: where the robot is at first.
     :param grip: how it holds the object, which may be anywhere.
-    :param gain: share of the error that is corrected in a second [1/s].
     :param opening_rate: of the distance between the members [m/s].
     """
 
     def __init__(
-        self, config: Configuration, grip: Grip, gain: float = 1.0, opening_rate: float = 0.0
+        self, plant: MujocoPlant, config: Configuration, grip: Grip, opening_rate: float = 0.0
     ) -> None:
-        self._config, self._grip = config, grip
-        self._gain, self._opening_rate = gain, opening_rate
+        self.plant, self._config, self._grip = plant, config, grip
+        self._opening_rate = opening_rate
 
-    def command(self, plant: MujocoPlant, twist: Array, error: Array, time: float) -> Array:
+    def command(self, twist: Array, error: Array) -> Array:
         """Return roller velocities for the measured pose, see `Steering`."""
-        self._config = self._config.moved_to(plant.travel)
-        grip = replace(self._grip, body=self._grip.body.moved_to(plant.object_pose()))
-        wanted = twist + self._gain * error
+        self._config = self._config.moved_to(self.plant.travel)
+        grip = replace(self._grip, body=self._grip.body.moved_to(self.plant.object_pose()))
+        wanted = twist + GAIN * error
         found = solve_twist(self._config, grip, wanted, opening_rate=self._opening_rate)
         return found.roller_velocities
 
@@ -102,51 +107,103 @@ class Regulated:
     """
     The servo of the node `manipulation`, with the model of the held object in its loop.
 
+    :ivar servo: that of the node.
     :ivar control: has the model.
     :ivar statuses: of its commands.
     :ivar messages: with them.
     :ivar scale: part of the last twist that was carried out.
-    :param config: where the robot is at first.
-    :param grip: how it holds the object.
-    :param squeeze: mean normal force that is regulated [N].
-    :param noise: standard deviations of the measured poses [m, rad], and their seed.
+    :param plant: holds the object.
+    :param robot: by the model.
+    :param grip: how it holds the object, by the model.
+    :param settings: of the squeeze.
+    :param noise: standard deviations of the measured poses [m, rad], and what draws it, or a seed.
+    :param late: cycles by which poses are late.
     """
 
     def __init__(
         self,
-        config: Configuration,
+        plant: MujocoPlant | ElasticPlant,
+        robot: Robot,
         grip: Grip,
-        squeeze: float,
-        noise: tuple[float, float, int] = (0.0, 0.0, 0),
+        settings: SqueezeSettings,
+        noise: tuple[float, float, int | np.random.Generator] = (0.0, 0.0, 0),
+        late: int = 0,
     ) -> None:
         along, turned, seed = noise
-        self._noise, self._rng = np.array([along, along, turned]), np.random.default_rng(seed)
+        self.plant, self.deviations = plant, np.array([along, along, turned])
+        self.rng = np.random.default_rng(seed)
+        self._seen: deque[StampedInput] = deque(maxlen=late + 1)
         self.scale = 0.0
-        self.control = SqueezeControl(SqueezeSettings(squeeze, grip.friction))
-        self.statuses: set[Status] = set()
+        self.control = SqueezeControl(settings)
+        self.statuses: list[Status] = []
         self.messages: set[str] = set()
         # Module and diameter are the short form, for which the grip stands.
-        self._servo = TwistServo(config.robot, '', 1.0, 1.0 / RATE, 0.5)
-        self._servo.members, self._servo.friction = grip.members, grip.friction
+        self.servo = TwistServo(robot, '', 1.0, 1.0 / RATE, 0.5)
+        self.servo.members, self.servo.friction = grip.members, grip.friction
         body = grip.body
         if body.mass is None:
             body = replace(body, mass=PlantOptions().object_mass)
-        self._servo.body = body
-        self._servo.squeeze = self.control
+        self.servo.body = body
+        self.servo.squeeze = self.control
 
-    def command(self, plant: MujocoPlant, twist: Array, error: Array, time: float) -> Array:
+    def measure(self) -> tuple[RollerState, Pose]:
+        """Return what sensors measure now of rollers and object."""
+        noise = self.deviations * self.rng.standard_normal(3)
+        pose = Pose(*(self.plant.object_pose() + noise).tolist())
+        return RollerState(self.plant.travel, self.plant.speeds), pose
+
+    def command(self, twist: Array, error: Array) -> Array:
         """Return roller velocities, see `Steering`; zero where the servo halts."""
-        noise = self._noise * self._rng.standard_normal(3)
-        servo, pose = self._servo, Pose(*(plant.object_pose() + noise).tolist())
-        state = RollerState(plant.travel, plant.speeds)
-        servo.rollers, servo.pose = StampedInput(state, time), StampedInput(pose, time)
+        servo, time = self.servo, self.plant.time
+        rollers, pose = self.measure()
+        self._seen.append(StampedInput(pose, time))
+        servo.rollers, servo.pose = StampedInput(rollers, time), self._seen[0]
         servo.twist = StampedInput(tuple(twist), time)
         decision = servo.decide(time)
-        self.statuses.add(decision.command.status)
+        self.statuses.append(decision.command.status)
         self.scale = decision.command.scale
         if decision.message:
             self.messages.add(decision.message)
         return decision.command.roller_velocities
+
+    def step(self, twist: Array) -> None:
+        """
+        Carry for one cycle.
+
+        :param twist: (3,) of the object [m/s, rad/s].
+        """
+        self.plant.advance(1.0 / RATE, self.command(twist, np.zeros(3)))
+
+    def run(self, duration: float, twist: ArrayLike = (0.0, 0.0, 0.0)) -> None:
+        """
+        Carry from rest to rest.
+
+        :param duration: of the motion [s].
+        :param twist: (3,) of the object, on average [m/s, rad/s].
+        """
+        for rate in rates(duration):
+            self.step(rate * np.array(twist))
+
+
+def rates(duration: float) -> Array:
+    """
+    Return the speed in each cycle of a motion from rest to rest, (n,), 1 on average.
+
+    :param duration: of the motion [s].
+    """
+    count = round(duration * RATE)
+    return 1.0 - np.cos(2.0 * np.pi * (np.arange(count) + 0.5) / count)
+
+
+def squeeze_in(plant: MujocoPlant | ElasticPlant) -> float:
+    """
+    Return the mean normal force on the object [N], zero where fewer than two members press.
+
+    :param plant: holds the object.
+    """
+    forces = [force.normal for force in plant.contact_forces().values()]
+    pressing = [force for force in forces if force > 0.1]
+    return float(np.mean(pressing)) if len(pressing) > 1 else 0.0
 
 
 @dataclass(frozen=True)
@@ -175,20 +232,14 @@ class Carried:
         return self.position_error > LOST
 
 
-def carry(
-    plant: MujocoPlant,
-    steering: Steering,
-    phases: Sequence[Phase],
-    watch: Callable[[float], None] | None = None,
-) -> Carried:
+def carry(steering: Steering, phases: Sequence[Phase]) -> Carried:
     """
     Carry the object along a path; where it is lost, it ends.
 
-    :param plant: holds the object.
-    :param steering: commands the rollers.
+    :param steering: commands the rollers of the plant that holds it.
     :param phases: of the path, one after the other.
-    :param watch: called after every command with the time since the start [s].
     """
+    plant = steering.plant
     goal = np.array(plant.object_pose())
     rows: list[tuple[float, Pose, Array, float, float]] = []
     cycle, start = 1.0 / RATE, plant.time
@@ -197,14 +248,12 @@ def carry(
             now = plant.time - start
             middle = np.array(phase.twist((k + 0.5) * cycle))
             error = goal - np.array(plant.object_pose())
-            plant.advance(cycle, steering.command(plant, middle, error, now))
+            plant.advance(cycle, steering.command(middle, error))
             goal = goal + cycle * middle
             forces = plant.contact_forces().values()
             squeeze = 0.5 * sum(force.normal for force in forces)
             used = max((abs(f.friction) / max(f.normal, 1e-9) for f in forces), default=math.inf)
             rows.append((now + cycle, plant.object_pose(), goal, squeeze, used))
-            if watch is not None:
-                watch(now + cycle)
             if np.hypot(*(goal - np.array(plant.object_pose()))[:2]) > LOST:
                 return _stack(rows)
     return _stack(rows)

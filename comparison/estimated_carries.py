@@ -20,23 +20,20 @@ import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 import sys
-import time
+from typing import Any
 
-from comparison.carrying import RATE
-from comparison.grips import round_robot
+from comparison.carrying import RATE, Regulated, squeeze_in
+from comparison.grips import hold_at_home, round_robot, soften
 from comparison.random_carries import BOX, DISC, draw_grip, FRICTION, NOISE
 from isotruss_ros.calibration.home import move_home
-from isotruss_ros.core import Grip, place_between, Pose, Robot, TwistServo
+from isotruss_ros.core import Grip, place_between, Pose, Robot
 from isotruss_ros.core.control.inputs import RollerState, StampedInput
-from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
+from isotruss_ros.core.control.squeeze_control import SqueezeSettings
 from isotruss_ros.core.control.state_estimate import EstimatedTravel, EstimatorSettings
 from isotruss_ros.core.control.state_estimator import StateEstimator
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.planning.foresee_path import foresee_path
-from isotruss_ros.core.statics.section import tube_pressures
-from isotruss_ros.core.statics.structure import structure_of
 from isotruss_ros.mujoco_plant.options import PlantOptions
-from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
 
 #: Three joints that determine all zeros of the nine-member robot in one posture; P, R and Z leave
@@ -69,13 +66,9 @@ class Carried:
 
     squeeze: float  #: of MuJoCo against the target, a second after the path [-]
     worst: float  #: the same where it was farthest off on the path [-]
-    estimated: float  #: estimated squeeze against MuJoCo's, then [-]
-    surprise: float  #: error of that in its standard deviations
+    surprise: float  #: error of the estimated squeeze then in its standard deviations
     encoders: float  #: how far joints were off by the encoders alone, the worst one [m]
     joints: float  #: the same by the estimate [m]
-    joint_surprise: float  #: largest error of a coordinate in its standard deviations
-    update: float  #: median time of an update, of the processor [s]
-    slips: tuple[str, ...]  #: names of the rollers that seemed to slip at some time
 
 
 def carry(
@@ -103,41 +96,18 @@ def carry(
         angle = grip.body.pose.angle
         body = place_between(true.home, grip.members, grip.body.shape, angle, BEGIN).body
         body = replace(body, mass=0.5, friction=FRICTION)
-        plant = MujocoPlant(true, [body], PlantOptions(friction=FRICTION, module_mass=1.0))
-        plant.hold_object(body.pose)
-        plant.settle(1.0)
-        plant.release_object()
-        plant.settle(1.0)
-        if _squeeze_in(plant):  # it may leave at so small a depth, before there is a loop
+        plant = hold_at_home(true, body, grip.members, PlantOptions(friction=FRICTION))
+        if squeeze_in(plant):  # it may leave at so small a depth, before there is a loop
             break
-    servo = TwistServo(believed, '', 1.0, 1.0 / RATE, 0.5)
-    servo.members, servo.body, servo.friction = grip.members, body, FRICTION
-    servo.squeeze = SqueezeControl(SqueezeSettings(target, FRICTION))
-    loop = _Loop(believed, plant, servo, rng)
+    grip = replace(grip, body=body)
+    loop = _Loop(plant, believed, grip, SqueezeSettings(target, FRICTION), (*NOISE, rng))
     loop.names, loop.fed = names, fed
     loop.run(REST)
     loop.moving = True
     for leg in legs:
-        loop.run(LEG_TIME, leg)
+        loop.run(LEG_TIME, leg / LEG_TIME)
     loop.run(REST)
     return loop.judge()
-
-
-def soften(robot: Robot, stiffness: float) -> Robot:
-    """
-    Return a robot whose tubes are as many times as stiff, the sections' flattening alike.
-
-    :param robot: the robot.
-    :param stiffness: against its own.
-    """
-    description = robot.description
-    rigidity = structure_of(robot.home).tube.section_stiffness(
-        robot.home.member_lengths[:1], np.array([tube_pressures(description, None)[0]])
-    )
-    names = ('axial_rigidity', 'flexural_rigidity', 'shear_rigidity')
-    block = {name: stiffness * float(each[0]) for name, each in zip(names, rigidity, strict=True)}
-    module = replace(description.module, mass=1.0)
-    return Robot(replace(description, module=module, stiffness={'model': 'section', **block}))
 
 
 def _draw_task(robot: Robot, kind: str, rng: np.random.Generator) -> tuple[Grip, float, Array]:
@@ -151,106 +121,76 @@ def _draw_task(robot: Robot, kind: str, rng: np.random.Generator) -> tuple[Grip,
             return grip, min(squeeze, MOST), legs
 
 
-class _Loop:
+class _Loop(Regulated):
     """The servo and the estimator, and what is measured for them."""
 
-    def __init__(
-        self, robot: Robot, plant: MujocoPlant, servo: TwistServo, rng: np.random.Generator
-    ) -> None:
-        self.robot, self.plant, self.servo, self.rng = robot, plant, servo, rng
-        self.names: Sequence[str] = THREE
-        self.fed = self.moving = False
+    names: Sequence[str] = THREE
+    fed = moving = False
+
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
+        robot = self.servo.robot
         self.estimator = StateEstimator(robot, EstimatorSettings(zeros=ZEROS, stiffness=MEASURED))
-        self.estimator.grip = servo.grip_at(plant.object_pose())
+        self.estimator.grip = self.servo.grip_at(self.plant.object_pose())
         self.joints = robot.topology.joint_names
         self.offsets = np.zeros(len(robot.roller_names))
         self.squeezes: list[float] = []
-        self.times: list[float] = []
-        self.slips: set[str] = set()
         self._measured = -1.0
 
-    def run(self, duration: float, leg: Array | None = None) -> None:
-        """Carry along a leg from rest to rest."""
-        count = round(duration * RATE)
-        for k in range(count):
-            rate = (1.0 - np.cos(2.0 * np.pi * (k + 0.5) / count)) / duration
-            self.step(np.zeros(3) if leg is None else rate * leg)
-
     def step(self, twist: Array) -> None:
-        """Measure, estimate and command for one cycle."""
-        plant, servo, now = self.plant, self.servo, self.plant.time
-        readings = plant.travel / (1.0 - SLIP)
-        pose = Pose(*(np.array(plant.object_pose()) + self.rng.normal(size=3) * _spread()))
+        """Carry for one cycle."""
+        super().step(twist)
+        if self.moving:
+            self.squeezes.append(squeeze_in(self.plant))
+
+    def command(self, twist: Array, error: Array) -> Array:
+        """Return the velocities of the tubes, which slip at the rollers."""
+        return (1.0 - SLIP) * super().command(twist, error)
+
+    def measure(self) -> tuple[RollerState, Pose]:
+        """Measure and estimate."""
+        now, readings = self.plant.time, self.plant.travel / (1.0 - SLIP)
+        state, pose = super().measure()
         self.estimator.take_encoders(now, readings)
         if now - self._measured >= PERIOD - 1e-6:
             self._measured = now
-            self._measure(now, pose)
+            self._measure_seldom(now, pose)
         estimate = self.estimator.estimate()
-        self.slips.update(estimate.slipping)
         if self.fed:
             self.offsets = estimate.offsets
-            servo.estimate = StampedInput(
+            self.servo.estimate = StampedInput(
                 EstimatedTravel(estimate.offsets, estimate.squeeze, estimate.squeeze_deviation),
                 now,
             )
-        state = RollerState(readings + self.offsets, plant.speeds, self.offsets)
-        servo.rollers, servo.pose = StampedInput(state, now), StampedInput(pose, now)
-        servo.twist = StampedInput(tuple(twist), now)
-        decision = servo.decide(now)
-        plant.advance(1.0 / RATE, (1.0 - SLIP) * decision.command.roller_velocities)
-        if self.moving:
-            self.squeezes.append(_squeeze_in(self.plant))
+        return RollerState(readings + self.offsets, state.velocities, self.offsets), pose
 
-    def _measure(self, now: float, pose: Pose) -> None:
+    def _measure_seldom(self, now: float, pose: Pose) -> None:
         """Tell the estimator pose and markers."""
         joints = self.plant.nodes[: len(self.joints)]
-        begin = time.thread_time()
-        self.estimator.take_pose(now, pose, _spread())
-        between = time.thread_time()
-        self.times.append(between - begin)
+        self.estimator.take_pose(now, pose, self.deviations)
         if self.names and self.rng.random() > LOST:
             seen = {
                 name: tuple(joints[self.joints.index(name)] + MARKER * self.rng.normal(size=2))
                 for name in self.names
             }
-            begin = time.thread_time()
             self.estimator.take_markers(now, seen, MARKER)
-            self.times.append(time.thread_time() - begin)
 
     def judge(self) -> Carried:
         """Return how far everything is off."""
-        found, truth, count = self.estimator.estimate(), _squeeze_in(self.plant), len(self.joints)
-        target = self.servo.squeeze.settings.force
+        found, truth, count = self.estimator.estimate(), squeeze_in(self.plant), len(self.joints)
+        target = self.control.settings.force
         joints = self.plant.nodes[:count]
-        blind = self.robot.home.moved_to(self.plant.travel / (1.0 - SLIP)).nodes[:count]
-        off = found.joints - joints
-        deviations = np.sqrt(np.diag(found.joint_covariance)).reshape(-1, 2)
+        blind = self.servo.robot.home.moved_to(self.plant.travel / (1.0 - SLIP)).nodes[:count]
         moved = np.array(self.squeezes) / target - 1.0
         # Noise and waves of the plant are not what the loop regulates.
         window = np.full(round(0.2 * RATE), 5.0 / RATE)
         return Carried(
             float(np.mean(self.squeezes[-round(RATE) :])) / target - 1.0,
             float(np.abs(np.convolve(moved, window, 'valid')).max()),
-            found.squeeze / truth - 1.0 if truth else np.nan,
             (found.squeeze - truth) / found.squeeze_deviation,
             float(np.hypot(*(blind - joints).T).max()),
-            float(np.hypot(*off.T).max()),
-            float(np.abs(off / deviations).max()),
-            float(np.median(self.times)),
-            tuple(sorted(self.slips)),
+            float(np.hypot(*(found.joints - joints).T).max()),
         )
-
-
-def _squeeze_in(plant: MujocoPlant) -> float:
-    """Return the mean normal force in MuJoCo [N]."""
-    forces = [force.normal for force in plant.contact_forces().values()]
-    pressing = [force for force in forces if force > 0.1]
-    return float(np.mean(pressing)) if len(pressing) > 1 else 0.0
-
-
-def _spread() -> Array:
-    """Return the deviations of a measured pose (3,) [m, rad]."""
-    return np.array([NOISE[0], NOISE[0], NOISE[1]])
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

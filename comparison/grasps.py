@@ -12,10 +12,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 import itertools
 
-from comparison.grips import press, PressedCase, release, STILL
+from comparison.grips import press, PressedCase, release
 from comparison.section import Check, Section
 from isotruss_ros.core import analyze_grasp, Configuration, settle_grasp
 from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
@@ -32,7 +32,7 @@ LINEAR = 'the object gives by a centimetre, tubes incline: our structure is line
 #: So that every wedge holds.
 FRICTION = 0.8
 #: Twice the usual number of segments where the object is.
-FINE = replace(STILL, contact_segments=16)
+FINE = 16
 #: Small wrenches with which the stiffness is measured [N, N, N m], and rest under each [s].
 PULLS, REST = np.diag([0.3, 0.3, 0.03]), 2.0
 
@@ -81,7 +81,7 @@ def compare_one(grip: PressedCase) -> Compared:
 
     :param grip: what presses.
     """
-    plant, config, cylinder = press(grip, options=FINE)
+    plant, config, cylinder = press(grip, segments=FINE)
     analysis, forces = analyze_grasp(config, cylinder), plant.contact_forces()
     names = sorted(analysis.contact_forces)
     normals = np.array(

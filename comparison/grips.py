@@ -16,15 +16,12 @@ from dataclasses import dataclass, replace
 import functools
 
 from comparison.wedge import closed_to, MODULE
-from isotruss_ros.core import (
-    Configuration,
-    ConvexObject,
-    load_robot,
-    tangent_center,
-)
+from isotruss_ros.core import Configuration, ConvexObject, load_robot, tangent_center
 from isotruss_ros.core.kinematics.robot import Robot
-from isotruss_ros.core.manipulation.grip import find_members, members_at
-from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.manipulation.grip import members_at
+from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.statics.section import tube_pressures
+from isotruss_ros.core.statics.structure import structure_of
 from isotruss_ros.mujoco_plant.options import PlantOptions, ROUND
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
@@ -33,8 +30,10 @@ import numpy as np
 AWAY = (5.0, 5.0, 0.0)
 #: Where only the state at rest counts: drag so large that oscillations of soft modes end soon.
 STILL = PlantOptions(joint_drag=25.0)
-#: Rest after a motion of the rollers [s].
-REST = 1.0
+#: A motion of the rollers, the cycle of its commands, and the rest after it [s].
+MOTION, CYCLE, REST = 2.0, 0.01, 1.0
+#: Numbers of segments of members that hold an object, and of the others.
+NEAR, COARSE = 8, 4
 
 
 @dataclass(frozen=True)
@@ -57,20 +56,43 @@ def round_robot() -> Robot:
     return Robot(replace(file, local_stiffness=ROUND))
 
 
-def move_to(
-    plant: MujocoPlant, travel: Sequence[float] | Array, duration: float = 2.0, cycle: float = 0.01
-) -> None:
+def soften(robot: Robot, stiffness: float) -> Robot:
+    """
+    Return a robot whose tubes are as many times as stiff, the sections' flattening alike.
+
+    :param robot: the robot.
+    :param stiffness: against its own.
+    """
+    description = robot.description
+    rigidity = structure_of(robot.home).tube.section_stiffness(
+        robot.home.member_lengths[:1], np.array([tube_pressures(description, None)[0]])
+    )
+    names = ('axial_rigidity', 'flexural_rigidity', 'shear_rigidity')
+    block = {name: stiffness * float(each[0]) for name, each in zip(names, rigidity, strict=True)}
+    return Robot(replace(description, stiffness={'model': 'section', **block}))
+
+
+def mesh(robot: Robot, members: Sequence[str], segments: int = NEAR) -> Indices:
+    """
+    Return the numbers of segments of all members (m,).
+
+    :param robot: the robot.
+    :param members: names of those that hold an object.
+    :param segments: of these.
+    """
+    return np.where(np.isin(robot.member_names, members), segments, COARSE)
+
+
+def move_to(plant: MujocoPlant, travel: Sequence[float] | Array) -> None:
     """
     Drive the rollers to a travel at even speeds, and let the robot come to rest.
 
     :param plant: the robot.
     :param travel: (r,) travel since home [m].
-    :param duration: of the motion [s].
-    :param cycle: of the commands [s].
     """
-    speeds = (np.asarray(travel) - plant.travel) / duration
-    for _ in range(round(duration / cycle)):
-        plant.advance(cycle, speeds)
+    speeds = (np.asarray(travel) - plant.travel) / MOTION
+    for _ in range(round(MOTION / CYCLE)):
+        plant.advance(CYCLE, speeds)
     plant.settle(REST)
 
 
@@ -86,42 +108,61 @@ def place(case: PressedCase) -> tuple[Configuration, ConvexObject]:
 
 
 def press(
-    case: PressedCase, friction: float = 0.0, options: PlantOptions = STILL
+    case: PressedCase, options: PlantOptions = STILL, segments: int = NEAR
 ) -> tuple[MujocoPlant, Configuration, ConvexObject]:
     """
     Return a plant that presses on an object held fast, its configuration, and the object.
 
     :param case: what presses.
-    :param friction: coefficient between tube and object while the tubes bend around it.
     :param options: of the plant.
+    :param segments: of the members that press.
     """
     config, cylinder = place(case)
-    return press_on(config, cylinder, friction, options), config, cylinder
+    members = members_at(config.robot, MODULE)
+    return press_on(config, cylinder, members, options, segments), config, cylinder
 
 
 def press_on(
     config: Configuration,
     held: ConvexObject,
-    friction: float = 0.0,
+    members: Sequence[str],
     options: PlantOptions = STILL,
+    segments: int = NEAR,
 ) -> MujocoPlant:
     """
-    Return a plant that presses on an object held fast at `MODULE`.
+    Return a plant that presses on an object held fast, without friction.
 
     :param config: where the robot is when it presses.
     :param held: the object, in its place.
-    :param friction: coefficient between tube and object while the tubes bend around it.
+    :param members: names of those that press.
     :param options: of the plant.
+    :param segments: of these members.
     """
-    robot = config.robot
-    segments = np.full(len(robot.member_names), options.segments)
-    segments[find_members(robot, members_at(robot, MODULE)).members] = options.contact_segments
-    plant = MujocoPlant(robot, [held], options, segments)
-    plant.set_friction(friction)
+    plant = MujocoPlant(config.robot, [held], options, mesh(config.robot, members, segments))
+    plant.set_friction(0.0)
     plant.hold_object(AWAY)
     move_to(plant, config.roller_positions)
     plant.hold_object(held.pose)
     plant.settle(2.0 * REST)
+    return plant
+
+
+def hold_at_home(
+    robot: Robot, body: ConvexObject, members: Sequence[str], options: PlantOptions
+) -> MujocoPlant:
+    """
+    Return a plant at home with an object in the grip, at rest.
+
+    :param robot: the robot.
+    :param body: held fast in its place until the tubes have bent around it.
+    :param members: names of those that hold it.
+    :param options: of the plant.
+    """
+    plant = MujocoPlant(robot, [body], options, mesh(robot, members))
+    plant.hold_object(body.pose)
+    plant.settle(REST)
+    plant.release_object()
+    plant.settle(REST)
     return plant
 
 

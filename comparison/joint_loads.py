@@ -11,7 +11,7 @@
 
 from __future__ import annotations
 
-from comparison.grips import move_to, round_robot, STILL
+from comparison.grips import mesh, move_to, round_robot, STILL
 from comparison.section import Check, Section
 from isotruss_ros.core import Configuration, deform
 from isotruss_ros.core.safety.margins import shape_margins
@@ -39,7 +39,7 @@ def compare(soft: int = 2) -> Section:
     free = [name for node, name in enumerate(topology.joint_names) if node not in held]
     rows, worst = [], 0.0
     for label, config in [('home', robot.home), *_soft_shapes(soft)]:
-        plant = MujocoPlant(robot, options=STILL)
+        plant = MujocoPlant(robot, [], STILL, mesh(robot, []))
         if config is not robot.home:
             move_to(plant, config.roller_positions)
             plant.settle(REST)

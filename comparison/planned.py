@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from comparison.carrying import carry, Regulated
-from comparison.grips import round_robot
+from comparison.grips import mesh, round_robot
 from comparison.section import Check, Section
 from isotruss_ros.core import ConvexObject, GraspRequirements, plan_grasps
 from isotruss_ros.core.control.object_path import ObjectPath
@@ -28,6 +28,7 @@ from isotruss_ros.core.control.path_tracking import (
     RETURN_SPEED,
     RETURN_TURN_RATE,
 )
+from isotruss_ros.core.control.squeeze_control import SqueezeSettings
 from isotruss_ros.core.planning.describe_plan import export_path
 from isotruss_ros.core.planning.grasp_plan import PlannedGrasp
 from isotruss_ros.demo.path import figure_9
@@ -41,6 +42,8 @@ FRICTION = 0.5
 RATE, REST = 50.0, 3.0
 #: The path takes so much longer than at the speed of the planner.
 SLOWER = 2.0
+#: That the servo expects: without one it takes what the linear model is off for a slip [N].
+LOAD = 5.0
 #: What holds the object to the ground while it lies there [N].
 GROUND = 0.5
 
@@ -85,10 +88,10 @@ def compare(wanted: Sequence[Wanted] = WANTED) -> Section:
         grasp = _plan(each)
         plant = follow(each, grasp)
         closed.append(_measure(plant, grasp))
-        bring_back(plant, _regulated(each, grasp), each.center)
+        bring_back(_regulated(plant, each, grasp), each.center)
         returned.append(_measure(plant, grasp))
         if number_ == 0:
-            carried.append(carry(plant, _regulated(each, grasp), figure_9()))
+            carried.append(carry(_regulated(plant, each, grasp), figure_9()))
         x, y = each.center
         rows.append(
             (
@@ -146,8 +149,9 @@ def compare(wanted: Sequence[Wanted] = WANTED) -> Section:
     )
 
 
-def _regulated(wanted: Wanted, grasp: PlannedGrasp) -> Regulated:
-    return Regulated(grasp.config, grasp.grip, wanted.squeeze)
+def _regulated(plant: MujocoPlant, wanted: Wanted, grasp: PlannedGrasp) -> Regulated:
+    settings = SqueezeSettings(wanted.squeeze, grasp.grip.friction, load=LOAD)
+    return Regulated(plant, grasp.config.robot, grasp.grip, settings)
 
 
 def _measure(plant: MujocoPlant, grasp: PlannedGrasp) -> Closed:
@@ -184,12 +188,9 @@ def follow(wanted: Wanted, grasp: PlannedGrasp) -> MujocoPlant:
     :param grasp: the plan.
     """
     robot, exported = round_robot(), export_path(grasp)
-    segments = np.full(len(robot.member_names), 4)
-    segments[[robot.member_names.index(name) for name in grasp.members]] = 8
     cylinder = ConvexObject.disc(wanted.center, wanted.diameter)
-    plant = MujocoPlant(
-        robot, [cylinder], PlantOptions(friction=FRICTION, ground_friction=GROUND), segments
-    )
+    options = PlantOptions(friction=FRICTION, ground_friction=GROUND)
+    plant = MujocoPlant(robot, [cylinder], options, mesh(robot, grasp.members))
     path, times = np.array(exported['path']), SLOWER * np.array(exported['times'])
     for k in range(int(np.ceil(times[-1] * RATE))):
         goal = [np.interp((k + 1) / RATE, times, column) for column in path.T]
@@ -198,20 +199,20 @@ def follow(wanted: Wanted, grasp: PlannedGrasp) -> MujocoPlant:
     return plant
 
 
-def bring_back(plant: MujocoPlant, steering: Regulated, center: tuple[float, float]) -> PathPhase:
+def bring_back(steering: Regulated, center: tuple[float, float]) -> PathPhase:
     """
     Bring a held object to where it lay, as `pick_object` does; return how it ended.
 
-    :param plant: holds the object.
     :param steering: servo that regulates the squeeze.
     :param center: where the object lay [m].
     """
-    here, cycle = plant.object_pose(), 1.0 / RATE
+    plant, cycle = steering.plant, 1.0 / RATE
+    here = plant.object_pose()
     path = ObjectPath([here, (*center, 0.0)], RETURN_SPEED, RETURN_TURN_RATE)
     tracker, phase = PathTracker(path, RETURN, cycle), PathPhase.FOLLOWING
     while phase not in FINISHED:
         tracking = tracker.update(plant.object_pose(), 0.0, cycle)
         phase, twist = tracking.phase, tracking.twist
-        plant.advance(cycle, steering.command(plant, twist, np.zeros(3), plant.time))
+        plant.advance(cycle, steering.command(twist, np.zeros(3)))
     plant.settle(REST)
     return phase

@@ -16,7 +16,7 @@ import math
 
 from comparison.grips import press, PressedCase, release
 from comparison.section import Check, Section
-from isotruss_ros.core import Configuration, HoldStatus
+from isotruss_ros.core import HoldStatus
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.roll_grip import roll_grip
@@ -58,7 +58,7 @@ def compare(
         margin = model.slip_margin(FRICTION)
         for direction in directions:
             along = np.array([math.cos(direction), math.sin(direction), 0.0])
-            ours = predicted(model, config, along)
+            ours = predicted(model, along)
             plant.restore(state)
             theirs = found(plant, along, SURE * ours)
             errors.append(abs(theirs / ours - 1.0))
@@ -91,17 +91,16 @@ def compare(
     )
 
 
-def predicted(model: HeldGrip, config: Configuration, along: Array) -> float:
+def predicted(model: HeldGrip, along: Array) -> float:
     """
     Return the pull at which the equilibrium slips, lets go or ends [N].
 
     :param model: how the object is held.
-    :param config: configuration of the robot.
     :param along: (3,) the wrench of a unit pull.
     """
     size, step = 0.0, STEP
     while step > FINEST and size < LARGEST:
-        there = roll_grip(model, config, (size + step) * along)
+        there = roll_grip(model, model.config, (size + step) * along)
         if there is not None and there.hold(FRICTION) is HoldStatus.HELD:
             size, model = size + step, there
         else:

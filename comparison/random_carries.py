@@ -15,9 +15,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
-from comparison.carrying import RATE, Regulated
+from comparison.carrying import RATE, rates, Regulated, squeeze_in
 from comparison.elastic_plant import ElasticPlant
-from comparison.grips import round_robot
+from comparison.grips import hold_at_home, round_robot
 from comparison.section import Check, Section
 from comparison.wedge import MODULE
 from isotruss_ros.core import (
@@ -30,6 +30,7 @@ from isotruss_ros.core import (
     Robot,
     Status,
 )
+from isotruss_ros.core.control.squeeze_control import SqueezeSettings
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.held_grip import HeldGrip
@@ -58,12 +59,8 @@ def _in_mujoco(**options: float) -> Callable[[Robot, ConvexObject], MujocoPlant]
     """Return what makes the MuJoCo plant with an object in the grip, at rest."""
 
     def make(robot: Robot, body: ConvexObject) -> MujocoPlant:
-        plant = MujocoPlant(robot, [body], PlantOptions(friction=FRICTION, **options))
-        plant.hold_object(body.pose)
-        plant.settle(1.0)
-        plant.release_object()
-        plant.settle(1.0)
-        return plant
+        settings = PlantOptions(friction=FRICTION, **options)
+        return hold_at_home(robot, body, members_at(robot, MODULE), settings)
 
     return make
 
@@ -124,7 +121,6 @@ def compare_boxes(count: int = 20) -> Section:
 
 def _compare(kind: str, count: int, words: str) -> Section:
     robot = round_robot()
-    robot = Robot(replace(robot.description, module=replace(robot.description.module, mass=1.0)))
     found = {name: [run(robot, kind, seed, name) for seed in range(count)] for name in PLANTS}
     silent = sum(one.end == ENDS[-1] for outcomes in found.values() for one in outcomes)
     return Section(
@@ -167,11 +163,12 @@ def run(robot: Robot, kind: str, seed: int, name: str) -> Outcome:
     if ahead.why:
         return Outcome('refused', np.nan, np.nan)
     plant = PLANTS[name](robot, grip.body)
-    steering = Regulated(robot.home, grip, held.squeeze, (*NOISE, seed))
+    settings = SqueezeSettings(held.squeeze, FRICTION)
+    steering = Regulated(plant, robot, grip, settings, (*NOISE, seed))
     size = PULL * held.slip_margin(FRICTION) if name == PULLED else 0.0
     pull = size * np.array([np.cos(direction), np.sin(direction), 0.0])
-    goal = _carry(plant, steering, [np.zeros(3), *steps, np.zeros(3)], pull)
-    return _judge(plant, steering, goal, held.squeeze)
+    goal = _carry(steering, [np.zeros(3), *steps, np.zeros(3)], pull)
+    return _judge(steering, goal, held.squeeze)
 
 
 def draw_grip(robot: Robot, kind: str, rng: np.random.Generator) -> tuple[Grip, HeldGrip]:
@@ -202,33 +199,27 @@ def draw_grip(robot: Robot, kind: str, rng: np.random.Generator) -> tuple[Grip, 
             return Grip(members, body, FRICTION), held
 
 
-def _carry(
-    plant: MujocoPlant | ElasticPlant, steering: Regulated, legs: Sequence[Array], pull: Array
-) -> Array:
+def _carry(steering: Regulated, legs: Sequence[Array], pull: Array) -> Array:
     """Carry along legs from rest to rest; return where the twists carried out lead (3,)."""
-    goal, cycle = np.array(plant.object_pose()), 1.0 / RATE
+    goal = np.array(steering.plant.object_pose())
     for number_of_leg, leg in enumerate(legs):
         duration = LEG_TIME if leg.any() else 1.0
-        count = round(duration * RATE)
-        for k in range(count):
-            pulled = number_of_leg == 1 and 0.25 <= k / count < 0.75
-            plant.pull(pull if pulled else np.zeros(3))
-            twist = leg / duration * (1.0 - np.cos(2.0 * np.pi * (k + 0.5) / count))
-            rollers = steering.command(plant, twist, np.zeros(3), plant.time)
-            plant.advance(cycle, rollers)
-            goal = goal + cycle * steering.scale * twist
+        speeds = rates(duration)
+        for k, rate in enumerate(speeds):
+            pulled = number_of_leg == 1 and 0.25 <= k / len(speeds) < 0.75
+            steering.plant.pull(pull if pulled else np.zeros(3))
+            twist = leg / duration * rate
+            steering.step(twist)
+            goal = goal + steering.scale * twist / RATE
     return goal
 
 
-def _judge(
-    plant: MujocoPlant | ElasticPlant, steering: Regulated, goal: Array, target: float
-) -> Outcome:
+def _judge(steering: Regulated, goal: Array, target: float) -> Outcome:
     """Return what became of an object."""
-    forces = [force.normal for force in plant.contact_forces().values() if force.normal > 0.1]
-    error = float(np.hypot(*(goal - np.array(plant.object_pose()))[:2]))
-    squeeze = sum(forces) / max(len(forces), 1) / target
+    error = float(np.hypot(*(goal - np.array(steering.plant.object_pose()))[:2]))
+    squeeze = squeeze_in(steering.plant) / target
     halted = max(steering.statuses) >= Status.HALT_NO_TWIST
-    if len(forces) < 2 or error > OFF:
+    if squeeze == 0.0 or error > OFF:
         return Outcome(ENDS[3] if halted else ENDS[4], error, squeeze)
     slowed = Status.SLOWED_SLIP_MARGIN in steering.statuses
     return Outcome(ENDS[1] if halted or slowed else ENDS[0], error, squeeze)

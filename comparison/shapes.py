@@ -18,6 +18,7 @@ from comparison.grips import press_on, round_robot
 from comparison.section import Check, Section
 from comparison.wedge import closed_to, MODULE, pressed_into
 from isotruss_ros.core import analyze_grasp, Disc, Ellipse, Polygon
+from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.model.shapes import Shape
 import numpy as np
 from paper.tables import number, Table
@@ -40,11 +41,12 @@ def compare(shapes: Mapping[str, Shape] = SHAPES, depths: Sequence[float] = DEPT
     :param depths: of the object in each member, tubes unbent [m].
     """
     config = closed_to(round_robot().home, WEDGE, 0.3)
+    members = members_at(config.robot, MODULE)
     rows, errors = [], []
     for name, shape in shapes.items():
         for depth in depths:
             held = pressed_into(config, MODULE, shape, ANGLE, depth)
-            theirs = press_on(config, held, options=FINE).contact_forces()
+            theirs = press_on(config, held, members, segments=FINE).contact_forces()
             ours = analyze_grasp(config, held).contact_forces
             cells = [name, number(1e3 * depth)]
             for member in sorted(ours):

@@ -14,11 +14,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from isotruss_ros.demo.figures import FRAMES_PER_SECOND, PULL_COLOR, PULL_SCALE, SPEED_UP
+from isotruss_ros.demo.figures import FRAMES_PER_SECOND, PULL_SCALE, SPEED_UP
 from isotruss_ros.demo.record import PhaseRecord
 from isotruss_ros.mujoco_plant.recording import read_recording
-from isotruss_ros.mujoco_plant.rendering import PlantRenderer
-from matplotlib.colors import to_rgba
+from isotruss_ros.mujoco_plant.rendering import ARROW_COLOR, LINE_COLOR, PlantRenderer
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
@@ -29,8 +28,6 @@ INK = (40, 40, 40)
 #: Colours of the whole animation, and number of frames that they are taken from.
 COLORS, SAMPLES = 128, 12
 SHADES = (0.4, 0.55, 0.7, 0.85, 1.0)
-#: Of the path, on tubes and on the ground.
-PATH_COLOR = '#2b8a3e'
 #: The path is drawn through measured places that are so far apart [m].
 SPARSE = 0.005
 
@@ -58,13 +55,7 @@ def film(recording: Path, records: Sequence[PhaseRecord], path: Path) -> None:
                 if record.pull is not None and record.pulled[0] <= snap.time <= record.pulled[1]:
                     tip = here + PULL_SCALE * np.array(record.pull[:2])
                     arrow = (tuple(here), tuple(tip))
-                picture = renderer.draw(
-                    snap.time,
-                    [*passed, snap.pose[:2]],
-                    to_rgba(PATH_COLOR),
-                    arrow,
-                    to_rgba(PULL_COLOR),
-                )
+                picture = renderer.draw(snap.time, [*passed, snap.pose[:2]], arrow)
                 frames.append(_label(picture, record, arrow is not None))
     palette = _palette(frames)
     pages = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
@@ -77,7 +68,7 @@ def _palette(frames: Sequence[Image.Image]) -> Image.Image:
     chosen = frames[:: max(1, len(frames) // SAMPLES)]
     together = np.concatenate([np.asarray(frame) for frame in chosen])
     # The quantizer leaves out what is thin: path and arrow, in light and in shade.
-    thin = np.outer(SHADES, [*to_rgba(PATH_COLOR)[:3], *to_rgba(PULL_COLOR)[:3]]).ravel()
+    thin = np.outer(SHADES, [*LINE_COLOR[:3], *ARROW_COLOR[:3]]).ravel()
     own = (255.0 * thin).astype(int).tolist()
     common = COLORS - len(own) // 3
     colors = Image.fromarray(together).quantize(common).getpalette()[: 3 * common]

@@ -54,9 +54,7 @@ class DrivenRobot(DrivenRollers):
         longest_step: float = float('inf'),
     ) -> None:
         super().__init__(robot, faults, seed)
-        # Any member may come to hold the object: one with a coarse mesh would press too little.
-        fine = np.full(len(robot.member_names), options.contact_segments)
-        self.plant = MujocoPlant(robot, [body], options, fine)
+        self.plant = MujocoPlant(robot, [body], options)
         self._config = robot.home
         self.lag = 0.0
         self._longest_step = longest_step

@@ -25,7 +25,6 @@ import xml.etree.ElementTree as ET
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, Indices
-from isotruss_ros.core.safety.distances import nearest_on_segment
 from isotruss_ros.mujoco_plant.object_geoms import object_geoms
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.scenery import (
@@ -68,26 +67,6 @@ def spring_damping(stiffness: Array, along: Array, options: PlantOptions) -> Arr
     return stiffness * (losses + np.sqrt(ARMATURE) * options.time_step)
 
 
-def segment_counts(
-    robot: Robot, objects: Sequence[ConvexObject], options: PlantOptions
-) -> Indices:
-    """
-    Return the number of segments of each member, (m,): more next to an object.
-
-    :param robot: the robot.
-    :param objects: at the start.
-    :param options: numbers of segments.
-    """
-    topology, points = robot.topology, robot.home.points
-    begin, end = points[topology.b], points[topology.c[topology.following]]
-    counts = np.full(topology.n_modules, options.segments)
-    for held in objects:
-        distance = nearest_on_segment(held.center, begin, end)[0]
-        near = held.shape.reach + 0.5 * robot.description.tube_diameter
-        counts[distance < near + held.shape.reach] = options.contact_segments
-    return counts
-
-
 def export_mjcf(
     robot: Robot,
     objects: Sequence[ConvexObject] = (),
@@ -100,11 +79,11 @@ def export_mjcf(
     :param robot: the robot.
     :param objects: cylinders or convex objects, where they are.
     :param options: masses, mesh and contact; the defaults if None.
-    :param segments: (m,) numbers of segments; by `segment_counts` if None.
+    :param segments: (m,) numbers of segments; `options.segments` each if None.
     :raises StructureError: the stiffness model has no stiffness for a member.
     """
     options = options or PlantOptions()
-    counts = segment_counts(robot, objects, options) if segments is None else segments
+    counts = np.full(len(robot.member_names), options.segments) if segments is None else segments
     springs = springs_of(robot, robot.home.member_lengths, counts)
     root = ET.Element('mujoco', model=robot.name)
     ET.SubElement(root, 'compiler', angle='radian', autolimits='true')

@@ -79,8 +79,7 @@ class PlantOptions:
     module_mass: float = 1.0  #: of each roller module [kg]
     gravity: tuple[float, float] = (0.0, 0.0)  #: (x, y) in the plane of the robot [m/s^2]
     time_step: float = 0.002  #: of the integrator [s]
-    segments: int = 4  #: of members near which no object is at the start
-    contact_segments: int = 8  #: of the members next to an object at the start
+    segments: int = 8  #: of each member: fewer press too little on an object
     joint_drag: float = 5.0  #: resistance of each joint of the robot against its speed [N s/m]
     tube_relaxation: float = 0.1
     object_drag: float = 0.5  #: resistance of the ground against an object's speed [N s/m]
@@ -99,7 +98,5 @@ class PlantOptions:
             raise PlantError(f'MuJoCo plant: roller_force {self.roller_force!r} N: not positive')
         if not np.isfinite(self.gravity).all():
             raise PlantError(f'MuJoCo plant: gravity {self.gravity!r}: must be finite')
-        if not 1 <= min(self.segments, self.contact_segments) <= MAX_SEGMENTS or (
-            max(self.segments, self.contact_segments) > MAX_SEGMENTS
-        ):
+        if not 1 <= self.segments <= MAX_SEGMENTS:
             raise PlantError(f'MuJoCo plant: members have 1 to {MAX_SEGMENTS} segments: {self}')

@@ -19,7 +19,7 @@ from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices
-from isotruss_ros.mujoco_plant.mjcf import ARMATURE, export_mjcf, segment_counts, spring_damping
+from isotruss_ros.mujoco_plant.mjcf import ARMATURE, export_mjcf, spring_damping
 from isotruss_ros.mujoco_plant.options import load_mujoco, PlantError, PlantOptions
 from isotruss_ros.mujoco_plant.springs import springs_of
 import numpy as np
@@ -54,7 +54,7 @@ class MujocoPlant:
     :param robot: starts at home.
     :param objects: cylinders or convex objects, free from the start.
     :param options: masses, mesh and contact; the defaults if None.
-    :param segments: (m,) numbers of segments of the members; by `segment_counts` if None.
+    :param segments: (m,) numbers of segments of the members; `options.segments` each if None.
     :raises PlantError: MuJoCo is not installed.
     :raises StructureError: the stiffness model has no stiffness for a member.
     """
@@ -69,8 +69,8 @@ class MujocoPlant:
         self._mj = load_mujoco()
         self.robot, self.options = robot, options or PlantOptions()
         self._objects = tuple(objects)
-        counts = segment_counts(robot, objects, self.options) if segments is None else segments
-        self._counts = counts
+        every = np.full(len(robot.member_names), self.options.segments)
+        self._counts = every if segments is None else segments
         self.text = export_mjcf(robot, objects, self.options, self._counts)
         self.model = self._mj.MjModel.from_xml_string(self.text)
         self.data = self._mj.MjData(self.model)

@@ -30,6 +30,8 @@ MARGIN = 0.06
 LOOKED_AT = 60
 #: Height of lines and arrows above the plane of the tubes [m], and their radius [m].
 ABOVE, LINE, ARROW = 0.08, 0.008, 0.016
+#: Their colours: red, green, blue, opacity.
+LINE_COLOR, ARROW_COLOR = (0.17, 0.545, 0.243, 1.0), (0.851, 0.282, 0.059, 1.0)
 #: Lines and arrows that fit into a picture, beside the model.
 EXTRA = 1000
 #: Where MuJoCo's free camera looks straight down and y is up [degrees].
@@ -100,18 +102,14 @@ class PlantRenderer:
         self,
         time: float,
         line: Sequence[tuple[float, float]] = (),
-        line_color: Sequence[float] = (0.2, 0.55, 0.25, 1.0),
         arrow: tuple[tuple[float, float], tuple[float, float]] | None = None,
-        arrow_color: Sequence[float] = (0.85, 0.28, 0.06, 1.0),
     ) -> NDArray[np.uint8]:
         """
         Return a picture (height, width, 3).
 
         :param time: of the state, by the clock of the recording [s].
         :param line: (x, y) of the points of a line to draw above the robot [m].
-        :param line_color: red, green, blue and opacity.
         :param arrow: tail and tip, (x, y) each, of an arrow to draw [m]; None for none.
-        :param arrow_color: red, green, blue and opacity.
         """
         self._go_to(self.recording.at(time))
         mj, scene = self._mj, self._scene
@@ -125,9 +123,9 @@ class PlantRenderer:
             scene,
         )
         for begin, end in pairwise(line):
-            self._connect(mj.mjtGeom.mjGEOM_CAPSULE, LINE, begin, end, line_color)
+            self._connect(mj.mjtGeom.mjGEOM_CAPSULE, LINE, begin, end, LINE_COLOR)
         if arrow is not None:
-            self._connect(mj.mjtGeom.mjGEOM_ARROW, ARROW, *arrow, arrow_color)
+            self._connect(mj.mjtGeom.mjGEOM_ARROW, ARROW, *arrow, ARROW_COLOR)
         box = mj.MjrRect(0, 0, self._width, self._height)
         mj.mjr_render(box, scene, self._drawing)
         picture = np.empty((self._height, self._width, 3), dtype=np.uint8)

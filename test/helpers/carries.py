@@ -9,32 +9,28 @@
 
 """Objects that the twist servo carries in a plant, by what it would be told of them."""
 
-from collections import deque
 from dataclasses import replace
 
+from comparison.carrying import RATE, Regulated
 from comparison.elastic_plant import ElasticPlant
+from comparison.grips import hold_at_home, round_robot, soften
 from isotruss_ros.core import (
     ConvexObject,
     Disc,
+    Grip,
     place_between,
     Polygon,
     Pose,
     Robot,
     tangent_center,
-    TwistServo,
 )
-from isotruss_ros.core.control.inputs import RollerState, StampedInput
-from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
+from isotruss_ros.core.control.squeeze_control import SqueezeSettings
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.manipulation.grip import members_at
-from isotruss_ros.core.model.robot_file import read_robot_file
-from isotruss_ros.core.statics.section import tube_pressures
-from isotruss_ros.core.statics.structure import structure_of
-from isotruss_ros.mujoco_plant.options import PlantOptions, ROUND
-from isotruss_ros.mujoco_plant.plant import MujocoPlant
+from isotruss_ros.mujoco_plant.options import PlantOptions
 import numpy as np
 
-MODULE, FRICTION, RATE = 'north/Z', 0.8, 100
+MODULE, FRICTION = 'north/Z', 0.8
 LOOP = ('south/P-Q', 'south/Q-X', 'south/X-P')
 APART = ('south/P-Q', 'north/R-P')
 BOX = Polygon([(-0.25, -0.2), (0.25, -0.2), (0.25, 0.2), (-0.25, 0.2)], corner_radius=0.02)
@@ -52,19 +48,9 @@ GRASPS = {
 
 def make_robot(module_mass=1.0, stiffness=1.0):
     """Return the nine-member robot with round tubes, so many times as stiff as the file's."""
-    file = read_robot_file('nine_member')
-    file = replace(file, local_stiffness=ROUND, module=replace(file.module, mass=module_mass))
-    if stiffness == 1.0:
-        return Robot(file)
-    robot = Robot(file)
-    structure = structure_of(robot.home)
-    pressure = tube_pressures(file, None)[0]
-    rigidity = structure.tube.section_stiffness(
-        robot.home.member_lengths[:1], np.array([pressure])
-    )
-    names = ('axial_rigidity', 'flexural_rigidity', 'shear_rigidity')
-    block = {name: stiffness * float(each[0]) for name, each in zip(names, rigidity, strict=True)}
-    return Robot(replace(file, stiffness={'model': 'section', **block}))
+    file = round_robot().description
+    robot = Robot(replace(file, module=replace(file.module, mass=module_mass)))
+    return robot if stiffness == 1.0 else soften(robot, stiffness)
 
 
 def place(robot, name, mass):
@@ -80,28 +66,22 @@ def place(robot, name, mass):
     return replace(body, mass=mass, friction=FRICTION), members
 
 
-def elastic_plant(robot, body):
+def elastic_plant(robot, body, _members):
     """Return the elastic plant with an object in the grip, at rest."""
     return ElasticPlant(robot, body, FRICTION)
 
 
-def mujoco_plant(robot, body):
+def mujoco_plant(robot, body, members):
     """Return the MuJoCo plant with an object in the grip, at rest."""
     options = PlantOptions(friction=FRICTION, module_mass=robot.description.module.mass)
-    plant = MujocoPlant(robot, [body], options)
-    plant.hold_object(body.pose)
-    plant.settle(1.0)
-    plant.release_object()
-    plant.settle(1.0)
-    return plant
+    return hold_at_home(robot, body, members, options)
 
 
-class Carry:
+class Carry(Regulated):
     """
     An object in a plant, and the servo that carries it by late and noisy measurements.
 
     :ivar errors: (n, 3) of the object against its twists, turns times its arm [m].
-    :ivar statuses: of the commands.
     """
 
     def __init__(
@@ -129,43 +109,29 @@ class Carry:
         """
         robot = make_robot(told * masses[0])
         body, members = place(robot, grasp, told * masses[1])
-        true = make_robot(masses[0], stiffness)
-        self.plant = plant(true, replace(body, mass=masses[1]))
+        made = plant(make_robot(masses[0], stiffness), replace(body, mass=masses[1]), members)
         numbers = np.array([robot.member_names.index(name) for name in members])
-        there = body.moved_to(self.plant.object_pose())
-        target = attach_grip(robot.home, there, numbers).squeeze
-        self.control = SqueezeControl(SqueezeSettings(target, FRICTION, **settings))
-        self.servo = TwistServo(robot, '', 1.0, 1.0 / RATE, 0.5)
-        self.servo.members, self.servo.body = members, body
-        self.servo.friction, self.servo.squeeze = FRICTION, self.control
+        there = body.moved_to(made.object_pose())
+        squeeze = SqueezeSettings(
+            attach_grip(robot.home, there, numbers).squeeze, FRICTION, **settings
+        )
+        grip = Grip(members, body, FRICTION)
+        super().__init__(made, robot, grip, squeeze, (*noise, seed), late)
         self.even = np.array([1.0, 1.0, body.arm])
-        self.goal = np.array(self.plant.object_pose())
-        self.errors, self.statuses, self.messages = [], [], set()
-        self._seen = deque(maxlen=late + 1)
-        self._noise = np.array([noise[0], noise[0], noise[1]])
-        self._rng = np.random.default_rng(seed)
+        self.goal = np.array(made.object_pose())
+        self.errors, self._told = [], None
+
+    def measure(self):
+        """Return what is measured; a pose that is told counts in its place."""
+        rollers, pose = super().measure()
+        return rollers, pose if self._told is None else Pose(*self._told)
 
     def step(self, twist=(0.0, 0.0, 0.0), pose=None):
         """Carry for one cycle; a pose is told in place of the measured one."""
-        now, servo = self.plant.time, self.servo
-        measured = np.array(self.plant.object_pose()) + self._noise * self._rng.normal(size=3)
-        self._seen.append(StampedInput(Pose(*measured), now))
-        servo.pose = self._seen[0] if pose is None else StampedInput(Pose(*pose), now)
-        servo.rollers = StampedInput(RollerState(self.plant.travel, self.plant.speeds), now)
-        servo.twist = StampedInput(tuple(twist), now)
-        decision = servo.decide(now)
-        self.plant.advance(1.0 / RATE, decision.command.roller_velocities)
-        self.goal = self.goal + decision.command.scale * np.array(twist) / RATE
+        self._told = pose
+        super().step(twist)
+        self.goal = self.goal + self.scale * np.array(twist) / RATE
         self.errors.append(self.even * (np.array(self.plant.object_pose()) - self.goal))
-        self.statuses.append(decision.command.status)
-        self.messages.add(decision.message)
-
-    def run(self, duration, twist=(0.0, 0.0, 0.0)):
-        """Carry by a twist that begins and ends at rest."""
-        count = round(duration * RATE)
-        for k in range(count):
-            rate = 1.0 - np.cos(2.0 * np.pi * (k + 0.5) / count)
-            self.step(rate * np.array(twist))
 
     def push(self, wrench, duration=0.1):
         """Push the object for a while, which nobody tells the servo."""
@@ -175,7 +141,7 @@ class Carry:
 
     def swings(self, seconds):
         """Return how far the object was from where it came to rest, in each second [m]."""
-        count, rest = seconds * RATE, RATE // 2
+        count, rest = round(seconds * RATE), round(0.5 * RATE)
         errors = np.array(self.errors[-count:])
         away = np.hypot.reduce(errors - errors[-rest:].mean(axis=0), axis=1)
-        return away.reshape(seconds, RATE).max(axis=1)
+        return away.reshape(seconds, -1).max(axis=1)

@@ -14,6 +14,7 @@ from comparison.grips import press_on, round_robot
 from comparison.wedge import closed_to, MODULE, pressed_into
 from isotruss_ros.cli.export_mujoco import main
 from isotruss_ros.core import analyze_grasp, ConvexObject, Disc, Ellipse, load_robot, Polygon
+from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.mujoco_plant.object_geoms import SHARP
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 from mujoco_worlds import needs_mujoco
@@ -53,7 +54,7 @@ def test_the_surface_is_that_of_the_object(shape):
 def test_it_is_pressed_as_statics_says(name):
     config = closed_to(round_robot().home, 40.0, 0.3)
     held = pressed_into(config, MODULE, SHAPES[name], 0.5, 0.01)
-    plant = press_on(config, held, options=FINE)
+    plant = press_on(config, held, members_at(config.robot, MODULE), segments=FINE)
     np.testing.assert_allclose(plant.object_pose(), held.pose, atol=1e-4)
     forces, analysis = plant.contact_forces(), analyze_grasp(config, held, flattening=False)
     assert forces.keys() == analysis.contact_forces.keys()

@@ -12,7 +12,7 @@
 from dataclasses import replace
 import importlib
 
-from comparison.grips import AWAY, move_to, press, PressedCase, release, round_robot, STILL
+from comparison.grips import AWAY, mesh, move_to, press, PressedCase, release, round_robot, STILL
 from isotruss_ros.core import (
     analyze_grasp,
     ConvexObject,
@@ -49,7 +49,7 @@ def test_unloaded_nodes_are_where_the_kinematics_puts_them(name):
 @needs_mujoco
 def test_the_capsules_of_a_member_join_at_any_length():
     robot = load_robot('triangle')
-    plant = MujocoPlant(robot)
+    plant = MujocoPlant(robot, options=PlantOptions(segments=4))
     move_to(plant, [0.15, -0.1])
     plant.settle(4.0)
     for name in robot.module_names:
@@ -130,7 +130,7 @@ def test_it_presses_in_any_corner_as_statics_says(module):
     robot = load_robot('nine_member')
     center = tangent_center(robot.home, module, 0.25, 0.015)
     cylinder = ConvexObject.disc(center, 0.25)
-    plant = MujocoPlant(robot, [cylinder], replace(STILL, friction=0.0, contact_segments=16))
+    plant = MujocoPlant(robot, [cylinder], replace(STILL, friction=0.0, segments=16))
     plant.hold_object((*center, 0.0))
     plant.settle(2.0)
     expected = analyze_grasp(robot.home, cylinder, 0.5, flattening=False).contact_forces
@@ -145,7 +145,8 @@ def test_it_presses_in_any_corner_as_statics_says(module):
 def test_an_object_between_two_pieces_of_a_coarse_mesh_does_not_chatter():
     # By this posture an object crept away by 0.7 mm/s, while the robot shook.
     options = PlantOptions(ground_friction=0.5)
-    plant = MujocoPlant(round_robot(), [ConvexObject.disc((0.6, 0.3), 0.2)], options)
+    robot, disc = round_robot(), ConvexObject.disc((0.6, 0.3), 0.2)
+    plant = MujocoPlant(robot, [disc], options, mesh(robot, []))
     plant.hold_object(AWAY)
     move_to(plant, [-0.2123, 0.1743, -0.1239, -0.3132, -0.2625, 0.1499])
     plant.set_friction(0.0)
@@ -195,8 +196,9 @@ def test_any_member_of_the_simulated_robot_may_come_to_hold_the_object():
         ConvexObject.disc((0.6, 0.3), 0.2),
     )
     driven = DrivenRobot(robot, body, True, options, RollerFaults())
-    fine = np.full(len(robot.member_names), options.contact_segments)
+    fine = np.full(len(robot.member_names), 8)
     assert driven.plant.text == export_mjcf(robot, [body], options, fine)
+    assert driven.plant.text == export_mjcf(robot, [body])
 
 
 @needs_mujoco

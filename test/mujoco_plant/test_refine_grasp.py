@@ -11,7 +11,7 @@
 
 from dataclasses import replace
 
-from comparison.grips import round_robot, STILL
+from comparison.grips import mesh, round_robot, STILL
 from isotruss_ros.core import ConvexObject, GraspRequirements, plan_grasps
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 from isotruss_ros.mujoco_plant.refine_grasp import refine_grasp
@@ -43,7 +43,7 @@ def test_squeeze_and_slip_margin_become_those_that_were_planned(number):
     grasp = plan(number)
     robot, options = grasp.config.robot, replace(STILL, friction=FRICTION)
     # As fine as what presses on the object has to be.
-    segments = np.where(np.isin(robot.member_names, grasp.grip.members), 8, 4)
+    segments = mesh(robot, grasp.grip.members)
     plant = MujocoPlant(robot, [grasp.grip.body], options, segments)
     refined = refine_grasp(grasp, plant)
     first, *_, last = refined.measured / (grasp.squeeze, grasp.slip_margin)

@@ -72,11 +72,13 @@ def test_a_folder_that_does_not_exist_is_refused(tmp_path):
 
 @needs_mujoco
 @needs_egl
-def test_a_picture_shows_robot_and_object_where_they_are(tmp_path):
+def test_a_picture_shows_robot_and_object_where_they_are(tmp_path, monkeypatch):
+    monkeypatch.setattr(rendering, 'LINE_COLOR', RED)
+    monkeypatch.setattr(rendering, 'ARROW_COLOR', RED)
     record(tmp_path / 'states', seconds=0.1)
     with PlantRenderer(read_recording(tmp_path / 'states'), *SIZE) as renderer:
         picture = renderer.draw(0.0)
-        marked = renderer.draw(0.0, [(0.2, 0.1), (0.8, 0.1)], RED, ((0.2, 0.9), (0.8, 0.9)), RED)
+        marked = renderer.draw(0.0, [(0.2, 0.1), (0.8, 0.1)], ((0.2, 0.9), (0.8, 0.9)))
     assert picture.shape == (HEIGHT, WIDTH, 3)
     nodes = ROBOT.home.nodes
     scale = min(SIZE / ((1.0 + 2.0 * rendering.MARGIN) * np.ptp(nodes, axis=0)))

@@ -71,13 +71,19 @@ def test_the_rollers_arrive_and_the_goal_succeeds(w):
 def test_a_cancelled_goal_leaves_the_rollers_at_rest(w):
     goal = send(w, HOME, AWAY, times=[0.0, 3.0])
     w.until(lambda: len(goal.feedback) > 3)
+    w.probe.seen['diagnostics'].clear()
     assert goal.cancel()
-    status, result = ending(w, goal)
-    assert status == GoalStatus.STATUS_CANCELED
+    ended, result = ending(w, goal)
+    assert ended == GoalStatus.STATUS_CANCELED
     assert 'cancelled by the client' in result.error_string
+    status = w.until_code(Status.HALT_NO_TWIST, lambda: None)
+    assert status.message == 'trajectory cancelled by the client'
     w.until(lambda: not w.command().any())
-    w.spin(0.3)
+    w.spin(2.0)
     assert not w.command().any()
+    # It is no fault.
+    levels = [array.status[0].level for _, array in w.probe.seen['diagnostics']]
+    assert {*levels} == {DiagnosticStatus.OK}
 
 
 def test_a_goal_that_begins_elsewhere_is_aborted_at_once(w):
@@ -155,19 +161,6 @@ def test_a_goal_that_is_not_supervised_goes_on(w):
     goal = send(w, HOME, AWAY, times=[0.0, 60.0])
     w.spin(2.0 * TIMEOUT)
     assert not goal.ended
-
-
-def test_a_cancel_is_no_warning(w):
-    goal = send(w, HOME, AWAY, times=[0.0, 3.0])
-    w.until(lambda: len(goal.feedback) > 3)
-    w.probe.seen['diagnostics'].clear()
-    goal.cancel()
-    ending(w, goal)
-    status = w.until_code(Status.HALT_NO_TWIST, lambda: None)
-    assert status.message == 'trajectory cancelled by the client'
-    w.spin(2.0)
-    levels = [array.status[0].level for _, array in w.probe.seen['diagnostics']]
-    assert {*levels} == {DiagnosticStatus.OK}
 
 
 def test_goals_are_rejected_while_the_node_is_inactive(w):
