@@ -87,9 +87,9 @@ def control_cycle() -> tuple[list[str], int]:
     """Trace one cycle of the twist servo, once it has run for some cycles."""
     robot = core.load_robot('nine_member')
     center = core.tangent_center(robot.home, MODULE, DIAMETER)
-    servo = core.TwistServo(robot, MODULE, DIAMETER, PERIOD, 0.2)
-    servo.detector = FailureDetector(robot.roller_names, FailureCriterion())
     grip = core.Grip.at_module(robot, MODULE, core.ConvexObject.disc(center, DIAMETER))
+    servo = core.TwistServo(robot, grip, PERIOD, 0.2)
+    servo.detector = FailureDetector(robot.roller_names, FailureCriterion())
     held = core.RollingGrip.attach(robot.home, grip)
     positions = held.config.roller_positions
     now = 0.0

@@ -36,6 +36,7 @@ from isotruss_ros.core import (
     ConvexObject,
     ElasticObject,
     GraspRequirements,
+    Grip,
     load_robot,
     plan_grasps,
     RollerFaults,
@@ -133,9 +134,10 @@ def figure_9_row(name: str, squeeze: float, pull: tuple[float, float, float] | N
     needs = GraspRequirements(friction=FRICTION, module=MODULE, squeeze=SQUEEZE, count=1)
     driven = drive(plan_grasps(ROBOT.home, ITEM, needs)[0], ITEM)
     plant, item = driven.plant, driven.item
-    servo = TwistServo(ROBOT, MODULE, 2.0 * ITEM.arm, 1.0 / RATE, timeout=1.0)
+    grip = Grip.at_module(ROBOT, MODULE, ITEM, FRICTION)
+    servo = TwistServo(ROBOT, grip, 1.0 / RATE, timeout=1.0)
     if squeeze > 0.0:
-        servo.squeeze = SqueezeControl(SqueezeSettings(squeeze, FRICTION))
+        servo.squeeze = SqueezeControl(SqueezeSettings(squeeze))
     wanted, now = np.array(plant.object_pose), 0.0
     errors, squeezes, margins = [], [], []
     for phase in figure_9(pull):

@@ -113,7 +113,7 @@ def reached(failed: Collection[str]) -> set[tuple[int, int]]:
 
 def follow(stuck: str | None, known: bool, detect: bool) -> float:
     """Drive one lap; return the largest distance of the object from where it should be [m]."""
-    servo = TwistServo(ROBOT, MODULE, DIAMETER, PERIOD, timeout=1.0)
+    servo = TwistServo(ROBOT, HELD.grip, PERIOD, timeout=1.0)
     if stuck is not None and known:
         servo.failed = [stuck]
     if detect:

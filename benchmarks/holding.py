@@ -118,7 +118,7 @@ def follow(
     if plant_object.slip_margin < least and scale == 1.0:
         return 'margin'
     force = model.squeeze
-    control = SqueezeControl(SqueezeSettings(force, FRICTION, max_utilisation=math.inf))
+    control = SqueezeControl(SqueezeSettings(force, max_utilisation=math.inf))
     reference, count = np.array(plant.object_pose), round(DURATION / PERIOD)
     errors, squeezes, times, margins = [], [], [], []
     for k in range(count + count // 2):  # the last third at rest: what a load did is made up for

@@ -101,7 +101,7 @@ def follow(path: ObjectPath, loop: str, slip: float, noisy: bool, seed: int) -> 
     held = RigidObject.in_grip(RollingGrip.attach(ROBOT.home, GRIP))
     faults = RollerFaults(noise=roller_noise, slip=slip)
     robot = SimulatedRobot(ROBOT.home, held, faults, seed)
-    servo = TwistServo(ROBOT, MODULE, DIAMETER, PERIOD, 0.1)
+    servo = TwistServo(ROBOT, GRIP, PERIOD, 0.1)
     tracker = PathTracker(path, LOOPS[loop], 2.0 * PERIOD)
     position, angle = [], []
     cycle, tracking, scale = 0, None, 1.0

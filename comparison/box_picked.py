@@ -120,7 +120,7 @@ def pick(phases: Sequence[Phase] = PHASES) -> Picked:
     def transport(path: Sequence[Phase]) -> None:
         squeeze = float(np.mean([force.normal for force in plant.contact_forces().values()]))
         held = replace(grip, body=lying.moved_to(plant.object_pose()))
-        regulated = Regulated(plant, robot, held, SqueezeSettings(squeeze, FRICTION))
+        regulated = Regulated(plant, robot, held, SqueezeSettings(squeeze))
         picked.carried.append(carry(regulated, path))
         picked.statuses.update(regulated.statuses)
 

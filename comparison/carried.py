@@ -118,7 +118,7 @@ def run(name: str, phases: Sequence[Phase]) -> Carried:
     else:
         settled = settle_grasp(config, body, FRICTION)
         squeeze = float(np.mean(list(settled.normal_forces.values())))
-        settings = SqueezeSettings(squeeze, FRICTION)
+        settings = SqueezeSettings(squeeze)
         steering = Regulated(plant, config.robot, grip, settings)
     return carry(steering, phases)
 

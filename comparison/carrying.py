@@ -137,13 +137,9 @@ class Regulated:
         self.control = SqueezeControl(settings)
         self.statuses: list[Status] = []
         self.messages: set[str] = set()
-        # Module and diameter are the short form, for which the grip stands.
-        self.servo = TwistServo(robot, '', 1.0, 1.0 / RATE, 0.5)
-        self.servo.members, self.servo.friction = grip.members, grip.friction
-        body = grip.body
-        if body.mass is None:
-            body = replace(body, mass=PlantOptions().object_mass)
-        self.servo.body = body
+        if grip.body.mass is None:
+            grip = replace(grip, body=replace(grip.body, mass=PlantOptions().object_mass))
+        self.servo = TwistServo(robot, grip, 1.0 / RATE, 0.5)
         self.servo.squeeze = self.control
 
     def measure(self) -> tuple[RollerState, Pose]:

@@ -100,7 +100,7 @@ def carry(
         if squeeze_in(plant):  # it may leave at so small a depth, before there is a loop
             break
     grip = replace(grip, body=body)
-    loop = _Loop(plant, believed, grip, SqueezeSettings(target, FRICTION), (*NOISE, rng))
+    loop = _Loop(plant, believed, grip, SqueezeSettings(target), (*NOISE, rng))
     loop.names, loop.fed = names, fed
     loop.run(REST)
     loop.moving = True
@@ -131,7 +131,7 @@ class _Loop(Regulated):
         super().__init__(*arguments)
         robot = self.servo.robot
         self.estimator = StateEstimator(robot, EstimatorSettings(zeros=ZEROS, stiffness=MEASURED))
-        self.estimator.grip = self.servo.grip_at(self.plant.object_pose())
+        self.estimator.grip = self.servo.grip.moved_to(self.plant.object_pose())
         self.joints = robot.topology.joint_names
         self.offsets = np.zeros(len(robot.roller_names))
         self.squeezes: list[float] = []

@@ -150,7 +150,7 @@ def compare(wanted: Sequence[Wanted] = WANTED) -> Section:
 
 
 def _regulated(plant: MujocoPlant, wanted: Wanted, grasp: PlannedGrasp) -> Regulated:
-    settings = SqueezeSettings(wanted.squeeze, grasp.grip.friction, load=LOAD)
+    settings = SqueezeSettings(wanted.squeeze, load=LOAD)
     return Regulated(plant, grasp.config.robot, grasp.grip, settings)
 
 

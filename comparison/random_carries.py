@@ -163,7 +163,7 @@ def run(robot: Robot, kind: str, seed: int, name: str) -> Outcome:
     if ahead.why:
         return Outcome('refused', np.nan, np.nan)
     plant = PLANTS[name](robot, grip.body)
-    settings = SqueezeSettings(held.squeeze, FRICTION)
+    settings = SqueezeSettings(held.squeeze)
     steering = Regulated(plant, robot, grip, settings, (*NOISE, seed))
     size = PULL * held.slip_margin(FRICTION) if name == PULLED else 0.0
     pull = size * np.array([np.cos(direction), np.sin(direction), 0.0])

@@ -21,7 +21,7 @@ from isotruss_ros.nodes.components.commands import RollerCommands
 from isotruss_ros.nodes.components.emergency_stop import EmergencyStop
 from isotruss_ros.nodes.components.failed_rollers import describe_reachable_twists, FailedRollers
 from isotruss_ros.nodes.components.sensors import Inputs
-from isotruss_ros.nodes.components.servo_settings import apply_settings, StatusReport
+from isotruss_ros.nodes.components.servo_settings import apply_settings, make_grip, StatusReport
 from isotruss_ros.nodes.components.servo_settings import SPECS as SERVO_SPECS
 from isotruss_ros.nodes.components.trajectory_following import TrajectoryFollowing
 from isotruss_ros.nodes.conversions.messages import check_frame, read_twist
@@ -73,15 +73,14 @@ class Manipulation(ManagedNode):
     def configure(self) -> None:
         """Create publishers and subscriptions."""
         values = self.values
+        self._described = common.read_described(values)
         self._report = StatusReport(self, self.robot.frame)
         self._servo = TwistServo(
             self.robot,
-            common.select_grip_module(self.robot, values.grip_module),
-            values.object_diameter,
+            make_grip(self.robot, values, self._described),
             period=1.0 / values.rate,
             timeout=values.command_timeout,
         )
-        self._servo.body = common.read_described(values)
         self._trajectory = TrajectoryFollowing(self, self._servo)
         self._commands = RollerCommands(self, len(self.robot.roller_names))
         inputs = self.inputs = Inputs(self, self.robot, self._servo)
@@ -115,15 +114,12 @@ class Manipulation(ManagedNode):
         """Return what moves, what holds the object, and failed rollers."""
         servo = self._servo
         details: dict[str, object] = {
-            'moves': 'the object' if servo.joint is None else f'joint {servo.joint}'
+            'moves': 'the object' if servo.joint is None else f'joint {servo.joint}',
+            'grip': ', '.join(servo.grip.members),
         }
         if self._trajectory.busy:
             details['moves'] = 'the rollers along a trajectory'
             details['time on the trajectory [s]'] = f'{self._trajectory.time:.3f}'
-        if servo.members:
-            details['grip'] = ', '.join(servo.members)
-        else:
-            details['grip module'] = servo.grip_module
         if servo.failed:
             details['failed rollers'] = ', '.join(sorted(servo.failed))
             details['reachable twists'] = describe_reachable_twists(servo)
@@ -198,7 +194,7 @@ class Manipulation(ManagedNode):
 
     def _apply(self) -> None:
         """Apply the parameters from the next cycle on."""
-        apply_settings(self._servo, self.values)
+        apply_settings(self._servo, self.values, self._described)
         self._failed_rollers.follow(self._servo.detector, self.robot)
         self._apply_mode()
         self._apply_failures()

@@ -112,9 +112,7 @@ class Carry(Regulated):
         made = plant(make_robot(masses[0], stiffness), replace(body, mass=masses[1]), members)
         numbers = np.array([robot.member_names.index(name) for name in members])
         there = body.moved_to(made.object_pose())
-        squeeze = SqueezeSettings(
-            attach_grip(robot.home, there, numbers).squeeze, FRICTION, **settings
-        )
+        squeeze = SqueezeSettings(attach_grip(robot.home, there, numbers).squeeze, **settings)
         grip = Grip(members, body, FRICTION)
         super().__init__(made, robot, grip, squeeze, (*noise, seed), late)
         self.even = np.array([1.0, 1.0, body.arm])

@@ -231,13 +231,11 @@ def solve_joint_velocity(world):
 def decide(world):
     """Let the servo decide, with late inputs and with a squeeze."""
     rng, robot = world.rng, world.robot
-    module = str(rng.choice(robot.module_names))
-    servo = core.TwistServo(robot, module, 0.3, 0.01, 0.2)
-    servo.body, servo.members = world.body, world.grip.members
+    servo = core.TwistServo(robot, world.grip, 0.01, 0.2)
     servo.failed = world.failed
     servo.slide_along_limits = bool(rng.integers(2))
     if rng.integers(3) == 0:
-        servo.squeeze = SqueezeControl(SqueezeSettings(abs(world.number(1.0, 60.0)) or 1.0, 0.5))
+        servo.squeeze = SqueezeControl(SqueezeSettings(abs(world.number(1.0, 60.0)) or 1.0))
     config, speeds = world.config, np.zeros(len(robot.roller_names))
     for cycle in range(3):
         now = 1.0 + 0.01 * cycle

@@ -60,7 +60,7 @@ class SqueezeLoop:
         self.plant.advance(0.0)
         self.target = more * self.squeeze / scale if force is None else force
         settings = {'max_utilisation': math.inf} | MASSLESS | settings
-        self.control = SqueezeControl(SqueezeSettings(self.target, grip.friction, **settings))
+        self.control = SqueezeControl(SqueezeSettings(self.target, **settings))
         self.noise, self.rng = noise, np.random.default_rng(0)
         self.reference = np.array(self.plant.object_pose)
         self.statuses, self.errors, self.turned = [], [], []

@@ -114,8 +114,7 @@ def come_back(seed, steps=40):
     rng = np.random.default_rng([seed, 7])
     held = begin_beyond(rng)
     period = float(rng.choice([0.02, 0.01, 0.005, 0.002]))
-    servo = TwistServo(ROBOT, '', held.grip.body.shape.diameter, period, timeout=0.2)
-    servo.members = held.grip.members
+    servo = TwistServo(ROBOT, held.grip, period, timeout=0.2)
     servo.slide_along_limits = bool(seed % 3 == 2)
     twist = rng.standard_normal(3) * rng.choice([0.03, 0.1])
     first = margins(held)
@@ -178,7 +177,7 @@ def walk(seed, steps, slide=False, guarded=True, sensors=None):
     held = begin(rng, module)
     period = float(rng.choice(PERIODS, p=[0.15, 0.35, 0.3, 0.1, 0.1]))
     sensors = Sensors.of(seed, period) if sensors is None else sensors
-    servo = TwistServo(ROBOT, module, held.grip.body.shape.diameter, period, timeout=0.2)
+    servo = TwistServo(ROBOT, held.grip, period, timeout=0.2)
     servo.slide_along_limits = slide
     if not guarded:
         servo.guard = None

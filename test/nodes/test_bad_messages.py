@@ -27,6 +27,7 @@ from geometry_msgs.msg import (
     WrenchStamped,
 )
 from geometry_msgs.msg import Pose as PoseMessage
+from grips import disc_grip
 from hypothesis import given
 from hypothesis import strategies as st
 from isotruss_msgs.msg import GraspState, ManipulationStatus
@@ -43,7 +44,7 @@ from isotruss_ros.nodes.path_follower import PathFollower
 from isotruss_ros.nodes.simulator import Simulator
 from manual_world import world
 import numpy as np
-from probe import CENTER, DIAMETER, manipulation, MODULE, N, overrides, ROBOT
+from probe import CENTER, manipulation, MODULE, N, overrides, ROBOT
 import pytest
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterValue
@@ -237,7 +238,7 @@ rows = st.lists(values, max_size=N + 2)
 def test_any_numbers_move_the_rollers_within_their_limits_or_not_at_all(
     names, positions, speeds, center, twist
 ):
-    servo = TwistServo(ROBOT, MODULE, DIAMETER, period=0.005, timeout=0.2)
+    servo = TwistServo(ROBOT, disc_grip(ROBOT.home, MODULE), period=0.005, timeout=0.2)
     message = JointState(name=list(names), position=positions, velocity=speeds)
     try:
         servo.rollers = StampedInput(read_roller_state(message, NAMES), 0.0)

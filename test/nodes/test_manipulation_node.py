@@ -14,9 +14,11 @@ from pathlib import Path
 import re
 from types import SimpleNamespace
 
-from isotruss_ros.core import Status, tangent_center, TwistServo
+from grips import disc_grip
+from isotruss_ros.core import ConvexObject, Disc, Grip, Status, tangent_center, TwistServo
 from isotruss_ros.core.control.decision import Decision
 from isotruss_ros.core.control.squeeze_control import SqueezeSettings
+from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.manipulation.status import RollerCommand
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 from isotruss_ros.nodes.components import servo_settings
@@ -172,20 +174,22 @@ def test_every_parameter_of_the_servo_reaches_it():
         'failure_time': 3.0,
     }
     assert given.keys() | {'failed_rollers'} == {spec.name for spec in servo_settings.SPECS}
-    servo = TwistServo(ROBOT, MODULE, DIAMETER, 0.005, 0.2)
-    servo_settings.apply_settings(servo, SimpleNamespace(**given))
+    servo = TwistServo(ROBOT, disc_grip(ROBOT.home, MODULE), 0.005, 0.2)
+    servo_settings.apply_settings(servo, SimpleNamespace(**given), None)
     assert servo.guard.bounds == ShapeBounds(0.21, 0.011, 0.013)
-    assert (servo.grip_module, servo.members) == ('south/P', ('north/P-Z', 'north/Z-R'))
-    assert (servo.object_diameter, servo.object_mass) == (0.21, 1.5)
+    body = ConvexObject(Disc(0.21), mass=1.5)
+    assert servo.grip == Grip(('north/P-Z', 'north/Z-R'), body, 0.7)
     assert (servo.period, servo.timeout, servo.pressure_timeout) == (0.02, 0.3, 9.0)
     assert (servo.slide_along_limits, servo.detector.criterion.time) == (True, 3.0)
     assert servo.squeeze.settings == SqueezeSettings(
-        30.0, 0.7, pose_gain=2.0, force_gain=True, frequency=8.0, load=4.0
+        30.0, pose_gain=2.0, force_gain=True, frequency=8.0, load=4.0
     )
     # One that is raised while the node runs goes on from where it is.
     regulated = servo.squeeze
-    servo_settings.apply_settings(servo, SimpleNamespace(**given | {'squeeze_force': 34.0}))
+    servo_settings.apply_settings(servo, SimpleNamespace(**given | {'squeeze_force': 34.0}), None)
     assert (servo.squeeze is regulated, regulated.settings.force) == (True, 34.0)
+    servo_settings.apply_settings(servo, SimpleNamespace(**given | {'grip': ['']}), None)
+    assert servo.grip.members == members_at(ROBOT, 'south/P')
 
 
 @pytest.mark.parametrize('squeeze', [(30.0, 2.0), None])
@@ -240,7 +244,6 @@ def test_the_mass_of_the_object_is_that_of_the_parameter_or_of_its_description()
     described = '{shape: disc, diameter: 0.3, mass: 0.8}'
     with world(node(object=described, squeeze_force=20.0, object_mass=1.5)) as w:
         manipulation = w.nodes[1]
-        for mass in (1.5, None):
-            assert manipulation._servo.object_mass == mass
-            assert manipulation._servo.body.mass == 0.8
+        for mass in (1.5, 0.8):
+            assert manipulation._servo.grip.body.mass == mass
             manipulation.set_parameters(overrides(object_mass=0.0))

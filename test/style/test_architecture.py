@@ -136,7 +136,8 @@ from isotruss_ros import core
 
 print(*sys.modules)
 robot = core.load_robot('nine_member')
-core.TwistServo(robot, 'east/Q', 0.3, period=0.005, timeout=0.1)
+disc = core.ConvexObject.disc((0.6, 0.3), 0.3)
+core.TwistServo(robot, core.Grip.at_module(robot, 'east/Q', disc), period=0.005, timeout=0.1)
 print(*sys.modules)
 """
 

@@ -76,12 +76,11 @@ class HeldModel:
     :ivar usage: what commands use of slip margin and tubes.
     :param grasp: the equilibrium near the measured pose, with a `response`.
     :param grip: its object is where it was measured.
-    :param friction: coefficient between tube and object.
     :param load: size of the loads that are expected, see `LoadEstimate` [N].
     """
 
-    def __init__(self, grasp: HeldGrip, grip: Grip, friction: float, load: float) -> None:
-        self._friction, self.load = friction, LoadEstimate(load)
+    def __init__(self, grasp: HeldGrip, grip: Grip, load: float) -> None:
+        self._friction, self.load = grip.friction, LoadEstimate(load)
         offset, give = pose_difference(grip.body.pose, grasp.pose), grasp.response.pose
         self.load.offset = self.load.bias = offset
         # What a load explains is no slip.

@@ -232,11 +232,10 @@ class SqueezeControl:
         if isinstance(found, HoldStatus):
             return found
         self._choose_gains(found)
-        friction = self.settings.friction
-        self.model = HeldModel(found, grip, friction, self.settings.load)
+        self.model = HeldModel(found, grip, self.settings.load)
         self._measured = np.array(grip.body.pose)
         self._watch = GripWatch(self.frequency)
-        return found.hold(friction)
+        return found.hold(grip.friction)
 
     def _choose_gains(self, grasp: HeldGrip) -> None:
         """Let the gains follow from the frequency."""

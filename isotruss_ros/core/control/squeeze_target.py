@@ -28,7 +28,6 @@ class SqueezeSettings:
     What the squeeze is to be, and how quickly it gets there.
 
     :ivar force: mean normal force of the grasping members, positive [N].
-    :ivar friction: coefficient between tube and object.
     :ivar pose_gain: the user's own gain of the pose, from which the others follow; None for that
         of the frequency, see `choose_gain` [1/s].
     :ivar force_gain: accept a gain beyond the limit.
@@ -40,7 +39,6 @@ class SqueezeSettings:
     """
 
     force: float
-    friction: float
     pose_gain: float | None = None
     force_gain: bool = False
     frequency: float | None = None

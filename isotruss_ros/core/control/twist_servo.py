@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
-from functools import lru_cache, partial
+from functools import partial
 import importlib
 
 from isotruss_ros.core.control.decision import Decision, describe, halt_for, HaltError
@@ -40,7 +40,7 @@ from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.holding.held_grip import HoldStatus
 from isotruss_ros.core.kinematics.configuration import Configuration, ConfigurationTracker
 from isotruss_ros.core.kinematics.robot import Robot
-from isotruss_ros.core.manipulation.grip import Grip, members_at
+from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 from isotruss_ros.core.manipulation.limits import default_limits, Limit
 from isotruss_ros.core.manipulation.rolling_grip import roll_object
@@ -48,9 +48,6 @@ from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint, sol
 from isotruss_ros.core.manipulation.solve_twist import solve_twist
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
 from isotruss_ros.core.manipulation.task import working_rollers
-from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.model.pose import Pose
-from isotruss_ros.core.model.shapes import Disc
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.safety.roller_failure import FailureDetector
@@ -73,20 +70,15 @@ class TwistServo:
     :ivar pressure_timeout: pressures older than this are not used [s].
     :ivar estimate: input of the `EstimatedTravel` whose offsets the rollers have and whose squeeze
         is regulated while it is fresh; None without one.
-    :ivar body: the held object, wherever; None for a disc of `object_diameter`.
-    :ivar members: names of the members that hold it, two or three, in place of those that meet at
-        `grip_module`; none for these.
-    :ivar object_mass: in place of that of the object; None for that [kg].
-    :ivar friction: coefficient between tubes and object, by which polygons roll over corners.
     :ivar stopped: status and reason of a halt that does not depend on inputs; None without one.
     :ivar guard: bounds on the configuration; None for those of the robot file only.
     :ivar limits: of the rollers and the members; those of the robot file to begin with.
     :ivar slide_along_limits: rather than stop at limits of lengths and shapes.
     :ivar detector: detects rollers that fail; None for no detection.
     :ivar squeeze: regulates how hard the robot squeezes; None keeps the angle of the grip (14).
+    :ivar grip: how the object is held, wherever it is: its pose is the measured one.
     :param robot: the robot.
-    :param grip_module: name `t/j` of the module that holds the object.
-    :param object_diameter: the object's own diameter [m].
+    :param grip: see there.
     :param period: time from cycle to cycle [s].
     :param timeout: inputs older than this stop the rollers [s].
     """
@@ -94,20 +86,14 @@ class TwistServo:
     def __init__(
         self,
         robot: Robot,
-        grip_module: str,
-        object_diameter: float,
+        grip: Grip,
         period: float,
         timeout: float,
     ) -> None:
         self.robot = robot
-        self.grip_module = grip_module
-        self.object_diameter = object_diameter
+        self.grip = grip
         self.period = period
         self.timeout = timeout
-        self.body: ConvexObject | None = None
-        self.members: tuple[str, ...] = ()
-        self.object_mass: float | None = None
-        self.friction = 0.5
         self.twist: Input = None
         self.rollers: Input = None
         self.pose: Input = None
@@ -166,18 +152,6 @@ class TwistServo:
         self._joint, self.twist = name, None
         if self.squeeze is not None:
             self.squeeze.acknowledge()
-
-    def grip_at(self, pose: Pose) -> Grip:
-        """
-        Return the grip with the object in a place.
-
-        :param pose: of the object.
-        :raises GraspError: the robot has no such members or module; or the pose is out of range.
-        """
-        module, diameter = self.grip_module, self.object_diameter
-        mass, body, friction = self.object_mass, self.body, self.friction
-        grip = _make_grip(self.robot, self.members, module, body, diameter, mass, friction)
-        return grip.moved_to(pose)
 
     @single_threaded
     def decide(self, now: float) -> Decision:
@@ -279,7 +253,7 @@ class TwistServo:
         if pose:
             # From where it was measured on, the object rolls in its contacts.
             start = measured.predict(before) if before.any() else measured
-            grip = roll_object(self.grip_at(pose[0].value), start, config)
+            grip = roll_object(self.grip.moved_to(pose[0].value), start, config)
         watch = None if self.guard is None else self.guard.watch(config, grip)
         limits = self.limits if watch is None else (*self.limits, *watch.limits)
         handling = LimitHandling(self.slide_along_limits, self.period)
@@ -341,19 +315,3 @@ class TwistServo:
             why = f'the object is not held: {hold.value}'
             raise HaltError(Status.HALT_NOT_HELD, '; '.join(filter(None, (why, squeeze.note()))))
         return squeeze.solve(twist, self.period, partial(solve, squeeze.model.grip))
-
-
-@lru_cache(maxsize=8)
-def _make_grip(
-    robot: Robot,
-    members: tuple[str, ...],
-    module: str,
-    body: ConvexObject | None,
-    diameter: float,
-    mass: float | None,
-    friction: float,
-) -> Grip:
-    """Return the grip of these settings with the object anywhere; the last few are kept."""
-    names = members or members_at(robot, module)
-    body = body or ConvexObject(Disc(diameter))
-    return Grip(names, body if mass is None else replace(body, mass=mass), friction)

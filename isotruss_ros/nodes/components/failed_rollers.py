@@ -107,7 +107,7 @@ def describe_reachable_twists(servo: TwistServo) -> str:
         return 'unknown without joint states and object pose'
     try:
         config = servo.robot.configuration(rollers.value.positions)
-        twists = reachable_twists(config, servo.grip_at(pose.value), servo.failed)
+        twists = reachable_twists(config, servo.grip.moved_to(pose.value), servo.failed)
     except IsotrussError as error:
         return f'unknown: {error}'
     listed = ', '.join(f'({vx:.3g}, {vy:.3g}, {omega:.3g})' for vx, vy, omega in twists)

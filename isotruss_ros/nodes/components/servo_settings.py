@@ -16,7 +16,15 @@ import math
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_msgs.msg import ManipulationStatus
-from isotruss_ros.core import ShapeGuard, Status, TwistServo
+from isotruss_ros.core import (
+    ConvexObject,
+    Disc,
+    Grip,
+    Robot,
+    ShapeGuard,
+    Status,
+    TwistServo,
+)
 from isotruss_ros.core.control.decision import Decision
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
 from isotruss_ros.core.safety.roller_failure import FailureCriterion, FailureDetector
@@ -104,16 +112,30 @@ SPECS = (
 )
 
 
-def apply_settings(servo: TwistServo, values: Parameters) -> None:
+def make_grip(robot: Robot, values: Parameters, described: ConvexObject | None) -> Grip:
+    """
+    Return the grip of the parameters, the object anywhere.
+
+    :param robot: the robot.
+    :param values: of a node.
+    :param described: the object of the parameter `object`, see `read_described`.
+    """
+    body = described or ConvexObject(Disc(values.object_diameter))
+    if values.object_mass:
+        body = replace(body, mass=values.object_mass)
+    members = common.select_grip(robot, values.grip, values.grip_module)
+    return Grip(members, body, values.friction)
+
+
+def apply_settings(servo: TwistServo, values: Parameters, described: ConvexObject | None) -> None:
     """
     Set a servo's gains, bounds and limits, from its next cycle on.
 
     :param servo: of the node.
     :param values: parameters of the node.
+    :param described: the object that they describe; None for a disc.
     """
-    servo.grip_module = common.select_grip_module(servo.robot, values.grip_module)
-    servo.members = common.named_members(values.grip)
-    servo.object_diameter = values.object_diameter
+    servo.grip = make_grip(servo.robot, values, described)
     servo.period = 1.0 / values.rate
     servo.timeout = values.command_timeout
     servo.slide_along_limits = values.slide_along_limits
@@ -132,17 +154,12 @@ def apply_settings(servo: TwistServo, values: Parameters) -> None:
 
 def _apply_squeeze(servo: TwistServo, values: Parameters) -> None:
     """Regulate the squeeze from the next cycle on, or keep the angle of the grip."""
-    servo.object_mass = values.object_mass or None
     servo.pressure_timeout = values.pressure_timeout
-    servo.friction = values.friction
-    if servo.body is not None and servo.body.friction is not None:
-        servo.friction = servo.body.friction
     if values.squeeze_force == 0.0:
         servo.squeeze = None
         return
     settings = SqueezeSettings(
         values.squeeze_force,
-        servo.friction,
         pose_gain=values.pose_gain or None,
         force_gain=values.force_gain,
         frequency=values.frequency or None,

@@ -38,6 +38,7 @@ REST = np.zeros(len(ROBOT.roller_names))
 NOW, PERIOD, TIMEOUT, FRICTION = 1000.0, 0.02, 0.2, 0.9
 MEMBERS = ('north/P-Z', 'north/Z-R')
 GRIP = place_between(ROBOT.home, MEMBERS, Disc(0.3), indentation=0.01)
+GRIP = dataclasses.replace(GRIP, friction=FRICTION)
 
 
 @pytest.mark.parametrize('friction', [FRICTION, 0.4])
@@ -65,7 +66,7 @@ def controlled(force=10.0):
     def solve(twist, opening_rate):
         return solve_twist(ROBOT.home, GRIP, twist, opening_rate=opening_rate)
 
-    control = SqueezeControl(SqueezeSettings(force, FRICTION))
+    control = SqueezeControl(SqueezeSettings(force))
     assert control.follow(ROBOT.home, GRIP, 0.0) is HoldStatus.HELD
     return control, solve
 
@@ -96,8 +97,8 @@ def test_a_direction_that_limits_bend_ends_the_reference():
 
 def squeezing_servo(velocities=REST):
     """Return a servo that regulates the squeeze of the disc, with good inputs at NOW."""
-    servo = TwistServo(ROBOT, 'north/Z', 0.3, period=PERIOD, timeout=TIMEOUT)
-    servo.members, servo.guard = MEMBERS, None
+    servo = TwistServo(ROBOT, GRIP, period=PERIOD, timeout=TIMEOUT)
+    servo.guard = None
     servo.twist = StampedInput((0.01, 0.02, 0.0), NOW)
     servo.rollers = StampedInput(RollerState(REST, np.array(velocities)), NOW)
     servo.pose = StampedInput(GRIP.body.pose, NOW)
@@ -106,7 +107,7 @@ def squeezing_servo(velocities=REST):
 
 def test_what_twists_move_is_chosen_from_rest():
     servo = squeezing_servo()
-    servo.squeeze = SqueezeControl(SqueezeSettings(10.0, FRICTION))
+    servo.squeeze = SqueezeControl(SqueezeSettings(10.0))
     assert servo.decide(NOW).command.status is Status.OK
     assert servo.squeeze.grasp is not None
     before = servo.twist
@@ -131,7 +132,7 @@ class Halving:
 
 def test_the_reference_moves_by_what_the_guard_leaves_of_a_twist():
     servo, references = squeezing_servo(), []
-    servo.squeeze, servo.guard = SqueezeControl(SqueezeSettings(10.0, FRICTION)), Halving()
+    servo.squeeze, servo.guard = SqueezeControl(SqueezeSettings(10.0)), Halving()
     for now in (NOW, NOW + PERIOD):
         command = servo.decide(now).command
         references.append(servo.squeeze.reference)
@@ -144,7 +145,7 @@ def test_commands_of_others_are_expected_to_be_carried_out():
     """As rollers that were measured at these speeds are expected to go on."""
     velocities, later = 0.02 * np.array([1.0, -1.0, 0.5, 1.0, -0.5, 1.0]), NOW + 0.03
     told, measured = squeezing_servo(), squeezing_servo(velocities)
-    told.squeeze = SqueezeControl(SqueezeSettings(10.0, FRICTION))
+    told.squeeze = SqueezeControl(SqueezeSettings(10.0))
     told.decide(NOW - PERIOD)
     told.note_command(velocities, NOW)
     assert told.squeeze.grasp is None

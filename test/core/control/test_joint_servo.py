@@ -10,6 +10,8 @@
 """The servo in the mode in which twists move a joint, without an object."""
 
 from isotruss_ros.core import (
+    ConvexObject,
+    Grip,
     load_robot,
     Pose,
     solve_joint_velocity,
@@ -28,6 +30,7 @@ import pytest
 ROBOT = load_robot('nine_member')
 MODULE, DIAMETER = 'north/Z', 0.3
 CENTER = tangent_center(ROBOT.home, MODULE, DIAMETER)
+GRIP = Grip.at_module(ROBOT, MODULE, ConvexObject.disc(CENTER, DIAMETER))
 NOW, PERIOD = 1000.0, 0.005
 VELOCITY = (0.01, -0.02)
 REST = np.zeros(len(ROBOT.roller_names))
@@ -35,7 +38,7 @@ REST = np.zeros(len(ROBOT.roller_names))
 
 def servo(joint):
     """Return a servo that moves a joint, with joint states and a twist, but without a pose."""
-    made = TwistServo(ROBOT, MODULE, DIAMETER, period=PERIOD, timeout=0.2)
+    made = TwistServo(ROBOT, GRIP, period=PERIOD, timeout=0.2)
     made.joint = joint
     made.rollers = StampedInput(RollerState(REST, REST), NOW)
     made.twist = StampedInput((*VELOCITY, 0.0), NOW)

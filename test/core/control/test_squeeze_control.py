@@ -41,12 +41,12 @@ CONFIG, CYLINDER = gripped(35.0, squeeze=0.1)
 MODULE, FRICTION, PERIOD = 'north/Z', 0.5, 0.02
 
 
-def measured_at(pose):
+def measured_at(pose, friction=FRICTION):
     """Return the grip with the object in a place."""
-    return Grip.at_module(CONFIG.robot, MODULE, CYLINDER.moved_to(pose))
+    return Grip.at_module(CONFIG.robot, MODULE, CYLINDER.moved_to(pose), friction)
 
 
-Loop = partial(SqueezeLoop, CONFIG, replace(measured_at(CYLINDER.pose), friction=FRICTION))
+Loop = partial(SqueezeLoop, CONFIG, measured_at(CYLINDER.pose))
 
 
 @pytest.mark.parametrize(
@@ -222,7 +222,7 @@ def still(rollers, asked):
 def test_the_squeeze_that_is_regulated_is_that_under_the_estimated_load(wrench):
     gain, asked, model = 5.0, [], attach_grip(CONFIG, CYLINDER)
     force = model.squeeze + 1.0
-    control = SqueezeControl(SqueezeSettings(force, FRICTION, **MASSLESS))
+    control = SqueezeControl(SqueezeSettings(force, **MASSLESS))
     for measured in (model.pose, roll_grip(model, CONFIG, np.array(wrench)).pose):
         # After so long the load that is most probable is the estimated one.
         assert control.follow(CONFIG, measured_at(measured), 100.0) is HoldStatus.HELD
@@ -234,7 +234,7 @@ def test_the_squeeze_that_is_regulated_is_that_under_the_estimated_load(wrench):
 
 def close_near_the_bound(bound, scale=1.0):
     """Return what is commanded, and where, in the cycles in which a grip closes near a bound."""
-    control = SqueezeControl(SqueezeSettings(100.0, FRICTION, max_utilisation=bound, **MASSLESS))
+    control = SqueezeControl(SqueezeSettings(100.0, max_utilisation=bound, **MASSLESS))
     config, object_of_plant, found = CONFIG, ElasticObject(CYLINDER, FRICTION), []
     for _ in range(3):
         object_of_plant.follow(config)
@@ -273,14 +273,15 @@ def test_a_slowed_command_uses_its_share_of_what_is_left():
 
 
 def test_without_an_object_nothing_is_held_and_the_model_starts_again():
-    control = SqueezeControl(SqueezeSettings(10.0, FRICTION))
+    control = SqueezeControl(SqueezeSettings(10.0))
     here = measured_at(attach_grip(CONFIG, CYLINDER).pose)
     away = measured_at((5.0, 5.0, 0.0))
     assert control.follow(CONFIG, away, PERIOD) is HoldStatus.NO_CONTACT
     assert control.grasp is None
     assert control.follow(CONFIG, here, PERIOD) is HoldStatus.HELD
-    slippery = SqueezeControl(SqueezeSettings(10.0, 0.1))
-    assert slippery.follow(CONFIG, here, PERIOD) is HoldStatus.SLIPS
+    control.reset()
+    slippery = measured_at(here.body.pose, friction=0.1)
+    assert control.follow(CONFIG, slippery, PERIOD) is HoldStatus.SLIPS
 
 
 # In the twist servo
@@ -295,10 +296,10 @@ def servo_on_plant(twist, cycles, force, rate=25.0, friction=FRICTION, late=1, *
     plant_object = ElasticObject(CYLINDER, FRICTION)
     plant = SimulatedRobot(CONFIG, plant_object, RollerFaults())
     plant.advance(0.0)
-    servo = TwistServo(CONFIG.robot, MODULE, CYLINDER.shape.diameter, 1.0 / rate, timeout=0.2)
+    servo = TwistServo(CONFIG.robot, measured_at(CYLINDER.pose, friction), 1.0 / rate, timeout=0.2)
     servo.guard = None
     settings = {'max_utilisation': math.inf} | MASSLESS | settings
-    servo.squeeze = SqueezeControl(SqueezeSettings(force, friction, **settings))
+    servo.squeeze = SqueezeControl(SqueezeSettings(force, **settings))
     codes = []
     for number in range(cycles):
         now = number * late / rate
@@ -350,7 +351,7 @@ def test_a_loop_that_is_late_moves_the_object_as_far_as_it_should(late):
 
 def held_by(pressures, control=None):
     """Return a controller of the object that is held with some pressures."""
-    control = control or SqueezeControl(SqueezeSettings(20.0, FRICTION, **MASSLESS))
+    control = control or SqueezeControl(SqueezeSettings(20.0, **MASSLESS))
     control.take_pressures(pressures)
     assert control.follow(CONFIG, measured_at(CYLINDER.pose), PERIOD) is HoldStatus.HELD
     return control

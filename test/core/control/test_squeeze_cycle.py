@@ -32,10 +32,10 @@ FRICTION = 0.5
 
 def controlled(missing=0.0, **settings):
     """Return a control of which so much of the squeeze is missing."""
-    control = SqueezeControl(SqueezeSettings(0.0, FRICTION, **MASSLESS | settings))
+    control = SqueezeControl(SqueezeSettings(0.0, **MASSLESS | settings))
     assert control.follow(CONFIG, GRASP, 0.0) is HoldStatus.HELD
     force = control.grasp.squeeze + missing
-    control.settings = SqueezeSettings(force, FRICTION, **MASSLESS | settings)
+    control.settings = SqueezeSettings(force, **MASSLESS | settings)
     return control
 
 
@@ -85,7 +85,7 @@ AT_REST = Grip.at_module(CONFIG.robot, 'north/Z', MODEL.body)
 def at_rest(missing=0.0, **settings):
     """Return a control whose object is where the model has it."""
     force = MODEL.squeeze + missing
-    control = SqueezeControl(SqueezeSettings(force, FRICTION, **MASSLESS | settings))
+    control = SqueezeControl(SqueezeSettings(force, **MASSLESS | settings))
     assert control.model is None
     assert control.follow(CONFIG, AT_REST, 0.0) is HoldStatus.HELD
     return control

@@ -34,6 +34,7 @@ import pytest
 ROBOT = load_robot('nine_member')
 MODULE, DIAMETER = 'north/Z', 0.3
 CENTER = tangent_center(ROBOT.home, MODULE, DIAMETER)
+GRIP = Grip.at_module(ROBOT, MODULE, ConvexObject.disc(CENTER, DIAMETER))
 POSE = Pose(*CENTER, 0.0)
 HOME = np.zeros(len(ROBOT.roller_names))
 NOW = 1000.0
@@ -49,7 +50,7 @@ INPUTS = ('twist', 'rollers', 'pose')
 
 def servo(**given):
     """Return a servo with good inputs at NOW, or those given."""
-    made = TwistServo(ROBOT, MODULE, DIAMETER, period=0.005, timeout=0.2)
+    made = TwistServo(ROBOT, GRIP, period=0.005, timeout=0.2)
     made.twist = StampedInput((0.0, 0.02, 0.1), NOW)
     made.rollers = StampedInput(at(HOME), NOW)
     made.pose = StampedInput(POSE, NOW)
@@ -192,9 +193,7 @@ def test_history_does_not_matter():
 def moved(positions):
     """Return the servo's inputs of now, for a robot that has taken the object along."""
     there = ROBOT.configuration(positions)
-    held = RollingGrip.attach(
-        ROBOT.home, Grip.at_module(ROBOT, MODULE, ConvexObject.disc(CENTER, DIAMETER))
-    )
+    held = RollingGrip.attach(ROBOT.home, GRIP)
     return {
         'rollers': StampedInput(at(there.roller_positions), NOW),
         'pose': StampedInput(held.moved_to(there).pose, NOW),
@@ -336,9 +335,7 @@ def run(made, robot, duration, twist=(0.0, 0.02, 0.1), begin=NOW):
 
 
 def simulated(*stuck):
-    held = RollingGrip.attach(
-        ROBOT.home, Grip.at_module(ROBOT, MODULE, ConvexObject.disc(CENTER, DIAMETER))
-    )
+    held = RollingGrip.attach(ROBOT.home, GRIP)
     return SimulatedRobot(
         ROBOT.home, RigidObject.in_grip(held), RollerFaults(stuck=frozenset(stuck))
     )
@@ -382,11 +379,9 @@ def test_twists_are_bent_along_limits_only_where_that_is_asked_for():
     robot = Robot(description)
     ends = []
     for slide in (False, True):
-        made = TwistServo(robot, MODULE, DIAMETER, period=0.01, timeout=0.2)
+        made = TwistServo(robot, GRIP, period=0.01, timeout=0.2)
         made.slide_along_limits = slide
-        held = RollingGrip.attach(
-            robot.home, Grip.at_module(ROBOT, MODULE, ConvexObject.disc(CENTER, DIAMETER))
-        )
+        held = RollingGrip.attach(robot.home, GRIP)
         moving = SimulatedRobot(robot.home, RigidObject.in_grip(held), RollerFaults())
         decisions = run(made, moving, 4.0, twist=(0.02, 0.05, 0.0))
         assert moving.config.member_lengths.max() <= narrow + 1e-9

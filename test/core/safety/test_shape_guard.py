@@ -36,12 +36,10 @@ class Pushed:
     """A robot whose object is pushed along one twist."""
 
     def __init__(self, held, guard=None, slide=False, period=PERIOD):
-        robot, grip = held.config.robot, held.grip
+        robot = held.config.robot
         self.period, self.held = period, held
         self.velocities = np.zeros(len(robot.roller_names))
-        # The module does not count where the members are named.
-        self.servo = TwistServo(robot, robot.module_names[0], 1.0, period, 1.0)
-        self.servo.body, self.servo.members = grip.body, grip.members
+        self.servo = TwistServo(robot, held.grip, period, 1.0)
         self.servo.slide_along_limits = slide
         self.now = 0.0
         if guard is not None:
