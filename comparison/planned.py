@@ -15,7 +15,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from comparison.carrying import carry, Regulated
+from comparison.carrying import carry, RATE, Regulated
 from comparison.grips import mesh, round_robot
 from comparison.section import Check, Section
 from isotruss_ros.core import ConvexObject, GraspRequirements, plan_grasps
@@ -38,8 +38,8 @@ import numpy as np
 from paper.tables import number, Table
 
 FRICTION = 0.5
-#: Commands per second, and rest at the end [s].
-RATE, REST = 50.0, 3.0
+#: Rest at the end [s].
+REST = 3.0
 #: The path takes so much longer than at the speed of the planner.
 SLOWER = 2.0
 #: That the servo expects: without one it takes what the linear model is off for a slip [N].
@@ -117,7 +117,9 @@ def compare(wanted: Sequence[Wanted] = WANTED) -> Section:
         f'back with {1e3 * RETURN_SPEED:g} mm/s. The first grasp is carried along Fig. 9: '
         f'{"lost" if arc.lost else "held"} to the end of the arc, at most '
         f'{number(1e3 * arc.position_error, 2)} mm from it, the squeeze between '
-        f'{number(float(arc.squeezes.min()))} and {number(float(arc.squeezes.max()))} N.',
+        f'{number(float(arc.squeezes.min()))} and {number(float(arc.squeezes.max()))} N. The '
+        f'servo expects loads of {LOAD:g} N: if it expects none, it takes what the object is off '
+        'the linear model for a slip, and halts on that arc.',
         (
             *_checks('open loop', closed, (10.0, 4.0), why),
             *_checks('brought back', returned, (10.0, 2.0), back),
