@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[2]
 BOUNDS = {
     'twist to roller command': (17, 88),
     'closure by (10)': (18, 106),
-    'flag of the node: held': (34, 208),
+    'flag of the node: held': (33, 198),
 }
 
 

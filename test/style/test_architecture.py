@@ -106,6 +106,65 @@ def test_no_files_import_each_other():
         left = {module: ours for module, ours in left.items() if module not in free}
 
 
+@pytest.mark.parametrize('package', ['core.contact', 'core.holding'])
+def test_each_half_of_the_grasp_has_few_files_on_few_floors(package):
+    files = {module for module in IMPORTS if module.startswith(package + '.')}
+    assert len(files) <= 14
+    floors = 0
+    while files:
+        files = {module for module in files if IMPORTS[module][0] & files}
+        floors += 1
+    assert floors <= 5
+
+
+TREES = {
+    module: ast.parse(path.read_text(encoding='utf-8'))
+    for module, path in FILES.items()
+    if module.startswith('core')
+}
+
+
+def test_objects_grips_and_barriers_are_closed_against_their_kinds():
+    kinds = {'ConvexObject', 'Grip', 'Shape', 'Disc', 'Ellipse', 'Polygon', 'HeldGrip'}
+    asked = [
+        f'{module}:{call.lineno}'
+        for module, tree in TREES.items()
+        for call in ast.walk(tree)
+        if isinstance(call, ast.Call) and getattr(call.func, 'id', '') == 'isinstance'
+        for name in ast.walk(call.args[1])
+        if getattr(name, 'id', '') in kinds or getattr(name, 'id', '').endswith('Barrier')
+    ]
+    assert not asked
+
+
+FUNCTIONS = {
+    f'{module}.{node.name}': node
+    for module, tree in TREES.items()
+    for node in ast.walk(tree)
+    if isinstance(node, ast.FunctionDef)
+}
+
+
+def test_few_functions_take_eight_arguments():
+    arguments = {name: ast.walk(function.args) for name, function in FUNCTIONS.items()}
+    many = [
+        name
+        for name, nodes in arguments.items()
+        if sum(isinstance(node, ast.arg) and node.arg not in {'self', 'cls'} for node in nodes) > 7
+    ]
+    assert len(many) <= 4, many
+
+
+def test_few_bodies_are_long():
+    long = []
+    for name, function in FUNCTIONS.items():
+        described = ast.get_docstring(function) is not None
+        body = function.body[1:] if described else function.body
+        if body and body[-1].end_lineno - body[0].lineno >= 40:
+            long.append(name)
+    assert len(long) <= 8, long
+
+
 SCRIPT = """
 import sys
 

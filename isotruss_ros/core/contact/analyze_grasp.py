@@ -22,12 +22,11 @@ from isotruss_ros.core.contact.contact_points import (
 from isotruss_ros.core.contact.contact_regions import assess_members
 from isotruss_ros.core.contact.flattening import flattening_of
 from isotruss_ros.core.contact.force_closure import check_force_closure
-from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis, HeldFast
+from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis, HeldFast, SolvedContact
 from isotruss_ros.core.contact.refinement import (
     ContactSolver,
     measure_contact,
     refine_contact,
-    SolvedContact,
 )
 from isotruss_ros.core.contact.sliding_contact import solve_sliding_contact, turn_at_corners
 from isotruss_ros.core.contact.surfaces import Surface, surface_of

@@ -22,7 +22,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from isotruss_ros.core.contact.contact_points import ContactPoints, ContactState
-from isotruss_ros.core.contact.refinement import SolvedContact
+from isotruss_ros.core.contact.grasp_analysis import SolvedContact
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.statics.structure import Structure
 from isotruss_ros.core.statics.wrinkling import load_sections, SectionLoads

@@ -14,11 +14,29 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from isotruss_ros.core.contact.contact_points import ContactState
-from isotruss_ros.core.contact.refinement import SolvedContact
+from isotruss_ros.core.contact.contact_points import ContactPoints, ContactState
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.statics.structure import Structure
+
+
+class SolvedContact(NamedTuple):
+    """
+    Points of the tubes, and the contact there; how far it goes on each of the m members.
+
+    :ivar points: points that the object could touch.
+    :ivar contact: where it does, and with what force.
+    :ivar length: (m,) of tube in contact, zero where there is none [m].
+    :ivar spans: (m, 2) where contact begins and ends, from the member's start; inf, -inf without
+        [m].
+    :ivar kept: (k,) which of the points are the answer; the others only served to find it.
+    """
+
+    points: ContactPoints
+    contact: ContactState
+    length: Array
+    spans: Array
+    kept: Indices
 
 
 class HeldFast(NamedTuple):

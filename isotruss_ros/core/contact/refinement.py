@@ -20,7 +20,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from isotruss_ros.core.contact.contact import estimate_contact
 from isotruss_ros.core.contact.contact_points import (
@@ -29,8 +28,9 @@ from isotruss_ros.core.contact.contact_points import (
     find_contact_points,
 )
 from isotruss_ros.core.contact.flattening import Flattening
+from isotruss_ros.core.contact.grasp_analysis import SolvedContact
 from isotruss_ros.core.contact.surfaces import Surface
-from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
+from isotruss_ros.core.numerics.arrays import Array, Flags, Points
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 
@@ -47,25 +47,6 @@ EVERYWHERE = np.array([-np.inf, np.inf])
 
 #: Solves (8) at points that meet a surface; to begin with forces and normals if there are any.
 ContactSolver = Callable[..., ContactState]
-
-
-class SolvedContact(NamedTuple):
-    """
-    Points of the tubes, and the contact there; how far it goes on each of the m members.
-
-    :ivar points: points that the object could touch.
-    :ivar contact: where it does, and with what force.
-    :ivar length: (m,) of tube in contact, zero where there is none [m].
-    :ivar spans: (m, 2) where contact begins and ends, from the member's start; inf, -inf without
-        [m].
-    :ivar kept: (k,) which of the points are the answer; the others only served to find it.
-    """
-
-    points: ContactPoints
-    contact: ContactState
-    length: Array
-    spans: Array
-    kept: Indices
 
 
 def refine_contact(

@@ -24,14 +24,14 @@ from isotruss_ros.core.control.loop_gains import LoopGains
 from isotruss_ros.core.control.usage_limits import UsageLimits
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_statics import TubeModel
+from isotruss_ros.core.holding.held_gradient import laid_grip
 from isotruss_ros.core.holding.held_grip import (
     HeldGrip,
     HoldStatus,
     LEFT_MARGIN,
     travel_rates,
 )
-from isotruss_ros.core.holding.laid_grip import laid_grip
-from isotruss_ros.core.holding.roll_grip import roll_contacts, roll_grip
+from isotruss_ros.core.holding.roll_grip import roll_contacts, roll_grip, with_pressures
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import find_members, Grip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
@@ -133,7 +133,7 @@ class HeldModel:
         :param elapsed: since the last call [s].
         :param pressures: (t,) gauge, by tube [Pa]; those of the robot file if None.
         """
-        before = self.grasp.with_pressures(pressures)
+        before = with_pressures(self.grasp, pressures)
         grasp = roll_grip(before, config, self.load.wrench * self._even)
         if grasp is None:
             return HoldStatus.NO_BALANCE

@@ -25,7 +25,7 @@ from isotruss_ros.core.holding.held_gradient import held_gradient
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
 from isotruss_ros.core.holding.loaded_frame import held_joints
 from isotruss_ros.core.holding.member_bow import bend_members
-from isotruss_ros.core.holding.roll_grip import roll_contacts, roll_grip
+from isotruss_ros.core.holding.roll_grip import roll_contacts, roll_grip, with_pressures
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import find_members, Grip
@@ -119,7 +119,7 @@ class StateFilter:
             return
         self.tubes, self._differentiated = self.tubes._replace(pressure=pressures), None
         if self.held is not None:
-            self.held = self.held.with_pressures(pressures)
+            self.held = with_pressures(self.held, pressures)
 
     def evaluate(self, readings: Array, state: Array, follow: bool = False) -> None:
         """

@@ -11,12 +11,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 import enum
 import functools
 import math
 
-from isotruss_ros.core.holding.build_statics import build_statics
 from isotruss_ros.core.holding.contact_forces import (
     ContactForces,
     GripResponse,
@@ -28,7 +27,6 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
-from isotruss_ros.core.statics.section import Pressure
 from isotruss_ros.core.statics.wrinkling import load_sections, SectionLoads
 import numpy as np
 from scipy.linalg import lapack
@@ -271,22 +269,6 @@ class HeldGrip:
         """
         response = self.response
         return -0.0 if response is None else response.squeeze_stiffness
-
-    def with_pressures(self, pressures: Pressure | None) -> HeldGrip:
-        """
-        Return the grip with tubes of other pressures, in equilibrium once it rolls on.
-
-        Dents are made anew, which takes longer than a cycle of a control loop may: a loop is to
-        take small changes for noise, as `steady_pressures` does.
-
-        :param pressures: gauge [Pa], see `tube_pressures`; those of the robot file if None.
-        :raises StructureError: see `structure_of`.
-        """
-        if pressures == self.tubes.pressure:
-            return self
-        tubes = self.tubes._replace(pressure=pressures)
-        statics = build_statics(self.config, self.body, self.contacts, tubes, self.state.normals)
-        return replace(self, tubes=tubes, statics=statics)
 
     def ahead(self, travel: Array) -> Array:
         """

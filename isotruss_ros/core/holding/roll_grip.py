@@ -34,6 +34,7 @@ from isotruss_ros.core.model.convex_object import segment_gaps
 from isotruss_ros.core.model.shapes import Face
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.statics.member_compliance import MemberCompliance
+from isotruss_ros.core.statics.section import Pressure
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 
@@ -264,3 +265,21 @@ def _depth_in(grip: HeldGrip, number: int, depth: float) -> float:
     along, across, _ = compliance.at(feet).respond(loads)[-1].tolist()
     moved = complex(along, across) * compliance.axis[-1]
     return depth - float((near.normals[0].conjugate() * moved).real)
+
+
+def with_pressures(grip: HeldGrip, pressures: Pressure | None) -> HeldGrip:
+    """
+    Return a held grip with tubes of other pressures, in equilibrium once it rolls on.
+
+    Dents are made anew, which takes longer than a cycle of a control loop may: a loop is to take
+    small changes for noise, as `steady_pressures` does.
+
+    :param grip: the grip.
+    :param pressures: gauge [Pa], see `tube_pressures`; those of the robot file if None.
+    :raises StructureError: see `structure_of`.
+    """
+    if pressures == grip.tubes.pressure:
+        return grip
+    tubes = grip.tubes._replace(pressure=pressures)
+    statics = build_statics(grip.config, grip.body, grip.contacts, tubes, grip.state.normals)
+    return replace(grip, tubes=tubes, statics=statics)

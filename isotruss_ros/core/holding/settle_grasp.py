@@ -11,21 +11,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
+from collections.abc import Sequence
 import math
 
 from isotruss_ros.core.contact.analyze_grasp import check_load
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
+from isotruss_ros.core.holding.settled_grasp import SettledGrasp
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.manipulation.grip import find_members, Grip
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
-from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.statics.section import Pressure
 import numpy as np
@@ -34,112 +32,6 @@ from numpy.typing import ArrayLike
 #: An object that was measured farther than this from its equilibrium, as a share of the tube's
 #: diameter, is not in the grip.
 MAX_DISPLACEMENT = 0.25
-
-
-@dataclass(frozen=True, eq=False)
-class SettledGrasp:
-    """
-    The equilibrium of a free object between two or three members, friction loading the tubes.
-
-    Where no equilibrium was found the pose is the given one, and there are no forces. Where a face
-    lies on a member with unknown contact history, friction is taken to be as little as the balance
-    needs: `held`, `required_friction` and `slip_margin` are the best case there. In MuJoCo such a
-    box needed a coefficient of 0.87 where this tells 0.59.
-
-    :ivar hold: whether it is held, and if not, why.
-    :ivar reason: the same for a message; empty when it is held.
-    :ivar given: the pose near which it was looked for, robot frame [m, rad].
-    :ivar friction: coefficient between tube and object with which it was settled.
-    :ivar equilibrium: to begin with for a similar grasp; None where there is none.
-    """
-
-    hold: HoldStatus
-    reason: str
-    given: Pose
-    friction: float
-    equilibrium: HeldGrip | None = field(default=None, repr=False)
-
-    @property
-    def held(self) -> bool:
-        """Return whether the object is held, and no tube wrinkles."""
-        return self.hold is HoldStatus.HELD
-
-    @property
-    def pose(self) -> Pose:
-        """Return (x, y, angle) in equilibrium, robot frame [m, rad]."""
-        return self.given if self.equilibrium is None else self.equilibrium.pose
-
-    @property
-    def displacement(self) -> Array:
-        """Return how far that is from the given pose, (3,) [m, rad]."""
-        x, y, angle = np.subtract(self.pose, self.given).tolist()
-        return np.array([x, y, math.remainder(angle, 2.0 * math.pi)])
-
-    @property
-    def normal_forces(self) -> dict[str, float]:
-        """Return the forces by grasping member, positive where it presses [N]."""
-        return self._named(lambda grip: grip.normal_forces)
-
-    @property
-    def friction_forces(self) -> dict[str, float]:
-        """Return those on the object, counter-clockwise, by grasping member [N]."""
-        return self._named(lambda grip: -grip.friction_forces)
-
-    @property
-    def friction_used(self) -> dict[str, float]:
-        """Return |T| / (mu N) by grasping member [-]; infinite without friction."""
-        with np.errstate(divide='ignore', invalid='ignore'):
-            return self._named(
-                lambda grip: np.abs(grip.friction_forces) / (self.friction * grip.normal_forces)
-            )
-
-    @property
-    def required_friction(self) -> float:
-        """Return the smallest coefficient that holds it; infinite if none does."""
-        return math.inf if self.equilibrium is None else self.equilibrium.required_friction
-
-    @cached_property
-    def slip_margin(self) -> float:
-        """
-        Return the smallest extra wrench, moment over d/2, at which a member slips or lets go [N].
-
-        Negative where one does already, zero without an equilibrium. Of an object that is no disc
-        moments count over `ConvexObject.arm`, and each end of a face that lies on a member may let
-        go.
-        """
-        return 0.0 if self.equilibrium is None else self.equilibrium.slip_margin(self.friction)
-
-    @property
-    def utilisation(self) -> dict[str, float]:
-        """
-        Return the largest bending moment over the wrinkling moment, by member, of all members.
-
-        Above 1 a tube wrinkles, and all numbers are outside of the model.
-        """
-        return self._named(lambda grip: grip.sections.utilisation, every=True)
-
-    @property
-    def utilisation_places(self) -> dict[str, float]:
-        """Return where along the member that is, from its start, of all members [m]."""
-        return self._named(lambda grip: grip.sections.place, every=True)
-
-    @property
-    def stiffness(self) -> Array:
-        """
-        Return the wrench (fx, fy, m) that a displacement (dx, dy, dtheta) of the object takes.
-
-        While the contacts stick, (3, 3) [N/m, N, N m]; zero without an equilibrium.
-        """
-        response = None if self.equilibrium is None else self.equilibrium.response
-        return np.zeros((3, 3)) if response is None else response.stiffness
-
-    def _named(self, find: Callable[[HeldGrip], Array], every: bool = False) -> dict[str, float]:
-        """Return numbers of the equilibrium by grasping member, or by every member."""
-        grip = self.equilibrium
-        if grip is None:
-            return {}
-        names = grip.config.robot.member_names if every else grip.member_names
-        return dict(zip(names, find(grip).tolist(), strict=True))
 
 
 @single_threaded

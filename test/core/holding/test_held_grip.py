@@ -34,7 +34,13 @@ from isotruss_ros.core.holding import roll_grip as roll_grip_module
 from isotruss_ros.core.holding.attach_grip import attach_grip, rest
 from isotruss_ros.core.holding.build_statics import build_statics, find_pressed
 from isotruss_ros.core.holding.contact_statics import TubeModel
-from isotruss_ros.core.holding.roll_grip import _lay_down, roll_contacts, roll_grip, stick
+from isotruss_ros.core.holding.roll_grip import (
+    _lay_down,
+    roll_contacts,
+    roll_grip,
+    stick,
+    with_pressures,
+)
 from isotruss_ros.core.kinematics.depths import member_depths
 import numpy as np
 import pytest
@@ -290,9 +296,9 @@ def test_at_the_slip_margin_a_member_slips_or_lets_go(kind):
 @pytest.mark.parametrize('share', [0.7, 1.3])
 def test_other_pressures_change_tubes_and_dents_as_attaching_anew(shape, share):
     filed = held(shape, 0.0)
-    assert filed.with_pressures(None) is filed
+    assert with_pressures(filed, None) is filed
     pressures = tuple(share * each for each in NINE.description.pressures.values())
-    changed = roll_grip(filed.with_pressures(pressures), HOME)
+    changed = roll_grip(with_pressures(filed, pressures), HOME)
     tubes = TubeModel(pressure=pressures)
     anew = attach_grip(HOME, changed.body, filed.members, tubes=tubes)
     # With the dents that there were it would be off by 2 to 4 %.
