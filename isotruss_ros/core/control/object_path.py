@@ -103,7 +103,10 @@ class ObjectPath:
         Return where the object should be at a time: at rest at the ends, before and after.
 
         :param time: since the beginning of the path [s].
+        :raises PathError: the time is not a number.
         """
+        if math.isnan(time):
+            raise PathError(f'time {time!r} s on the path: must be a number')
         return np.array([np.interp(time, self.times, values) for values in self.poses.T])
 
 

@@ -109,7 +109,7 @@ def _unload(config: Configuration, closing: Closing) -> tuple[list[Configuration
         return path, closing
     found = attach_grip(config, closing.body, np.array(closing.members))
     grasp = None if isinstance(found, HoldStatus) else roll_grip(found, config)
-    if grasp is None:
+    if grasp is None or len(grasp.members) != len(closing.members):  # another member presses
         raise RequirementError('held', 0.0, 1.0)
     if grasp.normal_forces.min() <= LEAST_FORCE:
         return path, closing

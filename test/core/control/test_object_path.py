@@ -71,6 +71,12 @@ def test_rests_at_its_ends(smooth):
     assert not twist(path, path.duration).any()
 
 
+def test_there_is_no_pose_at_a_time_that_is_no_number():
+    path = ObjectPath([(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)], 0.1, 0.1)
+    with pytest.raises(PathError, match='time nan s on the path: must be a number'):
+        path.pose(np.nan)
+
+
 def test_angles_go_the_short_way_and_do_not_jump():
     angles = np.array([3.0, -3.0, 2.5, 0.0, -2.0, 1.9, 7.0])
     poses = np.column_stack([0.1 * np.arange(len(angles)), np.zeros((len(angles), 1)), angles])

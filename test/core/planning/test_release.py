@@ -126,6 +126,14 @@ def test_other_members_do_not_hold_it():
     assert release.path.shape == (0, len(HOME.roller_positions))
 
 
+def test_two_members_do_not_let_go_what_a_third_presses_too():
+    robot = load_robot('triangle')
+    middle = robot.home.nodes[: len(robot.topology.joint_names)].mean(axis=0)
+    inside = ConvexObject.disc(tuple(middle), 0.68)
+    release = plan_release(robot.home, inside, robot.member_names[:2], CLEARANCE)
+    assert release.violation.requirement == 'held'
+
+
 @pytest.mark.parametrize('clearance', [0.0, -1.0, np.inf, np.nan, 1e160])
 def test_a_clearance_is_positive_and_within_the_robot(clearance):
     with pytest.raises(GraspError, match=re.escape(f'clearance {clearance:.6g} m')):
