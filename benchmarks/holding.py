@@ -112,9 +112,9 @@ def follow(
     plant_object = ElasticObject(path.body, FRICTION, stiffness_scale=scale)
     plant = SimulatedRobot(path.config, plant_object, RollerFaults())
     plant.advance(0.0)
-    model = attach_grip(path.config, path.body)
-    if plant_object.grasp is None or isinstance(model, HoldStatus):
+    if plant_object.grasp is None:
         return 'not held'
+    model = attach_grip(path.config, path.body)
     if plant_object.slip_margin < least and scale == 1.0:
         return 'margin'
     force = model.squeeze

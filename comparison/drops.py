@@ -27,7 +27,7 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.errors import ConfigurationError, StructureError
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding.held_grip import HeldGrip, NotHeldError
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
@@ -169,8 +169,9 @@ def attempt(case: Case) -> Outcome | None:
     plant, config, cylinder = press(case.grip)
     release(plant, case.friction, REST)
     body = cylinder.moved_to(plant.object_pose())
-    model = attach_grip(config, body)
-    if not isinstance(model, HeldGrip):
+    try:
+        model = attach_grip(config, body)
+    except NotHeldError:
         return None
     travels = _travels(config, case, body)
     if travels is None:
@@ -198,9 +199,9 @@ def _is_worth(case: Case) -> bool:
     try:
         config, cylinder = place(case.grip)
         model = attach_grip(config, cylinder)
-    except (ConfigurationError, StructureError):
+    except (ConfigurationError, NotHeldError, StructureError):
         return False
-    if not isinstance(model, HeldGrip) or model.hold(case.friction) is not HoldStatus.HELD:
+    if model.hold(case.friction) is not HoldStatus.HELD:
         return False
     wrinkles = float(model.sections.utilisation.max()) > 1.0
     return model.slip_margin(case.friction) > LEAST and not wrinkles

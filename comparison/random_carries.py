@@ -189,11 +189,11 @@ def draw_grip(robot: Robot, kind: str, rng: np.random.Generator) -> tuple[Grip, 
         angle = rng.uniform(0.0, np.pi)
         try:
             body = place_between(robot.home, members, shape, angle, INDENTATION).body
+            body = replace(body, mass=0.5)
+            held = attach_grip(robot.home, body)
         except GraspError:
             continue
-        body = replace(body, mass=0.5)
-        held = attach_grip(robot.home, body)
-        if isinstance(held, HoldStatus) or held.hold(FRICTION) is not HoldStatus.HELD:
+        if held.hold(FRICTION) is not HoldStatus.HELD:
             continue
         if held.slip_margin(FRICTION) > LEAST_MARGIN:
             return Grip(members, body, FRICTION), held

@@ -325,5 +325,8 @@ class Simulator(ManagedNode):
             words = f'{words}: {dropped.value}'
         self.diagnostics.set_status(DiagnosticStatus.WARN, words)
         if dropped is not None and before is not dropped:
-            log = self.get_logger()
-            (log.info if dropped is HoldStatus.NO_CONTACT else log.warning)(words)
+            # rclpy takes no other severity from the same line.
+            if dropped is HoldStatus.NO_CONTACT:
+                self.get_logger().info(words)
+            else:
+                self.get_logger().warning(words)

@@ -11,7 +11,6 @@
 
 from isotruss_ros.core import ConvexObject, Grip, load_robot, place_between, Polygon, Pose
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.held_grip import HeldGrip
 import numpy as np
 import random_grips
 import robots
@@ -41,9 +40,7 @@ def numbers(members):
 def held(shape, angle, members=APART, depth=0.01, **options):
     """Return how an object is held that is pressed into members."""
     grip = place_between(HOME, members, shape, angle=angle, indentation=depth)
-    found = attach_grip(HOME, grip.body, numbers(members), **options)
-    assert isinstance(found, HeldGrip)
-    return found
+    return attach_grip(HOME, grip.body, numbers(members), **options)
 
 
 def sides():

@@ -29,6 +29,7 @@ from isotruss_ros.core.control.roller_trajectory import RollerTrajectory
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.kinematics.rigidity import worst_case_rigidity_index
+from isotruss_ros.core.manipulation.grip import find_contacts
 from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 from isotruss_ros.core.model.presets import preset_names
 from isotruss_ros.core.planning import release
@@ -203,6 +204,9 @@ def check_motion(config, grip, command):
     """Compare the achieved twist with what the object does, over a few micrometres."""
     try:
         held = core.RollingGrip.attach(config, grip)
+        # A face that is inclined by a thousandth lies on its member for a twist, not yet for this.
+        if len(held._touch().owners) < len(find_contacts(config, grip)):
+            return
         step = 1e-6 / np.abs(command.roller_velocities).max()
         ends = [
             held.moved_to(config.moved_to(config.roller_positions + s * command.roller_velocities))

@@ -114,23 +114,23 @@ REFUSED = {
     'unknown shape': (ObjectMessage(shape=9), 'object: shape 9: must be one of'),
     'a disc with vertices': (
         ObjectMessage(**DISC, vertices=points(CORNERS)),
-        "object: unknown key 'vertices'; those of a disc are shape, diameter, mass",
+        "object: unknown key 'vertices'; those of shape disc are shape, diameter, mass",
     ),
     'a disc with radii': (
         ObjectMessage(**DISC, corner_radii=[0.0]),
-        "unknown key 'corner_radius'; .*those of a disc",
+        "unknown key 'corner_radius'; .*those of shape disc",
     ),
     'a disc with axes': (
         ObjectMessage(**DISC, semi_axes=[0.0, math.nan]),
-        "unknown key 'semi_axes'; .*those of a disc",
+        "unknown key 'semi_axes'; .*those of shape disc",
     ),
     'a polygon with a diameter': (
         box(diameter=math.nan),
-        "unknown key 'diameter'; .*those of a polygon",
+        "unknown key 'diameter'; .*those of shape polygon",
     ),
     'an ellipse with a diameter': (
         ObjectMessage(shape=3, semi_axes=[0.1, 0.1], diameter=0.2),
-        "unknown key 'diameter'; .*those of a ellipse",
+        "unknown key 'diameter'; .*those of shape ellipse",
     ),
     'a disc of no size': (
         ObjectMessage(shape=1),

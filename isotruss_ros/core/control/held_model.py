@@ -16,6 +16,7 @@ of (19) is learned: it is expected of the next cycle as well.
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -29,6 +30,7 @@ from isotruss_ros.core.holding.held_grip import (
     HeldGrip,
     HoldStatus,
     LEFT_MARGIN,
+    NotHeldError,
     travel_rates,
 )
 from isotruss_ros.core.holding.roll_grip import roll_contacts, roll_grip, with_pressures
@@ -214,11 +216,12 @@ class HeldModel:
             self._noise = float(np.median(steps, axis=0).max())
             if self._noise > POSE_ERROR:
                 there = grip.body.moved_to(Pose(*(np.array(grasp.pose) + mean)))
-                found = attach_model(grasp.config, replace(grip, body=there), grasp.tubes.pressure)
-                if not isinstance(found, HoldStatus):
-                    moved = pose_difference(grasp.pose, found.pose)
-                    grasp, mean = found, mean + moved
-                    self._begun[0] += self._even * moved
+                pressure = grasp.tubes.pressure
+                with contextlib.suppress(NotHeldError):
+                    grasp = attach_model(grasp.config, replace(grip, body=there), pressure)
+                moved = pose_difference(self.grasp.pose, grasp.pose)
+                mean = mean + moved
+                self._begun[0] += self._even * moved
         attached, self.grasp = grasp is not self.grasp, grasp
         self._take(grasp, self.load.begin(mean, grasp.response.pose, grasp.arm, self._bears))
         if attached:
@@ -229,19 +232,20 @@ class HeldModel:
 
 def attach_model(
     config: Configuration, grip: Grip, pressures: tuple[float, ...] | None = None
-) -> HeldGrip | HoldStatus:
+) -> HeldGrip:
     """
-    Return the equilibrium near the measured pose, with a `response`, or why there is none.
+    Return the equilibrium near the measured pose, with a `response`.
 
     :param config: where the robot is.
     :param grip: its object is where it was measured.
     :param pressures: (t,) gauge, by tube [Pa]; those of the robot file if None.
+    :raises NotHeldError: there is no such equilibrium.
     :raises GraspError: no such members.
     :raises StructureError: see `structure_of`.
     """
     members = find_members(config.robot, grip.members).members
     tubes = TubeModel(pressure=pressures)
     found = attach_grip(config, grip.body, members, tubes=tubes, quick=True)
-    if not isinstance(found, HoldStatus) and found.response is None:
-        return HoldStatus.UNSTABLE
+    if found.response is None:
+        raise NotHeldError(HoldStatus.UNSTABLE)
     return found

@@ -27,7 +27,7 @@ from isotruss_ros.core.control.inputs import steady_pressures
 from isotruss_ros.core.control.loop_gains import choose_gain, gains_of, LoopGains, SLOW
 from isotruss_ros.core.control.squeeze_target import SqueezeSettings, SqueezeTrim
 from isotruss_ros.core.control.state_estimate import EstimatedTravel
-from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, LEFT_MARGIN
+from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, LEFT_MARGIN, NotHeldError
 from isotruss_ros.core.holding.loaded_frame import lowest_frequency
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
@@ -228,9 +228,10 @@ class SqueezeControl:
     def _start(self, config: Configuration, grip: Grip) -> HoldStatus:
         """Begin with the equilibrium near the measured pose."""
         self.model = None
-        found = attach_model(config, grip, self._pressures)
-        if isinstance(found, HoldStatus):
-            return found
+        try:
+            found = attach_model(config, grip, self._pressures)
+        except NotHeldError as error:
+            return error.hold
         self._choose_gains(found)
         self.model = HeldModel(found, grip, self.settings.load)
         self._measured = np.array(grip.body.pose)

@@ -22,7 +22,7 @@ from isotruss_ros.core.errors import ConfigurationError, GraspError, StructureEr
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_gradient import held_gradient
-from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
+from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, NotHeldError
 from isotruss_ros.core.holding.loaded_frame import held_joints
 from isotruss_ros.core.holding.member_bow import bend_members
 from isotruss_ros.core.holding.roll_grip import roll_contacts, roll_grip, with_pressures
@@ -186,7 +186,7 @@ class StateFilter:
         try:
             config = self._config.moved_to(readings + belief.mean[own])
             found = self._attach(config, grip)
-            if isinstance(found, HoldStatus) or found.hold(math.inf) is not HoldStatus.HELD:
+            if found.hold(math.inf) is not HoldStatus.HELD:
                 return False
             self._take(found, readings, np.append(belief.mean, found.anchors))
         except NOT_HELD:
@@ -285,8 +285,9 @@ class StateFilter:
         depths, _, by_pose = self.depths(grip)
         pose = np.array(grip.body.pose)
         pose[:2] += np.linalg.lstsq(by_pose[:, :2], PRESSED - depths, rcond=None)[0]
-        found = self._attach(self._config, grip.moved_to(pose))
-        if isinstance(found, HoldStatus):
+        try:
+            found = self._attach(self._config, grip.moved_to(pose))
+        except NotHeldError:
             return np.full(len(depths), PRESSED)
         return np.maximum(self.depths(grip.moved_to(found.pose))[0], LEAST * PRESSED)
 
@@ -313,8 +314,8 @@ class StateFilter:
         by_rollers = rates[:, self.rollers]
         return self._settings.encoders**2 * by_rollers @ by_rollers.T
 
-    def _attach(self, config: Configuration, grip: Grip) -> HeldGrip | HoldStatus:
-        """Return how members hold an object near its pose, or why they do not."""
+    def _attach(self, config: Configuration, grip: Grip) -> HeldGrip:
+        """Return how members hold an object near its pose."""
         members = find_members(self._robot, grip.members).members
         return attach_grip(config, grip.body, members, tubes=self.tubes, quick=True)
 

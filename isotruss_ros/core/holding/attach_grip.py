@@ -37,7 +37,13 @@ from isotruss_ros.core.holding.contact_statics import (
     SOFTNESS,
     TubeModel,
 )
-from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, scaled_wrench, travel_rates
+from isotruss_ros.core.holding.held_grip import (
+    HeldGrip,
+    HoldStatus,
+    NotHeldError,
+    scaled_wrench,
+    travel_rates,
+)
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.manipulation.grip import MOST
@@ -61,7 +67,7 @@ def attach_grip(
     tubes: TubeModel = AS_MODELLED,
     before: HeldGrip | None = None,
     quick: bool = False,
-) -> HeldGrip | HoldStatus:
+) -> HeldGrip:
     """
     Find the equilibrium near a pose with unknown contact history, see `rest`.
 
@@ -75,18 +81,18 @@ def attach_grip(
     :param before: the same a moment ago: the search begins there where the contacts are alike, and
         goes on from the given pose unless it ends close by.
     :param quick: search no longer than a control loop can wait.
-    :return: which condition has no solution, if one has none.
+    :raises NotHeldError: there is no such equilibrium.
     :raises StructureError: see `structure_of`.
     """
     depths = member_depths(config, body)
     if members is None:
         count = max(int(np.count_nonzero(depths > 0.0)), 2)
         if count > MOST:
-            return HoldStatus.OTHER_CONTACT
+            raise NotHeldError(HoldStatus.OTHER_CONTACT)
         members = np.argsort(depths, kind='stable')[-count:]
     members = np.sort(np.asarray(members, dtype=np.intp))
     if depths[members].min() <= -config.robot.description.tube_diameter:
-        return HoldStatus.NO_CONTACT
+        raise NotHeldError(HoldStatus.NO_CONTACT)
     wrench = scaled_wrench(external_wrench, body.arm)
     most, steps = (QUICK_SETS, QUICK_STEPS) if quick else (None, MAX_STEPS)
     for contacts in _choices(find_pressed(config, body, members))[:most]:
@@ -94,7 +100,7 @@ def attach_grip(
         found = _find_rest(config, statics, wrench, tubes, before, steps)
         if found is not None and found.presses:
             return found
-    return HoldStatus.NO_BALANCE
+    raise NotHeldError(HoldStatus.NO_BALANCE)
 
 
 def _find_rest(

@@ -16,6 +16,7 @@ import enum
 import functools
 import math
 
+from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.contact_forces import (
     ContactForces,
     GripResponse,
@@ -54,6 +55,19 @@ class HoldStatus(enum.Enum):
     def at_rest(self) -> bool:
         """Return whether the linear model holds the object, even if a tube wrinkles."""
         return self in (HoldStatus.HELD, HoldStatus.WRINKLES)
+
+
+class NotHeldError(GraspError):
+    """
+    No members hold the object.
+
+    :ivar hold: which condition has no solution.
+    :param hold: see there.
+    """
+
+    def __init__(self, hold: HoldStatus) -> None:
+        super().__init__(hold.value)
+        self.hold = hold
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,7 @@ import math
 from isotruss_ros.core.contact.analyze_grasp import check_load
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_statics import TubeModel
-from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
+from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, NotHeldError
 from isotruss_ros.core.holding.settled_grasp import SettledGrasp
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths
@@ -70,20 +70,24 @@ def settle_grasp(
     if members is not None:
         numbers = find_members(config.robot, Grip(members, body).members).members
     before = None if previous is None else previous.equilibrium
-    found = attach_grip(config, body, numbers, wrench, TubeModel(pressure=pressure), before)
+    tubes = TubeModel(pressure=pressure)
+    try:
+        found = attach_grip(config, body, numbers, wrench, tubes, before)
+    except NotHeldError as error:
+        return SettledGrasp(error.hold, str(error), body.pose, mu)
     return assess_equilibrium(body.pose, found, mu)
 
 
-def assess_equilibrium(given: Pose, found: HeldGrip | HoldStatus, friction: float) -> SettledGrasp:
+def assess_equilibrium(given: Pose, found: HeldGrip, friction: float) -> SettledGrasp:
     """
     Assess an equilibrium: whether it holds the object, and how well.
 
     :param given: the measured pose.
-    :param found: the equilibrium, or why there is none.
+    :param found: the equilibrium.
     :param friction: coefficient between tube and object.
     """
-    sticks = found if isinstance(found, HoldStatus) else found.hold(friction)
-    if isinstance(found, HoldStatus) or sticks in (HoldStatus.NO_CONTACT, HoldStatus.OFF_MEMBER):
+    sticks = found.hold(friction)
+    if sticks in (HoldStatus.NO_CONTACT, HoldStatus.OFF_MEMBER):
         return SettledGrasp(sticks, sticks.value, given, friction)
     hold, reason = _judge(found, given, friction)
     return SettledGrasp(hold, reason, given, friction, found)

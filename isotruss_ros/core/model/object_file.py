@@ -80,7 +80,7 @@ def make_object(content: Any, source: str) -> ConvexObject:
             close = difflib.get_close_matches(str(key), allowed, n=1)
             hint = f'did you mean {close[0]}? ' if close else ''
             raise ObjectFileError(
-                f'{source}: unknown key {quote(str(key))}; {hint}those of a {kind} are '
+                f'{source}: unknown key {quote(str(key))}; {hint}those of shape {kind} are '
                 + ', '.join(allowed)
             )
     for field in own:

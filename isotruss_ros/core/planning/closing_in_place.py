@@ -23,7 +23,7 @@ import math
 from isotruss_ros.core.contact.analyze_grasp import analyze_grasp
 from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
+from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, NotHeldError
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.pose import pose_difference
@@ -87,9 +87,10 @@ def _hold(touch: Configuration, closing: Closing) -> HeldGrip:
     depth = FIRST_CONTACT if (one == other).all() else FACE_CONTACT
     depths = np.full(len(members), depth * touch.robot.description.tube_diameter)
     config = press(touch, closing, depths)
-    found = attach_grip(config, body, members)
-    if isinstance(found, HoldStatus):
-        raise RequirementError('held', 0.0, 1.0)
+    try:
+        found = attach_grip(config, body, members)
+    except NotHeldError:
+        raise RequirementError('held', 0.0, 1.0) from None
     return roll_grip(found, config)  # from here on contacts roll
 
 

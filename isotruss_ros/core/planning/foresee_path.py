@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 from isotruss_ros.core.errors import ConfigurationError, GraspError, SolverError
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, LEFT_MARGIN
+from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, LEFT_MARGIN, NotHeldError
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
@@ -58,8 +58,11 @@ def foresee_grip(
     :return: None where no members hold the object: what they push has no slip margin.
     :raises IsotrussError: see `foresee_path`.
     """
-    held = attach_grip(config, body)
-    if isinstance(held, HoldStatus) or held.hold(friction) is not HoldStatus.HELD:
+    try:
+        held = attach_grip(config, body)
+    except NotHeldError:
+        return None
+    if held.hold(friction) is not HoldStatus.HELD:
         return None
     return foresee_path(held, friction, poses)
 

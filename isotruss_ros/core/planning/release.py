@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.held_grip import HoldStatus
+from isotruss_ros.core.holding.held_grip import NotHeldError
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths
@@ -107,8 +107,10 @@ def _unload(config: Configuration, closing: Closing) -> tuple[list[Configuration
     path, diameter = [config], config.robot.description.tube_diameter
     if float(member_depths(config, closing.body).max()) <= TOUCHING * diameter:
         return path, closing
-    found = attach_grip(config, closing.body, np.array(closing.members))
-    grasp = None if isinstance(found, HoldStatus) else roll_grip(found, config)
+    try:
+        grasp = roll_grip(attach_grip(config, closing.body, np.array(closing.members)), config)
+    except NotHeldError:
+        grasp = None
     if grasp is None or len(grasp.members) != len(closing.members):  # another member presses
         raise RequirementError('held', 0.0, 1.0)
     if grasp.normal_forces.min() <= LEAST_FORCE:

@@ -16,7 +16,7 @@ import math
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_statics import TubeModel
-from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
+from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, NotHeldError
 from isotruss_ros.core.holding.joint_loads import LoadedParts
 from isotruss_ros.core.holding.loaded_frame import held_joints
 from isotruss_ros.core.holding.roll_grip import roll_grip
@@ -190,8 +190,11 @@ class ElasticObject:
             return
         first = config if before is None else self._first_touch(before, config)
         for there in (first, config):
-            found = attach_grip(there, self._body, None, self._wrench, TubeModel(self._scale))
-            if not isinstance(found, HoldStatus) and found.hold(self._friction) is HoldStatus.HELD:
+            try:
+                found = attach_grip(there, self._body, None, self._wrench, TubeModel(self._scale))
+            except NotHeldError:
+                continue
+            if found.hold(self._friction) is HoldStatus.HELD:
                 self._grasp, self.dropped = found, None
                 return
 

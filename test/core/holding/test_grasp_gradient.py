@@ -21,6 +21,7 @@ from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_gradient import held_gradient
+from isotruss_ros.core.holding.held_grip import NotHeldError
 from isotruss_ros.core.holding.loaded_frame import held_joints
 from isotruss_ros.core.holding.roll_grip import roll_contacts
 from isotruss_ros.core.holding.settle_grasp import assess_equilibrium
@@ -33,10 +34,13 @@ OTHERS = {'rollers': 5e-5, 'place': 5e-5, 'friction': 1e-3, 'wrench': 5e-3, 'sti
 
 
 def settle(case, chosen):
-    """Return a random grasp with other parameters."""
+    """Return a random grasp with other parameters; None without an equilibrium."""
     tubes = TubeModel(chosen.scale, case.flattening, chosen.pressures)
     members = numbers(case.members)
-    found = attach_grip(chosen.config, chosen.body, members, chosen.wrench, tubes)
+    try:
+        found = attach_grip(chosen.config, chosen.body, members, chosen.wrench, tubes)
+    except NotHeldError:
+        return None
     return assess_equilibrium(chosen.body.pose, found, chosen.friction)
 
 
@@ -63,7 +67,7 @@ def in_rows(stiffness, arm):
 
 def is_alike(one, other):
     """Tell whether two grasps have the same contacts, and the same most loaded places."""
-    if other.equilibrium is None:
+    if other is None or other.equilibrium is None:
         return False
     places = [np.array([*each.utilisation_places.values()]) for each in (one, other)]
     if np.abs(places[1] - places[0]).max() > 0.01:
@@ -78,7 +82,7 @@ def error(number, sizes):
     """Return the largest error of the gradient of a random grasp; None if there is none."""
     case = RandomGrasp(number)
     grasp = settle(case, case.chosen)
-    if grasp.equilibrium is None:
+    if grasp is None or grasp.equilibrium is None:
         return None
     gradient = grasp_gradient(grasp)
     step = case.step(gradient.parameters, sizes)

@@ -34,6 +34,7 @@ from isotruss_ros.core.holding import roll_grip as roll_grip_module
 from isotruss_ros.core.holding.attach_grip import attach_grip, rest
 from isotruss_ros.core.holding.build_statics import build_statics, find_pressed
 from isotruss_ros.core.holding.contact_statics import TubeModel
+from isotruss_ros.core.holding.held_grip import NotHeldError
 from isotruss_ros.core.holding.roll_grip import (
     _lay_down,
     roll_contacts,
@@ -419,4 +420,6 @@ def test_what_is_not_held_says_why():
 def test_under_a_huge_load_there_is_no_equilibrium(grip):
     load = 1e6 * np.array([0.3, -0.8, 0.0])
     assert roll_grip(grip, grip.config, load) is None
-    assert attach_grip(grip.config, grip.body, grip.members, load) is HoldStatus.NO_BALANCE
+    with pytest.raises(NotHeldError, match='balances the forces') as refused:
+        attach_grip(grip.config, grip.body, grip.members, load)
+    assert refused.value.hold is HoldStatus.NO_BALANCE

@@ -13,6 +13,7 @@ from dataclasses import replace
 import functools
 import itertools
 import math
+from unittest.mock import Mock
 
 import closings
 from isotruss_ros.core import (
@@ -25,7 +26,7 @@ from isotruss_ros.core import (
     settle_grasp,
     SimulatedRobot,
 )
-from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
+from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, NotHeldError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.planning import closing_in_place
 from isotruss_ros.core.planning.approach import approach
@@ -137,14 +138,14 @@ def test_what_cannot_be_reached_says_what_is_violated(values, name):
 
 
 @pytest.mark.parametrize(
-    ('place', 'name', 'found'),
+    ('place', 'name', 'given'),
     [
-        (closing_in_place, 'attach_grip', HoldStatus.NO_BALANCE),
-        (HeldGrip, 'hold', HoldStatus.UNSTABLE),
+        (closing_in_place, 'attach_grip', {'side_effect': NotHeldError(HoldStatus.NO_BALANCE)}),
+        (HeldGrip, 'hold', {'return_value': HoldStatus.UNSTABLE}),
     ],
 )
-def test_what_has_no_equilibrium_or_an_unstable_one_is_not_held(place, name, found, monkeypatch):
-    monkeypatch.setattr(place, name, lambda *_: found)
+def test_what_has_no_equilibrium_or_an_unstable_one_is_not_held(place, name, given, monkeypatch):
+    monkeypatch.setattr(place, name, Mock(**given))
     _, closed, tally = close()
     assert closed is None
     violation = tally.closest
