@@ -83,9 +83,9 @@ class BarrierLaw:
         Return what must be left of margins after a sample.
 
         What has got down to `KEPT_SHARE` of the safety margin must not get further, nor may
-        anything beyond the bound; so errors of a fraction of the safety margin do no harm. Beyond
-        the bound there is no safety margin for effects of second order: they are allowed there,
-        or the robot would stop in every other sample.
+        anything beyond the bound; so errors of a fraction of the safety margin do no harm. Below
+        that share there is no safety margin for effects of second order: they are allowed there,
+        or the robot would stop in every other sample, but not across the bound.
 
         :param margins: (k,) at its beginning.
         :param duration: of the sample, positive [s].
@@ -96,7 +96,10 @@ class BarrierLaw:
         slowly = left - 2.0 * duration * self._class_k(left)
         kept = np.maximum(np.maximum(KEPT_SHARE * left, slowly), last)
         allowed = ROUNDING + self.band * (travel / BEND) ** 2
-        return np.where(margins > last, kept, margins - allowed)
+        # Many such effects must not lead across the bound either: what is left last is kept.
+        floor = np.where(margins > 0.0, np.minimum(margins, KEPT_SHARE * last), -np.inf)
+        beyond = np.maximum(margins - allowed, floor - ROUNDING)
+        return np.where(margins > last, kept, beyond)
 
     def _class_k(self, left: Array) -> Array:
         share = np.minimum(left / self.band, 1.0)

@@ -114,6 +114,13 @@ def test_what_is_beyond_the_bound_may_lose_the_square_of_the_travel(travel):
         assert margin - left == pytest.approx(1e-9 + 0.2 * (travel / 0.05) ** 2, rel=0.01)
 
 
+@pytest.mark.parametrize('margin', [0.09 * REST, 0.005 * REST])
+def test_no_such_loss_leads_across_the_bound(margin):
+    left = LAW.discrete_bound(np.array([margin]), 0.05, 0.02)[0]
+    assert left == pytest.approx(min(margin, 0.01 * REST), abs=2e-9)
+    assert left > 0.0
+
+
 def keep(speed, share_of, status=Status.OK):
     """Return a command of a speed, and what is kept; a share of each travel is admissible."""
 

@@ -23,6 +23,8 @@ WALKS = {
     15: (300, Status.SLOWED_OBJECT),
     2: (600, Status.SLIDING),
     17: (600, Status.SLIDING),
+    # Its commands at 20 Hz go to and fro beside the bound for seconds.
+    30: (280, Status.SLOWED_SELF_COLLISION),
 }
 
 
