@@ -1,11 +1,5 @@
 # Copyright 2026 isotruss_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
-# in compliance with the License. You may obtain a copy of the License at
-# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
-# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
-# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
-# language governing permissions and limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """Fig. 5: how stiff the triangle is in three shapes, and where its tubes give way."""
 
