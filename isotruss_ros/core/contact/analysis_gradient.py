@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from isotruss_ros.core.contact.flattening import flattening_of
-from isotruss_ros.core.contact.force_closure import closure_margin_rates
+from isotruss_ros.core.contact.friction_closure import closure_margin_rates
 from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis, HeldFast
 from isotruss_ros.core.contact.sliding_contact import find_neighbours
 from isotruss_ros.core.errors import GraspError

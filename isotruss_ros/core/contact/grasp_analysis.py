@@ -76,8 +76,8 @@ class GraspAnalysis:
     :ivar normal_wrench: (fx, fy, m) with which the tubes press on the object without friction,
         across their bent centre lines, about the origin of its frame, the centre of a cylinder
         [N, N m].
-    :ivar force_closure: whether the object is touched, and friction balances normal forces and
-        external wrench.
+    :ivar closed_by_friction: whether the object is touched, and friction balances the normal
+        forces and the external wrench, equation (10); see `SettledGrasp` for a free object.
     :ivar closure_residual: what friction leaves, moments over half of the mean width, d/2 of a
         cylinder [N].
     :ivar closure_tolerance: below which the residual counts as none [N].
@@ -109,7 +109,7 @@ class GraspAnalysis:
     normal_forces: Array
     friction_forces: Array
     normal_wrench: Array
-    force_closure: bool
+    closed_by_friction: bool
     closure_residual: float
     closure_tolerance: float
     required_friction: float

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Force closure: whether friction within its limits balances the rest, equation (10).
+Closure by friction: friction within its limits balances the normal forces, equation (10).
 
 The wrenches that friction can bring about form a zonotope: a sum of segments, one for each
 contact. Its facets are planes spanned by pairs of segments, so that the smallest friction
@@ -38,7 +38,7 @@ PART = 4096
 
 
 @dataclass(frozen=True, eq=False)
-class Closure:
+class FrictionClosure:
     """
     How friction balances a wrench.
 
@@ -59,13 +59,13 @@ class Closure:
     margin: float
 
 
-def check_force_closure(
+def balance_by_friction(
     tangents: Array,
     normal_forces: Array,
     load: Array,
     friction: float,
     levers: Array,
-) -> Closure:
+) -> FrictionClosure:
     """
     Balance a load by friction forces with |F_i| <= mu N_i, equation (10).
 
@@ -85,7 +85,7 @@ def check_force_closure(
     shares, residual = _balance(segments, facets, load, friction)
     forces = np.zeros(len(normal_forces))
     forces[touching] = shares * normal_forces[touching]
-    return Closure(residual <= tolerance, residual, tolerance, forces, required, margin)
+    return FrictionClosure(residual <= tolerance, residual, tolerance, forces, required, margin)
 
 
 def closure_margin_rates(
@@ -96,9 +96,9 @@ def closure_margin_rates(
     friction: tuple[float, Array],
 ) -> tuple[Array, Array]:
     """
-    Return how the margin of `Closure` changes with p parameters, (p,), and the wrench it is for.
+    Return how the margin changes with p parameters, (p,), and the wrench that it is for.
 
-    :param segments: (k, 3) tangents and levers times normal forces, see `check_force_closure` [N].
+    :param segments: (k, 3) tangents and levers times normal forces, see `balance_by_friction` [N].
     :param segment_rates: (k, 3, p) of these.
     :param load: (3,) resultant of all else on the object [N].
     :param load_rates: (3, p) of that.
