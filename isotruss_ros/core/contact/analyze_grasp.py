@@ -16,7 +16,7 @@ from isotruss_ros.core.contact.contact_points import (
 from isotruss_ros.core.contact.contact_regions import assess_members
 from isotruss_ros.core.contact.flattening import flattening_of
 from isotruss_ros.core.contact.force_closure import check_force_closure
-from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis, HeldFast, SolvedContact
+from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis, SolvedContact
 from isotruss_ros.core.contact.refinement import (
     ContactSolver,
     measure_contact,
@@ -92,7 +92,7 @@ def analyze_grasp(
     if flattening:
         kernel, before = flattening_of(config.robot, structure.pressures), None
         if previous is not None and previous.contact_spans:
-            before = previous.solution.solved._replace(contact=previous.solution.turned)
+            before = previous.solved
         budget = BUDGET if sliding else None
         solved = refine_contact(structure, surface, gap, kernel, solver, before, budget)
     else:
@@ -100,6 +100,7 @@ def analyze_grasp(
     contact_points, found, *_, kept = solved
     # Of corners, which sliding tubes fold over.
     contact = turn_at_corners(contact_points, found, surface) if sliding else found
+    solved = solved._replace(contact=contact)
     normals = contact.normals.view(np.float64).reshape(-1, 2)
     tangents = np.column_stack([-normals[:, 1], normals[:, 0]])
     pressed, levers = _pressed(body, contact_points, contact, margin, round_)
@@ -121,17 +122,9 @@ def analyze_grasp(
         required_friction=closure.required_friction,
         closure_margin=closure.margin,
         stiffness=_stiffness(contact_points, contact, body.center),
-        solution=HeldFast(
-            structure=structure,
-            body=body,
-            solved=solved,
-            turned=contact,
-            sliding=sliding,
-            margin=margin,
-            friction=mu,
-            wrench=wrench,
-        ),
-        **assess_members(structure, solved._replace(contact=contact)),
+        structure=structure,
+        solved=solved,
+        **assess_members(structure, solved),
     )
 
 

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from isotruss_ros.core.contact.contact_points import ContactPoints, ContactState
-from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.statics.structure import Structure
 
@@ -31,30 +30,6 @@ class SolvedContact(NamedTuple):
     length: Array
     spans: Array
     kept: Indices
-
-
-class HeldFast(NamedTuple):
-    """
-    What an analysis is of, for its gradient.
-
-    :ivar structure: the frame of the robot.
-    :ivar body: the object.
-    :ivar solved: points of the tubes, and the contact as it was found.
-    :ivar turned: the contact with normals at corners as they are assessed, see `turn_at_corners`.
-    :ivar sliding: whether the tubes slide, see `sliding_contact`.
-    :ivar margin: how far the surface that the points meet is from the object's own [m].
-    :ivar friction: coefficient.
-    :ivar wrench: (fx, fy, m) on the object besides [N, N m].
-    """
-
-    structure: Structure
-    body: ConvexObject
-    solved: SolvedContact
-    turned: ContactState
-    sliding: bool
-    margin: float
-    friction: float
-    wrench: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +73,8 @@ class GraspAnalysis:
     :ivar utilisation_places: where along the member that is, from its start, of all members [m].
     :ivar stiffness: (3, 3) wrench (fx, fy, m) that a displacement (dx, dy, dtheta) of the object
         with all its contact points takes [N/m, N, N m].
-    :ivar solution: what `analysis_gradient` begins with.
+    :ivar structure: the frame of the robot.
+    :ivar solved: the contact, with normals at corners as they are assessed.
     """
 
     points: Array
@@ -124,4 +100,5 @@ class GraspAnalysis:
     utilisation: dict[str, float]
     utilisation_places: dict[str, float]
     stiffness: Array
-    solution: HeldFast
+    structure: Structure
+    solved: SolvedContact
