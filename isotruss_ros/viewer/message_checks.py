@@ -9,7 +9,6 @@ import math
 from typing import Any
 
 from isotruss_ros.core import IsotrussError, Pose, Status
-from isotruss_ros.core.control.grasp_report import GraspCode
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
@@ -75,10 +74,8 @@ def check_state(message: Any, members: int) -> None:
 
     :param message: isotruss_msgs/GraspState.
     :param members: number of members of the robot.
-    :raises PictureError: a code that there is not, or not as many utilisations as members.
+    :raises PictureError: not as many utilisations as members.
     """
-    if message.code not in tuple(GraspCode):
-        raise PictureError(f'grasp state: code {message.code}')
     used = np.asarray(message.utilisation, dtype=float)
     if message.code < NO_RESULT and (len(used) != members or np.isnan(used).any()):
         raise PictureError(f'grasp state: utilisation of {len(used)} members: must be {members}')

@@ -157,7 +157,6 @@ def far_pose():
         ('joint_states', JointState(name=NAMES), '0 positions for 6 names'),
         ('joint_states', JointState(name=NAMES[:1], position=[math.nan]), 'nan m'),
         ('object_pose', far_pose(), 'object pose'),
-        ('state', GraspState(code=99), 'code 99'),
         ('state', GraspState(code=0, utilisation=[0.1]), 'utilisation of 1 members: must be 9'),
         ('status', ManipulationStatus(code=255), 'code 255'),
         (
