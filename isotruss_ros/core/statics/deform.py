@@ -6,13 +6,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
+from isotruss_ros.core.numerics.records import Record
 from isotruss_ros.core.statics.cut_frame import CutFrame
 from isotruss_ros.core.statics.frame import Frame, FrameState
 from isotruss_ros.core.statics.load_path import follow_loads
@@ -28,8 +29,8 @@ MOST = 100.0
 MAX_TURN = 0.3
 
 
-@dataclass(frozen=True, eq=False)
-class Deformation:
+@dataclass(frozen=True, eq=False, repr=False)
+class Deformation(Record, headline=('reactions', 'displacements')):
     """
     The response of the robot to loads.
 
@@ -39,10 +40,10 @@ class Deformation:
     :ivar state: displacements, reactions and member forces of all its nodes and members.
     """
 
-    structure: Structure
-    frame: Frame
-    loads: Array
-    state: FrameState
+    structure: Structure = field(repr=False)
+    frame: Frame = field(repr=False)
+    loads: Array = field(repr=False)
+    state: FrameState = field(repr=False)
 
     def displacement(self, node: str) -> Array:
         """
@@ -52,6 +53,14 @@ class Deformation:
         :raises StructureError: there is no such node.
         """
         return self.state.displacements[self.structure.node(node)]
+
+    @cached_property
+    def displacements(self) -> dict[str, tuple[float, float, float]]:
+        """Return (ux, uy, theta) by the name of the node [m, rad], see `displacement`."""
+        found = self.state.displacements.tolist()
+        return {
+            name: tuple(found[self.structure.node(name)]) for name in self.structure.node_names
+        }
 
     @cached_property
     def reactions(self) -> dict[str, tuple[float, float]]:
