@@ -68,7 +68,7 @@ def held_fast(case):
     spacing = SPACING * case.length
     analysis = analyze_grasp(config, body, FRICTION, wrench, spacing=spacing)
     return {
-        'verdict': (analysis.force_closure, *sorted(case.by_member(analysis.contact_forces))),
+        'verdict': (analysis.closed_by_friction, *sorted(case.by_member(analysis.contact_forces))),
         'wrench': axes(case)[:2, :2] @ analysis.normal_wrench[:2] / case.force,
         'forces': in_order(case, analysis.contact_forces, 1.0 / case.force),
         'lengths': in_order(case, analysis.contact_lengths, 1.0 / case.length),

@@ -5,11 +5,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from isotruss_ros.core.contact.contact_points import ContactPoints, ContactState
 from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.numerics.records import Record
 from isotruss_ros.core.statics.structure import Structure
 
 
@@ -32,8 +33,17 @@ class SolvedContact(NamedTuple):
     kept: Indices
 
 
-@dataclass(frozen=True, eq=False)
-class GraspAnalysis:
+@dataclass(frozen=True, eq=False, repr=False)
+class GraspAnalysis(
+    Record,
+    headline=(
+        'closed_by_friction',
+        'required_friction',
+        'closure_margin',
+        'contact_forces',
+        'utilisation',
+    ),
+):
     """
     What holds an object, and how well; k contact points.
 
@@ -51,8 +61,8 @@ class GraspAnalysis:
     :ivar normal_wrench: (fx, fy, m) with which the tubes press on the object without friction,
         across their bent centre lines, about the origin of its frame, the centre of a cylinder
         [N, N m].
-    :ivar force_closure: whether the object is touched, and friction balances normal forces and
-        external wrench.
+    :ivar closed_by_friction: whether the object is touched, and friction balances the normal
+        forces and the external wrench, equation (10); see `SettledGrasp` for a free object.
     :ivar closure_residual: what friction leaves, moments about the middle of the area over half of
         the mean width, d/2 of a cylinder [N].
     :ivar closure_tolerance: below which the residual counts as none [N].
@@ -85,7 +95,7 @@ class GraspAnalysis:
     normal_forces: Array
     friction_forces: Array
     normal_wrench: Array
-    force_closure: bool
+    closed_by_friction: bool
     closure_residual: float
     closure_tolerance: float
     required_friction: float
@@ -100,5 +110,5 @@ class GraspAnalysis:
     utilisation: dict[str, float]
     utilisation_places: dict[str, float]
     stiffness: Array
-    structure: Structure
-    solved: SolvedContact
+    structure: Structure = field(repr=False)
+    solved: SolvedContact = field(repr=False)

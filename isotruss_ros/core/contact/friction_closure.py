@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Force closure: whether friction within its limits balances the rest, equation (10).
+Closure by friction: friction within its limits balances the normal forces, equation (10).
 
 The wrenches that friction can bring about form a zonotope: a sum of segments, one for each
 contact. Its facets are planes spanned by pairs of segments, so that the smallest friction
@@ -37,7 +37,7 @@ PART = 4096
 
 
 @dataclass(frozen=True, eq=False)
-class Closure:
+class FrictionClosure:
     """
     How friction balances a wrench.
 
@@ -58,13 +58,13 @@ class Closure:
     margin: float
 
 
-def check_force_closure(
+def balance_by_friction(
     tangents: Array,
     normal_forces: Array,
     load: Array,
     friction: float,
     levers: Array,
-) -> Closure:
+) -> FrictionClosure:
     """
     Balance a load by friction forces with |F_i| <= mu N_i, equation (10).
 
@@ -84,7 +84,7 @@ def check_force_closure(
     shares, residual = _balance(segments, facets, load, friction)
     forces = np.zeros(len(normal_forces))
     forces[touching] = shares * normal_forces[touching]
-    return Closure(residual <= tolerance, residual, tolerance, forces, required, margin)
+    return FrictionClosure(residual <= tolerance, residual, tolerance, forces, required, margin)
 
 
 def _balance(
