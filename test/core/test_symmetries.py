@@ -15,7 +15,9 @@ from symmetries import CHANGES, random_case, reframed
 
 FRICTION, SPACING = 0.8, 0.005
 #: Sizes of which errors are shares where values are smaller [N, m]: the rest is rounding.
-FLOORS = {'displacement': 1e-3, 'friction': 1.0, 'margin': 1.0, 'deflection': 1e-3, 'wrench': 1.0}
+FLOORS = dict.fromkeys(('forces', 'friction', 'margin', 'wrench'), 1.0)
+FLOORS |= dict.fromkeys(('displacement', 'deflection', 'lengths'), 1e-3)
+FLOORS |= dict.fromkeys(('utilisation', 'turns'), 1e-3)
 
 
 def axes(case):
