@@ -132,13 +132,6 @@ def test_friction_and_the_place_across_the_bisector_change_nothing():
     assert np.abs(by_place).max() > 100.0
 
 
-def test_what_is_not_held_has_no_gradient():
-    config, body = gripped(35.0, squeeze=0.08)
-    away = body.moved_to((5.0, 5.0, 0.0))
-    with pytest.raises(GraspError, match='without equilibrium'):
-        grasp_gradient(settle_grasp(config, away))
-
-
 ROBOT = make_robot()
 #: Steps of travel [m], wrench [N], stiffness [-] and anchors [m].
 STEPS = np.repeat([2e-5, 5e-3, 1e-3, 2e-5], [6, 3, 1, 4])
