@@ -56,7 +56,6 @@ setup(
             'path_follower = isotruss_ros.executables:path_follower',
             'grasp_planner = isotruss_ros.executables:grasp_planner',
             'pick_and_place = isotruss_ros.executables:pick_and_place',
-            'teleop = isotruss_ros.executables:teleop',
             'viewer = isotruss_ros.executables:viewer',
             'record = isotruss_ros.executables:record',
             'pluck = isotruss_ros.executables:pluck',
