@@ -11,7 +11,6 @@ from grips import gripped
 from held_grips import numbers
 from isotruss_ros.core import grasp_gradient, settle_grasp
 from isotruss_ros.core.contact.dents import Indentation
-from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_gradient import held_gradient
