@@ -103,7 +103,9 @@ class GraspGradient(
     @functools.cached_property
     def _margin(self) -> tuple[Array, str]:
         if self._changes is None:
-            return self.settled.lost.slip_margin_rates(self.parameters), ''
+            rates, places = np.zeros(self.parameters.size), self.parameters
+            rates[places.rollers], rates[places.place] = self.settled.lost.slip_margin_rates()
+            return rates, ''
         *_, change = self._changes
         return _slip_margin_rates(self.settled, change[:, :-3], self._response, self.parameters)
 

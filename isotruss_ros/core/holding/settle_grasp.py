@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import math
 
 from isotruss_ros.core.contact.analyze_grasp import check_load
+from isotruss_ros.core.contact.lost_contact import LostContact
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_grip import (
@@ -17,7 +18,6 @@ from isotruss_ros.core.holding.held_grip import (
     NotHeldError,
     scaled_wrench,
 )
-from isotruss_ros.core.holding.lost_contact import LostContact
 from isotruss_ros.core.holding.settled_grasp import SettledGrasp
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths

@@ -14,7 +14,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-from isotruss_ros.core.holding.loaded_tubes import GraspParameters
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.kinematics.distances import collision_model
@@ -77,19 +76,16 @@ class LostContact:
         """Return minus the external wrench and p R times the gap [N]."""
         return -self.wrench - self.stiffness * self.gap
 
-    def slip_margin_rates(self, parameters: GraspParameters) -> Array:
+    def slip_margin_rates(self) -> tuple[Array, Array]:
         """
-        Return the derivatives of the slip margin by the p parameters of a `GraspGradient`, (p,).
+        Return the derivatives of the slip margin by the rollers, (r,), and the pose, (3,).
 
-        :param parameters: which column is which.
         :raises ConfigurationError: the configuration is singular.
         """
         distances, by_nodes, by_twist = self._distances
-        shares = distances / max(self.gap * len(distances), np.finfo(float).tiny)
-        rates = np.zeros(parameters.size)
-        rates[parameters.rollers] = shares @ by_nodes @ self.config.node_jacobian
-        rates[parameters.place] = shares @ by_twist
-        return -self.stiffness * rates
+        shares = -self.stiffness * distances
+        shares /= max(self.gap * len(distances), np.finfo(float).tiny)
+        return shares @ by_nodes @ self.config.node_jacobian, shares @ by_twist
 
     @cached_property
     def _distances(self) -> tuple[Array, Array, Array]:
