@@ -139,7 +139,7 @@ def test_a_robot_of_a_preset_is_not_ready(tmp_path, capsys):
         ({'tracker_delay': 0.8}, 'object pose', r'object_pose is 0\.8\d* s old'),
         ({'rate': 20.0}, 'rates', r'joint_states comes \d+ times a second: must be 50'),
         (
-            {'tracker_dropouts': 0.97},
+            {'tracker_rate': 8.0},
             'rates',
             r'object_pose comes [\d.]+ times a second',
         ),
