@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from isotruss_ros.viewer.message_checks import NO_RESULT
 from isotruss_ros.viewer.picture import HISTORY, NOTHING, Picture, trim_start
 import numpy as np
 import viser
@@ -82,7 +83,7 @@ def describe(picture: Picture, now: float) -> str:
     state = picture.state
     if not picture.is_fresh('state', now):
         parts.append('**no grasp analysis**')
-    elif state.code >= 10:
+    elif state.code >= NO_RESULT:
         parts.append(f'**no result**: {state.message}')
     else:
         held = '**held**' if state.held else f'**not held**: {state.hold_message}'
