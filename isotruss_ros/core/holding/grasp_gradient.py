@@ -42,6 +42,8 @@ class GraspGradient(
     """
     The derivatives of a `SettledGrasp` by p parameters; contacts stay those that there are.
 
+    Without an equilibrium they are those of a `LostContact`: pose and slip margin change alone.
+
     Where the object is set down counts by how deep it sits between two members: across their
     bisector, and of three members at all, the equilibrium does not depend on the place.
 
@@ -68,7 +70,7 @@ class GraspGradient(
     utilisation: Array
     most_used: tuple[str, ...]
     # For second derivatives: with three more columns, those of a unit wrench.
-    _changes: tuple[LoadedTubes, ContactRates, TubeRates, Array]
+    _changes: tuple[LoadedTubes, ContactRates, TubeRates, Array] | None
 
     @property
     def squeeze(self) -> Array:
@@ -78,6 +80,8 @@ class GraspGradient(
     @functools.cached_property
     def stiffness(self) -> Array:
         """Return those of the stiffness, (3, 3, p)."""
+        if self._changes is None:
+            return np.zeros((3, 3, self.parameters.size))
         grip = self.settled.equilibrium
         inverse = np.linalg.inv(grip.response.pose)
         rates = -np.einsum('ia,apb,bj->ijp', inverse, self._response[:3], inverse)
@@ -97,7 +101,7 @@ class GraspGradient(
     @property
     def gives_way(self) -> tuple[str, ...]:
         """
-        Return the names of the members that slip, or let go, under the least wrench.
+        Return the names of the members that slip, or let go, under the least wrench; none if all have.
 
         Of several, as in a symmetric grasp, the slip margin has a kink: it grows by the least of
         `slip_margins`.
@@ -111,6 +115,11 @@ class GraspGradient(
 
     @functools.cached_property
     def _margins(self) -> tuple[Array, tuple[str, ...]]:
+        if self._changes is None:
+            rates, places = np.zeros((1, self.parameters.size)), self.parameters
+            rolled, placed = self.settled.lost.slip_margin_rates()
+            rates[0, places.rollers], rates[0, places.place] = rolled, placed
+            return rates, ()
         *_, change = self._changes
         return _slip_margin_rates(self.settled, change[:, :-3], self._response, self.parameters)
 
@@ -125,11 +134,11 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
     are computed where slip margin or stiffness are asked for.
 
     :param settled: where the object rests.
-    :raises GraspError: there is no equilibrium, or an indifferent one.
+    :raises GraspError: the equilibrium is indifferent.
     """
     grip = settled.equilibrium
     if grip is None:
-        raise GraspError(f'a grasp without equilibrium has no derivatives: {settled.reason}')
+        return _lost_gradient(settled)
     if grip.response is None:
         raise GraspError('an indifferent equilibrium has no derivatives')
     parameters = GraspParameters.of(grip.config)
@@ -156,6 +165,26 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
         utilisation=utilisation[:, :-3],
         most_used=tuple(names[i] for i in _find_largest(used)),
         _changes=(tubes, contacts, rates, change),
+    )
+
+
+def _lost_gradient(settled: SettledGrasp) -> GraspGradient:
+    """Return the derivatives without an equilibrium: the pose stays where the object is put."""
+    parameters = GraspParameters.of(settled.lost.config)
+    pose = np.zeros((3, parameters.size))
+    pose[:, parameters.place] = np.eye(3)
+    none = np.zeros((0, parameters.size))
+    return GraspGradient(
+        parameters=parameters,
+        settled=settled,
+        pose=pose,
+        normal_forces=none,
+        friction_forces=none,
+        required_friction=np.zeros(parameters.size),
+        needs_most=(),
+        utilisation=np.zeros((len(settled.utilisation), parameters.size)),
+        most_used=(),
+        _changes=None,
     )
 
 
