@@ -101,7 +101,7 @@ class GraspGradient(
     @property
     def gives_way(self) -> tuple[str, ...]:
         """
-        Return the names of the members that slip, or let go, under the least wrench; none if all have.
+        Return the names of the members that give way under the least wrench; none if all have.
 
         Of several, as in a symmetric grasp, the slip margin has a kink: it grows by the least of
         `slip_margins`.
