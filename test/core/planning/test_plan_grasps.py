@@ -21,12 +21,10 @@ from isotruss_ros.core import (
     settle_grasp,
     tangent_center,
 )
-from isotruss_ros.core.errors import GraspError, SolverError
-from isotruss_ros.core.planning import grasp_candidate
+from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.planning import plan_grasps as search
 from isotruss_ros.core.planning.foresee_path import foresee_grip
 from isotruss_ros.core.planning.requirements import Measure
-from isotruss_ros.core.planning.seeds import find_seeds
 from isotruss_ros.core.planning.violations import violation_in_words
 from isotruss_ros.core.safety.margins import shape_margins
 import numpy as np
@@ -277,28 +275,6 @@ def test_grasps_of_the_same_members_nearby_are_one():
     assert [grasp.score for grasp in begun.best()] == [5.0, 3.0, 2.0]
 
 
-@pytest.mark.parametrize(('number', 'found'), [(1, 0), (2, 1)])
-def test_a_seed_that_cannot_be_computed_is_skipped(number, found, monkeypatch):
-    seeds, approach = [], grasp_candidate.approach
-
-    def fail_last(config, closing, *arguments):
-        seeds.append(closing)
-        if len(seeds) == number:
-            raise SolverError('no solution')
-        return approach(config, closing, *arguments)
-
-    monkeypatch.setattr(grasp_candidate, 'approach', fail_last)
-    monkeypatch.setattr(search, 'find_seeds', lambda *given: find_seeds(*given) * number)
-    needs = GraspRequirements(module='north/Z', squeeze=10.0, count=1)
-    plan = plan_grasps(ROBOT.home, OBJECTS['north'], needs, max_rounds=1)
-    assert (len(plan), len(seeds)) == (found, number)
-    if not found:
-        why = violation_in_words(plan.closest_violation)
-        assert why == 'the closest grasp candidate cannot be computed: no solution'
-        violation = plan.closest_violation
-        assert (violation.value, violation.bound) == (0.0, 0.0)
-
-
 def test_grasps_outside_of_the_model_say_so(plans):
     """Whatever bound is asked for, as an analysis that starts anew finds it."""
     needs = GraspRequirements(squeeze=40.0, max_utilisation=2.0, count=2)
@@ -329,24 +305,6 @@ def test_stops_when_asked_with_what_it_has():
     assert len(told) == 3
     assert [one.evaluations for one in told] == sorted(one.evaluations for one in told)
     assert all(0.0 <= one.share <= 1.0 for one in told)
-
-
-def test_time_left_is_that_of_the_candidates_so_far(monkeypatch):
-    told, ticks = [], itertools.count(50)
-    monkeypatch.setattr(search, 'time', SimpleNamespace(perf_counter=lambda: float(next(ticks))))
-    plan = plan_grasps(
-        ROBOT.home,
-        OBJECTS['north'],
-        GraspRequirements(squeeze=10.0),
-        on_progress=told.append,
-        should_stop=lambda: len(told) >= 3,
-    )
-    assert plan.computing_time == len(told) + 1.0
-    # A tick with each report: first of seeds alone.
-    assert (told[0].share, told[0].time_left) == (0.0, None)
-    assert told[2].share == 2.0 * told[1].share < 1.0
-    for spent, one in enumerate(told[1:], 2):
-        assert one.time_left == pytest.approx(spent * (1.0 - one.share) / one.share)
 
 
 def test_a_module_or_a_seed_that_cannot_be_is_refused():
