@@ -15,9 +15,9 @@ from isotruss_ros.core.control.squeeze_control import SqueezeSettings
 from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.manipulation.status import RollerCommand
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
-from isotruss_ros.nodes.components import servo_settings
 from isotruss_ros.nodes.conversions.messages import read_stamp, read_twist
-from isotruss_ros.nodes.simulator import Simulator
+from isotruss_ros.nodes.manipulation import servo_settings
+from isotruss_ros.nodes.simulator.node import Simulator
 from manual_world import world
 import numpy as np
 from probe import DIAMETER, MODULE, N, overrides, ROBOT, UP

@@ -17,9 +17,9 @@ from isotruss_ros.nodes.conversions.messages import (
     read_stamp,
     to_pose_message,
 )
-from isotruss_ros.nodes.manipulation import Manipulation
+from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.path_follower import PathFollower
-from isotruss_ros.nodes.simulator import Simulator
+from isotruss_ros.nodes.simulator.node import Simulator
 from lifecycle_msgs.msg import Transition
 from manual_world import Manager, world
 from nav_msgs.msg import Path

@@ -21,10 +21,12 @@ from isotruss_ros.core import (
     settle_grasp,
     tangent_center,
 )
-from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.errors import GraspError, SolverError
+from isotruss_ros.core.planning import grasp_candidate
 from isotruss_ros.core.planning import plan_grasps as search
 from isotruss_ros.core.planning.foresee_path import foresee_grip
 from isotruss_ros.core.planning.requirements import Measure
+from isotruss_ros.core.planning.seeds import find_seeds
 from isotruss_ros.core.planning.violations import violation_in_words
 from isotruss_ros.core.safety.margins import shape_margins
 import numpy as np
@@ -273,6 +275,28 @@ def test_grasps_of_the_same_members_nearby_are_one():
         path = np.array([np.zeros(2), np.full(2, place)])
         begun._grasps.append(SimpleNamespace(score=score, members=members, path=path))
     assert [grasp.score for grasp in begun.best()] == [5.0, 3.0, 2.0]
+
+
+@pytest.mark.parametrize(('number', 'found'), [(1, 0), (2, 1)])
+def test_a_seed_that_cannot_be_computed_is_skipped(number, found, monkeypatch):
+    seeds, approach = [], grasp_candidate.approach
+
+    def fail_last(config, closing, *arguments):
+        seeds.append(closing)
+        if len(seeds) == number:
+            raise SolverError('no solution')
+        return approach(config, closing, *arguments)
+
+    monkeypatch.setattr(grasp_candidate, 'approach', fail_last)
+    monkeypatch.setattr(search, 'find_seeds', lambda *given: find_seeds(*given) * number)
+    needs = GraspRequirements(module='north/Z', squeeze=10.0, count=1)
+    plan = plan_grasps(ROBOT.home, OBJECTS['north'], needs, max_rounds=1)
+    assert (len(plan), len(seeds)) == (found, number)
+    if not found:
+        why = violation_in_words(plan.closest_violation)
+        assert why == 'the closest grasp candidate cannot be computed: no solution'
+        violation = plan.closest_violation
+        assert (violation.value, violation.bound) == (0.0, 0.0)
 
 
 def test_grasps_outside_of_the_model_say_so(plans):

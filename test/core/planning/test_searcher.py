@@ -79,6 +79,27 @@ def test_stops_when_asked_or_when_the_time_is_up(monkeypatch):
 
 
 @pytest.mark.parametrize(
+    ('told', 'limit', 'left'), [(10.0, 0.0, 10.0), (50.0, 20.0, 17.0), (None, 20.0, None)]
+)
+def test_the_time_left_is_no_longer_than_the_limit(told, limit, left, monkeypatch):
+    clock = Clock(monkeypatch)
+
+    def plan(config, body, needs, seed, executor, on_progress, stop):
+        clock.now += 3.0
+        on_progress(Progress(5, 1, 2.0, 0.5, told))
+
+    monkeypatch.setattr(searching, 'plan_grasps', plan)
+    searcher = Searcher(1)
+    searcher.begin(*SEARCH, limit)
+    while searcher.progress().evaluations == 0:
+        pass
+    found = searcher.progress()
+    searcher.close()
+    assert (found.evaluations, found.found, found.best, found.share) == (5, 1, 2.0, 0.5)
+    assert found.time_left == (left if left is None else pytest.approx(left))
+
+
+@pytest.mark.parametrize(
     ('complete', 'requested', 'outcome'),
     [
         (True, False, Outcome.NONE_FOUND),
