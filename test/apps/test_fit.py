@@ -229,6 +229,91 @@ def test_each_trial_has_its_own_offset(tmp_path):
     assert slope.offsets == pytest.approx([-4.0] * 3 + [9.0] * 3)
 
 
+# -- Slips --
+
+
+def changed(column, factor, rows=slice(1, None), modes=MODES):
+    """Return exact points with one column of some rows times a factor."""
+    changed = points()
+    for row in changed[rows]:
+        row[column] *= factor if row[0] in modes else 1.0
+    return changed
+
+
+@pytest.mark.parametrize(
+    ('rows', 'reason'),
+    [
+        (
+            changed(1, 1e-3),
+            "pressure '34.5': must be from 1000 to 300000 Pa; in kPa it",
+        ),
+        (
+            changed(3, 1e3, modes=MODES[:2]),
+            'more than the length of the tube: must be in m',
+        ),
+        (
+            changed(3, 57.3, modes=('rotary',)),
+            'more than half a turn: must be in rad',
+        ),
+        (
+            changed(2, 1e3),
+            "length '254.0': must be from 0.02 to 100 m; in cm it would be",
+        ),
+    ],
+    ids=['kPa', 'mm', 'degrees', 'lengths in mm'],
+)
+def test_another_unit_of_a_column_is_named(rows, reason, tmp_path, capsys):
+    _, out, _ = run(capsys, write(tmp_path, rows))
+    assert reason in out
+
+
+@pytest.mark.parametrize(
+    ('column', 'factor'), [(1, 1e-3), (2, 1e3), (3, 1e3), (4, 1e-3), (4, 1e3)]
+)
+def test_no_block_is_printed_where_a_column_has_another_unit(column, factor, tmp_path, capsys):
+    code, out, err = run(capsys, write(tmp_path, changed(column, factor)))
+    assert code == 1
+    assert 'no block for the robot file' in err
+    assert 'stiffness:' not in out
+
+
+def test_constants_that_no_tube_has_are_refused(tmp_path, capsys):
+    code, out, err = run(capsys, write(tmp_path, changed(3, 1e-3)))
+    assert code == 1
+    assert re.search(r'membrane_\w+ = .*: must be from .* are displacements in m and rad', err)
+    assert 'stiffness:' not in out
+
+
+@robots.examples(30)
+@given(
+    strategies.integers(1, 324),
+    strategies.sampled_from([(3, 10.0), (4, 10.0), (4, 135.0), (4, -1.0)]),
+)
+def test_one_wrong_row_is_named_and_changes_nothing(line, slip):
+    rows = points(noise=0.01, seed=3)
+    clean = [*map(list, rows)]
+    rows[line][slip[0]] *= slip[1]
+    if abs(rows[line][slip[0]] - clean[line][slip[0]]) < 0.3 * RANGES[rows[line][0]] * (
+        1.0 if slip[0] == 3 else stiffness(*[rows[line][i] for i in (0, 2, 1)])
+    ):
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        found = analyse(read_measurements(write(Path(folder), rows)))
+    named = [number for lines in found.unused.values() for number in lines]
+    assert line + 1 in named
+    assert list(found.fitted.constants) == pytest.approx(list(CONSTANTS.values()), rel=0.1)
+
+
+def test_a_group_that_is_off_the_others_is_named(tmp_path):
+    rows = points(noise=0.01)
+    for row in rows[1:13]:
+        row[4] *= 5.0
+    found = analyse(read_measurements(write(tmp_path, rows)))
+    (reason,) = (reason for reason in found.unused if 'as stiff as the beam' in reason)
+    assert reason.startswith('axial, 17200 Pa, 0.254 m: ')
+    assert list(found.fitted.constants) == pytest.approx(list(CONSTANTS.values()), rel=0.1)
+
+
 @pytest.mark.parametrize(
     ('row', 'reason'),
     [
@@ -383,7 +468,7 @@ def test_bad_file_gets_one_sentence(case, tmp_path, capsys):
 def test_byte_order_mark_spaces_and_empty_lines_are_read(tmp_path):
     path = tmp_path / 'points.csv'
     path.write_bytes(
-        b'\xef\xbb\xbfmode, pressure ,length,displacement,load\r\n\r\n axial , 3e4,0.5, 1,2 \r\n'
+        b'\xef\xbb\xbfmode, pressure ,length,displacement,load\r\n\r\n axial , 3e4,0.5, .1,2 \r\n'
     )
     measurements = read_measurements(path)
     assert measurements.rows == 1

@@ -39,6 +39,8 @@ class GraspGradient(
     """
     The derivatives of a `SettledGrasp` by p parameters; contacts stay those that there are.
 
+    Without an equilibrium they are those of a `LostContact`: pose and slip margin change alone.
+
     Where the object is set down counts by how deep it sits between two members: across their
     bisector, and of three members at all, the equilibrium does not depend on the place.
 
@@ -65,7 +67,7 @@ class GraspGradient(
     utilisation: Array
     most_used: str
     # For second derivatives: with three more columns, those of a unit wrench.
-    _changes: tuple[LoadedTubes, ContactRates, TubeRates, Array]
+    _changes: tuple[LoadedTubes, ContactRates, TubeRates, Array] | None
 
     @property
     def squeeze(self) -> Array:
@@ -75,6 +77,8 @@ class GraspGradient(
     @functools.cached_property
     def stiffness(self) -> Array:
         """Return those of the stiffness, (3, 3, p)."""
+        if self._changes is None:
+            return np.zeros((3, 3, self.parameters.size))
         grip = self.settled.equilibrium
         inverse = np.linalg.inv(grip.response.pose)
         rates = -np.einsum('ia,apb,bj->ijp', inverse, self._response[:3], inverse)
@@ -88,7 +92,7 @@ class GraspGradient(
 
     @property
     def gives_way(self) -> str:
-        """Return the name of the member that slips, or lets go, under the least wrench."""
+        """Return the member that slips, or lets go, under the least wrench; empty if all have."""
         return self._margin[1]
 
     @functools.cached_property
@@ -98,6 +102,10 @@ class GraspGradient(
 
     @functools.cached_property
     def _margin(self) -> tuple[Array, str]:
+        if self._changes is None:
+            rates, places = np.zeros(self.parameters.size), self.parameters
+            rates[places.rollers], rates[places.place] = self.settled.lost.slip_margin_rates()
+            return rates, ''
         *_, change = self._changes
         return _slip_margin_rates(self.settled, change[:, :-3], self._response, self.parameters)
 
@@ -112,11 +120,11 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
     are computed where slip margin or stiffness are asked for.
 
     :param settled: where the object rests.
-    :raises GraspError: there is no equilibrium, or an indifferent one.
+    :raises GraspError: the equilibrium is indifferent.
     """
     grip = settled.equilibrium
     if grip is None:
-        raise GraspError(f'a grasp without equilibrium has no derivatives: {settled.reason}')
+        return _lost_gradient(settled)
     if grip.response is None:
         raise GraspError('an indifferent equilibrium has no derivatives')
     parameters = GraspParameters.of(grip.config)
@@ -142,6 +150,26 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
         utilisation=utilisation[:, :-3],
         most_used=grip.config.robot.member_names[int(used.argmax())],
         _changes=(tubes, contacts, rates, change),
+    )
+
+
+def _lost_gradient(settled: SettledGrasp) -> GraspGradient:
+    """Return the derivatives without an equilibrium: the pose stays where the object is put."""
+    parameters = GraspParameters.of(settled.lost.config)
+    pose = np.zeros((3, parameters.size))
+    pose[:, parameters.place] = np.eye(3)
+    none = np.zeros((0, parameters.size))
+    return GraspGradient(
+        parameters=parameters,
+        settled=settled,
+        pose=pose,
+        normal_forces=none,
+        friction_forces=none,
+        required_friction=np.zeros(parameters.size),
+        needs_most='',
+        utilisation=np.zeros((len(settled.utilisation), parameters.size)),
+        most_used='',
+        _changes=None,
     )
 
 

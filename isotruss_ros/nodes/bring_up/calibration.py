@@ -9,7 +9,8 @@ import math
 from pathlib import Path
 
 from isotruss_msgs.srv import CalibrateStiffness
-from isotruss_ros.calibration.home import calibrate_home, Posture
+from isotruss_ros.calibration.home import calibrate_home
+from isotruss_ros.calibration.home_fit import Posture
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.calibration.robot_files import write_robot_file
 from isotruss_ros.calibration.stiffness_scale import calibrate_stiffness, StiffnessCalibration

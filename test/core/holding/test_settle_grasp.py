@@ -106,7 +106,7 @@ def test_what_two_members_do_not_touch_is_not_held(center):
     assert settled.pose == (*center, 0.0)
     assert settled.normal_forces == {}
     assert settled.required_friction == np.inf
-    assert settled.slip_margin == 0.0
+    assert settled.slip_margin < -5.0
 
 
 def grasps(count):
