@@ -139,6 +139,11 @@ class Controls:
             panel.show(self.control, wishes[number], self._values)
         return taken
 
+    def close(self) -> None:
+        """Ask no browser for signs of life any more."""
+        for panel in self._panels.values():
+            panel.close()
+
     def _meet_browsers(self) -> None:
         """Give each new browser a panel, and drop those of browsers that have gone."""
         clients = self._server.get_clients()

@@ -58,6 +58,7 @@ class Session:
 
     def close(self):
         """End browser and server."""
+        self.controls.close()
         self.browser.close()
         self.view.close()
 
