@@ -147,8 +147,7 @@ class Viewer(StoppableNode):
         """Publish a zero twist where one was published before, and end the server."""
         if self._moving:
             self._twists.publish(Twist())
-        if self._controls is not None:
-            self._controls.close()
+        if self._view is not None:
             self._view.close()
 
     def _subscribe(self) -> None:

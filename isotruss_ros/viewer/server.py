@@ -25,6 +25,7 @@ from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 from isotruss_ros.core import IsotrussError
+from isotruss_ros.viewer.heartbeat import SCRIPT
 from isotruss_ros.viewer.names import LOCAL
 import viser
 import websockets.asyncio.server
@@ -88,8 +89,13 @@ class Gate:
                 return connection.respond(
                     HTTPStatus.FORBIDDEN, 'Open the address that was printed, with its token.\n'
                 )
+            # As it is, since the script of a page goes into it.
+            request.headers.pop('Accept-Encoding', None)
             response = answer(connection, request)
             if response is not None:
+                response.body = response.body.replace(b'<head>', b'<head>' + SCRIPT.encode(), 1)
+                response.headers.pop('Content-Length', None)
+                response.headers['Content-Length'] = str(len(response.body))
                 response.headers.update(HEADERS)
                 if self._token:
                     response.headers['Set-Cookie'] = (
