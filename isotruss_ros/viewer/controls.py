@@ -48,8 +48,12 @@ NEW_TASKS = (DRAGGED, PICK, PLACE, PLANT, RESET)
 FORCES = tuple(setting.name for setting in WRENCH)
 
 
-#: Of the stop, before all that the panel shows.
-STOP_ORDER = -10.0
+#: Of the stop, before all that the panel shows, and of the first words, behind it.
+STOP_ORDER, FIRST_ORDER = -10.0, -9.5
+FIRST_WORDS = """\
+A truss robot of inflated tubes holds an object. To move it, switch *control* on and drag the blue
+ball; the object follows. The orange ball turns it.
+"""
 
 
 class Controls:
@@ -94,6 +98,7 @@ class Controls:
         # Before all else, so that it is on every screen.
         stop = server.gui.add_button('stop', color='red', order=STOP_ORDER)
         stop.on_click(lambda event: self._requests.put((event.client_id, STOP, 0.0)))
+        server.gui.add_markdown(FIRST_WORDS, order=FIRST_ORDER)
         # Above the object and the tubes, so that it is always within reach.
         self._height = picture.robot.description.tube_diameter
         self._handle, self._turner = (

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Signs of life of the pages of a view.
+Signs of life of the pages of a view, and what they show where the server gives none.
 
 A script in the page lets its main thread send a message ten times a second, over the websocket of
 viser: through its worker, which the script knows from its construction. The clock is a worker of
@@ -20,9 +20,19 @@ from viser._messages import LocalStorageGetItemResponseMessage
 
 SCRIPT = """<script>
 {
-  const Plain = window.Worker, workers = [];
+  const Plain = window.Worker, workers = [], notice = document.createElement('div');
+  notice.textContent = 'No connection: what is shown has ended. The viewer may have stopped.';
+  notice.style = 'position: fixed; inset: 0; z-index: 9999; display: grid; place-items: center;'
+    + 'background: #fffc; color: #b00; font: bold 28px sans-serif; text-align: center';
   window.Worker = class extends Plain {
-    constructor(...given) { super(...given); workers.push(this); }
+    constructor(...given) {
+      super(...given);
+      workers.push(this);
+      this.addEventListener('message', ({ data }) => {
+        if (data.type === 'connected') notice.remove();
+        if (data.type === 'closed') document.body.append(notice);
+      });
+    }
   };
   const clock = 'setInterval(() => postMessage(0), 100)';
   const message = {

@@ -74,6 +74,16 @@ def test_a_stop_that_the_status_tells_of_holds_drags_until_its_release():
         w.until(lambda: moves(w), w.probe.send_pose)
 
 
+def test_words_about_a_stop_end_with_its_release():
+    with viewed() as (w, node, _):
+        w.until(
+            lambda: node._controls.control.stopped, lambda: w.probe.stops.publish(Bool(data=True))
+        )
+        node.picture.goal_report = 'pick: ended by the emergency stop'
+        w.probe.stops.publish(Bool(data=False))
+        w.until(lambda: not node.picture.goal_report)
+
+
 def test_a_force_beyond_its_slider_is_not_published():
     with viewed() as (w, _, browser):
         browser.set('force x [N]', 1e9)
