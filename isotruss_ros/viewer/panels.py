@@ -20,7 +20,7 @@ PLOT_EVERY = 5
 LEGEND = """\
 A truss robot of inflated tubes, seen from above; roller modules at its corners drive along them.
 
-- tubes: blue, green, orange from 0.8 of the moment at which they wrinkle, red where they do
+- tubes: blue, grey, orange from 0.8 of the moment at which they wrinkle, red where they do
 - object: green held, red not held, grey unknown
 - arrows: forces of the tubes on it; yellow stripes: where they touch
 - brown: supports; a box cannot move, a ball slides
