@@ -41,7 +41,7 @@ class Scene:
         lines = member_lines(picture.config)
         points = picture.config.points
         camera = server.initial_camera
-        camera.position, camera.look_at = place_camera(points, 1.5)
+        camera.position, camera.look_at = place_camera(points, 1.1)
         camera.up = (0.0, 1.0, 0.0)
         self._server, self._fitted = server, set()
         # Shadows would take most of the time of a browser without a graphics card.
