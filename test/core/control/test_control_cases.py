@@ -92,6 +92,7 @@ def test_a_direction_that_limits_bend_ends_the_reference():
 def squeezing_servo(velocities=REST):
     """Return a servo that regulates the squeeze of the disc, with good inputs at NOW."""
     servo = TwistServo(ROBOT, GRIP, period=PERIOD, timeout=TIMEOUT)
+    servo.max_acceleration = np.inf
     servo.guard = None
     servo.twist = StampedInput((0.01, 0.02, 0.0), NOW)
     servo.rollers = StampedInput(RollerState(REST, np.array(velocities)), NOW)
@@ -141,7 +142,7 @@ def test_commands_of_others_are_expected_to_be_carried_out():
     told, measured = squeezing_servo(), squeezing_servo(velocities)
     told.squeeze = SqueezeControl(SqueezeSettings(10.0))
     told.decide(NOW - PERIOD)
-    told.note_command(velocities, NOW)
+    told.command(velocities, NOW)
     assert told.squeeze.grasp is None
     told.squeeze = None
     one, other = told.decide(later).command, measured.decide(later).command
@@ -162,7 +163,7 @@ def test_commands_count_for_the_timeout_and_two_cycles(silence, counts, again):
         for name in ('twist', 'rollers', 'pose'):
             setattr(servo, name, getattr(servo, name)._replace(time=NOW + 0.1))
         for speeds, time in commands:
-            servo.note_command(speeds, time)
+            servo.command(speeds, time)
         return servo.decide(later).command.roller_velocities
 
     last = [(REST, later)] if again else []
