@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node `grasp_analysis`: publishes contact forces and force closure of the measured grasp."""
+"""Node `grasp_analysis`: publishes contact forces and force closure of the measured object."""
 
 from __future__ import annotations
 
@@ -13,8 +13,6 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import WrenchStamped
 from isotruss_msgs.msg import GraspState
 from isotruss_msgs.srv import AnalyzeGrasp
-from isotruss_ros.core.control.grasp_monitor import GraspMonitor
-from isotruss_ros.core.control.grasp_report import GraspCode, GraspQuery, GraspReport
 from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.shapes import Disc
@@ -33,6 +31,8 @@ from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import Spec
 from isotruss_ros.nodes.framework.topics import RELIABLE
+from isotruss_ros.nodes.grasp.grasp_monitor import GraspMonitor
+from isotruss_ros.nodes.grasp.grasp_report import GraspCode, GraspQuery, GraspReport
 from std_msgs.msg import Bool
 from visualization_msgs.msg import MarkerArray
 
@@ -124,9 +124,8 @@ class GraspAnalysisNode(ManagedNode):
         report = self._monitor.report(now)
         state = to_state_message(report, self.robot.frame)
         self._states.publish(state)
-        held = Bool(data=state.held)
-        self._held.publish(held)
-        self._closures.publish(held)
+        self._held.publish(Bool(data=state.held))
+        self._closures.publish(Bool(data=state.force_closure))
         words, level = f'{report.code}: {report.message}', DiagnosticStatus.ERROR
         if report.grasp is not None:
             # A wrench has no code: without a result, none is published.

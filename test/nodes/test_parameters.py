@@ -9,9 +9,9 @@ from interfaces import node_classes
 from isotruss_msgs.action import FollowObjectPath, PlanGrasp
 from isotruss_msgs.msg import GraspState, ManipulationStatus
 from isotruss_ros.core import Status
-from isotruss_ros.core.control.grasp_report import GraspCode
 from isotruss_ros.core.control.path_servo import Outcome as PathOutcome
 from isotruss_ros.core.planning.searcher import Outcome as SearchOutcome
+from isotruss_ros.nodes.grasp.grasp_report import GraspCode
 from manual_world import check_refused, world
 from probe import overrides
 import pytest
@@ -58,7 +58,7 @@ REFUSED = [
     (
         'manipulation',
         {'object_diameter': -1.0},
-        '^parameter object_diameter: -1.0: out of range; must be from 0.001 to 100$',
+        '^parameter object_diameter: -1.0: out of range; must be from 0.001 to 10$',
     ),
     ('manipulation', {'min_rigidity': 1.0}, 'range'),
     ('grasp_analysis', {'robot': 'nobody'}, 'no such preset'),
@@ -71,7 +71,7 @@ REFUSED = [
     ('simulator', {'robot': '/nowhere.yaml'}, 'no such file'),
     ('simulator', {'plant': 'soft'}, 'kinematic, elastic or mujoco'),
     ('simulator', {'grip_module': 'nobody'}, 'its modules are'),
-    ('simulator', {'object_diameter': 50.0}, 'does not fit'),
+    ('simulator', {'object_diameter': 9.0}, 'does not fit'),
     ('simulator', {'object': '{shape: polygon}'}, 'vertices'),
     ('simulator', {'object': '/nowhere.yaml'}, 'nowhere'),
     ('simulator', {'grip': ['south/P-Q', 'nobody']}, 'no such members; its members are'),

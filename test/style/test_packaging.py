@@ -7,6 +7,7 @@ import ast
 import importlib
 from pathlib import Path
 import re
+import signal
 import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
@@ -129,6 +130,19 @@ def test_entry_points_are_mains(setup_arguments):
         assert callable(find_node(name))
 
 
+def test_every_executable_prints_help_and_does_nothing_else(setup_arguments, monkeypatch, capsys):
+    before = {which: signal.getsignal(which) for which in (signal.SIGINT, signal.SIGTERM)}
+    for line in setup_arguments['entry_points']['console_scripts']:
+        name, module, function = re.fullmatch(r'(\w+) = ([\w.]+):(\w+)', line).groups()
+        monkeypatch.setattr(sys, 'argv', [name, '--help'])
+        with pytest.raises(SystemExit) as ended:
+            getattr(importlib.import_module(module), function)()
+        assert ended.value.code == 0, name
+        assert f'usage: {name} ' in capsys.readouterr().out, name
+    for which, handler in before.items():
+        signal.signal(which, handler)
+
+
 @pytest.mark.parametrize('folder', ['isotruss_ros', 'test'])
 def test_what_is_imported_is_declared(folder, manifest):
     kinds = ['depend', 'exec_depend'] + ['test_depend'] * (folder == 'test')
@@ -176,8 +190,8 @@ def test_robot_files_are_installed_where_ros_and_plain_python_look(setup_argumen
     files = {path.relative_to(ROOT).as_posix() for path in (ROOT / 'config').glob('*.*')}
     data_files = dict(setup_arguments['data_files'])
     assert files == set(data_files['share/isotruss_ros/config'])
-    assert setup_arguments['package_dir']['isotruss_ros.config'] == 'config'
     assert 'isotruss_ros.config' in setup_arguments['packages']
+    assert (ROOT / 'isotruss_ros' / 'config').samefile(ROOT / 'config')
 
 
 def test_nodes_without_the_interface_package_say_what_to_build():

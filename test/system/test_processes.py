@@ -5,13 +5,11 @@
 
 import os
 from pathlib import Path
-import pty
 import signal
 import subprocess
 import sys
 import time
 
-from geometry_msgs.msg import Twist
 from isotruss_ros.demo.processes import NodeError, NodeProcess, running_nodes
 from isotruss_ros.nodes.framework.runner import catch_signals, STOP_SIGNALS
 import numpy as np
@@ -124,45 +122,36 @@ def test_a_bad_file_of_parameters_ends_the_process_with_one_line(content, words,
     assert words in line
 
 
-def test_teleop_turns_keys_into_twists_and_restores_the_terminal(w):
-    w.probe.listen(Twist, 'twist', 'cmd_vel')
-    ours, theirs = pty.openpty()
-    process = subprocess.Popen(
-        [sys.executable, '-m', 'isotruss_ros.executables', 'teleop'],
-        stdin=theirs,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-    )
-    try:
-        w.until(lambda: w.probe.last('twist') is not None)
-
-        def press(key, done):
-            w.until(lambda: done(w.probe.last('twist')), lambda: os.write(ours, key))
-
-        press(b'w', lambda twist: twist.linear.y > 0.0)
-        press(b'a', lambda twist: twist.linear.x < 0.0 and twist.linear.y == 0.0)
-        press(b'e', lambda twist: twist.angular.z < 0.0 and twist.linear.x == 0.0)
-        press(b' ', lambda twist: twist == Twist())
-        press(b'd', lambda twist: twist.linear.x > 0.0)
-        # Let go: it stops by itself.
-        w.until(lambda: w.probe.last('twist') == Twist())
-        process.send_signal(signal.SIGINT)
-        _, errors = process.communicate(timeout=DEADLINE)
-        assert process.returncode == 0
-        assert b'Traceback' not in errors
-    finally:
-        process.kill()
-        os.close(ours)
-        os.close(theirs)
-
-
-def test_teleop_without_a_terminal_prints_why_it_ends():
+def start_simulator(*arguments, **environment):
+    """Run an executable that cannot start, in an environment; return what it prints as errors."""
     done = subprocess.run(
-        [sys.executable, '-m', 'isotruss_ros.executables', 'teleop'],
-        stdin=subprocess.DEVNULL,
+        [sys.executable, '-m', 'isotruss_ros.executables', 'simulator', *arguments],
         capture_output=True,
+        text=True,
         timeout=DEADLINE,
         check=False,
+        env=os.environ | environment,
     )
-    assert done.returncode == 1
-    assert b'not a terminal' in done.stderr
+    assert done.returncode
+    assert 'Traceback' not in done.stderr
+    return done.stderr
+
+
+def test_a_home_that_cannot_be_written_is_answered_by_the_variable_to_set():
+    (line,) = start_simulator(HOME='/proc', ROS_LOG_DIR='', ROS_HOME='').splitlines()
+    assert line.startswith('cannot start: ')
+    assert 'set ROS_LOG_DIR to a folder that can be written' in line
+
+
+@pytest.mark.parametrize(
+    'environment', [{'LC_ALL': 'C', 'PYTHONUTF8': '0', 'PYTHONCOERCECLOCALE': '0'}, {}]
+)
+def test_a_path_in_another_encoding_is_refused_in_one_line(environment):
+    path = b'robot:=/tmp/w\xf6lfe.yaml' if not environment else 'robot:=/tmp/wölfe.yaml'.encode()
+    (line,) = start_simulator('--ros-args', '-p', path, **environment).splitlines()
+    assert line.startswith("cannot start: argument 'robot:=/tmp/w")
+    assert 'set LC_ALL=C.UTF-8' in line
+
+
+def test_an_argument_that_ros_does_not_take_is_refused():
+    assert 'unrecognized arguments: --plant mujoco' in start_simulator('--plant', 'mujoco')

@@ -15,19 +15,27 @@ from __future__ import annotations
 from dataclasses import dataclass
 import functools
 
-from isotruss_ros.core.contact.analysis_gradient import GraspParameters
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.contact_forces import slip_conditions
 from isotruss_ros.core.holding.held_grip import HeldGrip
-from isotruss_ros.core.holding.loaded_tubes import ContactRates, LoadedTubes, TubeRates
+from isotruss_ros.core.holding.loaded_tubes import (
+    ContactRates,
+    GraspParameters,
+    LoadedTubes,
+    TubeRates,
+)
 from isotruss_ros.core.holding.settled_grasp import SettledGrasp
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
+from isotruss_ros.core.numerics.records import Record
 import numpy as np
 
 
-@dataclass(frozen=True, eq=False)
-class GraspGradient:
+@dataclass(frozen=True, eq=False, repr=False)
+class GraspGradient(
+    Record,
+    headline=('parameters', 'gives_way', 'slip_margin', 'most_used', 'needs_most'),
+):
     """
     The derivatives of a `SettledGrasp` by p parameters; contacts stay those that there are.
 

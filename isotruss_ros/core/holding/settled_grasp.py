@@ -13,11 +13,15 @@ import math
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.records import Record
 import numpy as np
 
 
-@dataclass(frozen=True, eq=False)
-class SettledGrasp:
+@dataclass(frozen=True, eq=False, repr=False)
+class SettledGrasp(
+    Record,
+    headline=('hold', 'normal_forces', 'friction_forces', 'required_friction', 'slip_margin'),
+):
     """
     The equilibrium of a free object between two or three members, friction loading the tubes.
 
@@ -41,8 +45,18 @@ class SettledGrasp:
 
     @property
     def held(self) -> bool:
-        """Return whether the object is held, and no tube wrinkles."""
+        """Return force closure with nothing else wrong: `hold` names what may be."""
         return self.hold is HoldStatus.HELD
+
+    @property
+    def force_closure(self) -> bool:
+        """
+        Return whether contact forces within the friction balance the free object.
+
+        In the statics of the robot, near the given pose; whether or not a tube wrinkles, another
+        member presses, or the balance is unstable.
+        """
+        return self.required_friction <= self.friction
 
     @property
     def pose(self) -> Pose:

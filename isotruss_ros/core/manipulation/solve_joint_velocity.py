@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class JointCommand(RollerCommand):
     """
     Roller velocities, and the motion of the joints that follows from them; see `RollerCommand`.
@@ -38,7 +38,8 @@ class JointCommand(RollerCommand):
     @property
     def achieved_velocities(self) -> dict[str, Array]:
         """Return the achieved velocities (vx, vy) by joint [m/s]."""
-        return dict(zip(self.joints, self.achieved_twist.reshape(-1, 2), strict=True))
+        velocities = self.achieved_twist[: 2 * len(self.joints)].reshape(-1, 2)
+        return dict(zip(self.joints, velocities, strict=True))
 
 
 def check_joint(robot: Robot, name: str) -> None:

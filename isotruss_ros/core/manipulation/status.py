@@ -5,11 +5,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 import enum
 from typing import TYPE_CHECKING
 
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.records import Record
 
 if TYPE_CHECKING:
     from isotruss_ros.core.manipulation.task import Reach
@@ -66,8 +67,10 @@ class Status(enum.IntEnum):
         return self.name.lower().replace('_', ' ')
 
 
-@dataclass(frozen=True, eq=False)
-class RollerCommand:
+@dataclass(frozen=True, eq=False, repr=False)
+class RollerCommand(
+    Record, headline=('status', 'roller_velocities', 'achieved_twist', 'scale', 'limiting')
+):
     """
     Roller velocities, and the motion of the object that follows from them.
 
@@ -89,7 +92,7 @@ class RollerCommand:
     status: Status
     limiting: tuple[str, ...] = ()
     reachable_dof: int = 0
-    reach: Reach | None = None
+    reach: Reach | None = field(default=None, repr=False)
 
     def slowed(self, share: float, status: Status, names: tuple[str, ...]) -> RollerCommand:
         """

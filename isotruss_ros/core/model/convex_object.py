@@ -11,13 +11,16 @@ import math
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.model.pose import MAX_DISTANCE, Pose
+from isotruss_ros.core.model.pose import MAX_DISTANCE, MAX_MASS, Pose
 from isotruss_ros.core.model.shapes import Disc, Shape, SurfacePoints
+from isotruss_ros.core.model.units import likely_unit
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Points
 import numpy as np
 from numpy.typing import ArrayLike
 
 ORIGIN = Pose(0.0, 0.0, 0.0)
+#: Coefficient of friction between a tube and an object of which nothing is known, assumed [-].
+DEFAULT_FRICTION = 0.5
 #: Segments shorter than this are points [m].
 TINY = 1e-12
 
@@ -59,6 +62,11 @@ class ConvexObject:
             (mass,) = finite_array([self.mass], 1, "the object's mass [kg]", GraspError)
             if mass <= 0.0:
                 raise GraspError(f"the object's mass {self.mass!r} kg: must be positive")
+            if mass > MAX_MASS:
+                hint = likely_unit(float(mass), 'kg', 0.0, MAX_MASS)
+                raise GraspError(
+                    f"the object's mass {mass:g} kg: must be at most {MAX_MASS:g} kg{hint}"
+                )
             object.__setattr__(self, 'mass', float(mass))
         if self.center_of_mass is not None:
             x, y = finite_array(
@@ -88,6 +96,16 @@ class ConvexObject:
         """
         x, y = finite_array(center, 2, "the object's centre [m]", GraspError)
         return cls(Disc(diameter), Pose(float(x), float(y), 0.0), friction=friction)
+
+    def friction_or(self, given: float | None) -> float:
+        """
+        Return the coefficient of friction of a grasp: a given one, or the object's own.
+
+        :param given: None for that of the object, or `DEFAULT_FRICTION` where it has none.
+        """
+        if given is not None:
+            return given
+        return DEFAULT_FRICTION if self.friction is None else self.friction
 
     def moved_to(self, pose: ArrayLike) -> ConvexObject:
         """

@@ -13,7 +13,7 @@ across, and it runs through them along. Constraints come with multipliers, so th
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 import functools
 from functools import cached_property
 from typing import NamedTuple
@@ -23,6 +23,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Flags, Indices, Points
 from isotruss_ros.core.numerics.blas_threads import single_threaded
+from isotruss_ros.core.numerics.records import Record
 from isotruss_ros.core.statics.frame import Frame, FrameState
 from isotruss_ros.core.statics.frame_pattern import FramePattern, LinearRows, Members
 from isotruss_ros.core.statics.section import Pressure, tube_pressures, TubeStiffness
@@ -235,8 +236,8 @@ def structure_of(config: Configuration, pressure: Pressure | None = None) -> Str
 _structure = functools.lru_cache(maxsize=8)(Structure)
 
 
-@dataclass(frozen=True, eq=False)
-class Deformation:
+@dataclass(frozen=True, eq=False, repr=False)
+class Deformation(Record, headline=('reactions', 'displacements')):
     """
     The response of the robot to loads.
 
@@ -244,8 +245,8 @@ class Deformation:
     :ivar state: displacements, reactions and member forces of all its nodes and members.
     """
 
-    structure: Structure
-    state: FrameState
+    structure: Structure = field(repr=False)
+    state: FrameState = field(repr=False)
 
     def displacement(self, node: str) -> Array:
         """
@@ -255,6 +256,14 @@ class Deformation:
         :raises StructureError: there is no such node.
         """
         return self.state.displacements[self.structure.node(node)]
+
+    @cached_property
+    def displacements(self) -> dict[str, tuple[float, float, float]]:
+        """Return (ux, uy, theta) by the name of the node [m, rad], see `displacement`."""
+        found = self.state.displacements.tolist()
+        return {
+            name: tuple(found[self.structure.node(name)]) for name in self.structure.node_names
+        }
 
     @cached_property
     def reactions(self) -> dict[str, tuple[float, float]]:

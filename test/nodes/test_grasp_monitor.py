@@ -15,14 +15,14 @@ from isotruss_ros.core import (
     settle_grasp,
     tangent_center,
 )
-from isotruss_ros.core.control.grasp_monitor import _judge, GraspMonitor
-from isotruss_ros.core.control.grasp_report import GraspCode, GraspQuery
 from isotruss_ros.core.control.inputs import (
     PRESSURE_TIMEOUT,
     RejectedInput,
     RollerState,
     StampedInput,
 )
+from isotruss_ros.nodes.grasp.grasp_monitor import _judge, GraspMonitor
+from isotruss_ros.nodes.grasp.grasp_report import GraspCode, GraspQuery
 import numpy as np
 import pytest
 
@@ -75,7 +75,7 @@ def test_answers_as_the_analysis_does():
     )
     assert report.code is GraspCode.OK
     assert report.message == ''
-    assert report.force_closure == expected.force_closure
+    assert report.grasp.analysis.closed_by_friction == expected.closed_by_friction
     assert report.grasp.analysis.normal_forces == pytest.approx(expected.normal_forces)
     assert report.grasp.analysis.closure_residual == pytest.approx(expected.closure_residual)
     assert 0.0 < report.grasp.computing_time < taken
@@ -267,7 +267,7 @@ def test_no_configuration_no_answer():
     ],
 )
 def test_errors_of_the_analysis_have_their_codes(monkeypatch, error, code):
-    from isotruss_ros.core.control import grasp_monitor
+    from isotruss_ros.nodes.grasp import grasp_monitor
 
     def fail(*_arguments, **_options):
         raise getattr(errors, error)('so it is')
