@@ -16,7 +16,6 @@ from dataclasses import replace
 
 from isotruss_ros.core.manipulation.limits import Rows
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
-from isotruss_ros.core.manipulation.task import Reach
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
@@ -39,13 +38,12 @@ def limit_acceleration(
     wanted = command.roller_velocities
     if np.abs(wanted - previous).max() <= change:
         return command
-    start = previous if command.reach is None else _keep_contacts(command.reach, previous)
-    start = _brake(start, find_rows())
+    start = _brake(_keep_contacts(command.contact_rows, previous), find_rows())
     share = _largest_share(start - previous, wanted - start, change)
     velocities = limit_change(start + share * (wanted - start), previous, change)
     achieved = command.achieved_twist.copy()
-    if command.reach is not None:
-        moved = command.reach.motion.dot(velocities)
+    if command.motion is not None:
+        moved = command.motion.dot(velocities)
         achieved[: len(moved)] = moved
     return replace(
         command,
@@ -68,13 +66,11 @@ def limit_change(speeds: Array, previous: Array, change: float) -> Array:
     return speeds if largest <= change else previous + (change / largest) * step
 
 
-def _keep_contacts(reach: Reach, speeds: Array) -> Array:
-    """Return the nearest speeds (r,) of the working rollers that keep the contacts [m/s]."""
-    working, rows = reach.working, reach.rows[len(reach.directions) :]
-    own = working.take(speeds)
-    if len(rows):
-        own = own - np.linalg.lstsq(rows, rows.dot(own), rcond=None)[0]
-    return working.spread(own)
+def _keep_contacts(rows: Array | None, speeds: Array) -> Array:
+    """Return the speeds (r,) nearest to others for which all rows (g, r) are zero [m/s]."""
+    if rows is None or not len(rows):
+        return speeds
+    return speeds - np.linalg.lstsq(rows, rows.dot(speeds), rcond=None)[0]
 
 
 def _brake(speeds: Array, rows: Rows) -> Array:

@@ -120,7 +120,9 @@ def carry_out(
     if not ((rates <= rows.upper) & (rates >= rows.lower)).all():
         velocities, scale, status, limiting = apply_limits(config, task, limits, rows, handling)
     achieved, dof = reach.motion.dot(velocities), len(reach.directions)
-    return RollerCommand(velocities, achieved, scale, status, limiting, dof, reach)
+    return RollerCommand(
+        velocities, achieved, scale, status, limiting, dof, reach.motion, reach.contact_rows
+    )
 
 
 def solve_twist_ahead(

@@ -7,13 +7,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 import enum
-from typing import TYPE_CHECKING
 
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.records import Record
-
-if TYPE_CHECKING:
-    from isotruss_ros.core.manipulation.task import Reach
 
 
 class Status(enum.IntEnum):
@@ -83,7 +79,10 @@ class RollerCommand(
     :ivar limiting: names of the rollers, members and so on whose limits bind, empty at scale 1.
     :ivar reachable_dof: number of independent motions of the object that the working rollers can
         produce, 0 to 3; 0 too where the rollers are stopped for want of inputs.
-    :ivar reach: what the rollers can do with the object; None where they are stopped.
+    :ivar motion: (3, r) rows of the twist on the speeds of the rollers; None where they are
+        stopped.
+    :ivar contact_rows: (g, r) rows on the speeds of the rollers that keep the contacts, zero for
+        those that have failed; None where they are stopped.
     """
 
     roller_velocities: Array
@@ -92,7 +91,8 @@ class RollerCommand(
     status: Status
     limiting: tuple[str, ...] = ()
     reachable_dof: int = 0
-    reach: Reach | None = field(default=None, repr=False)
+    motion: Array | None = field(default=None, repr=False)
+    contact_rows: Array | None = field(default=None, repr=False)
 
     def slowed(self, share: float, status: Status, names: tuple[str, ...]) -> RollerCommand:
         """

@@ -142,6 +142,16 @@ class Reach(NamedTuple):
     weights: Array
     opening: Array
 
+    @property
+    def contact_rows(self) -> Array:
+        """Return the rows (g, r) on the speeds of all rollers that keep the contacts [-]."""
+        rows, working = self.rows[len(self.directions) :], self.working
+        if len(working.places) == working.count:
+            return rows
+        found = np.zeros((len(rows), working.count))
+        found[:, working.places] = rows
+        return found
+
     @classmethod
     def of(cls, jacobian: Array, working: WorkingRollers, weights: Array) -> Reach:
         """
