@@ -51,7 +51,14 @@ setup(
         'viewer': ['viser', 'mcap', 'rosbags'],
         'mujoco': ['mujoco>=3.11,<5'],
         # colcon runs pytest where it finds it here.
-        'test': ['pytest', 'pytest-timeout', 'hypothesis', 'psutil', 'PyNiteFEA'],
+        'test': [
+            'pytest',
+            'pytest-timeout',
+            'hypothesis',
+            'psutil',
+            'PyNiteFEA',
+            'openseespylinux',
+        ],
     },
     zip_safe=False,
     entry_points={
