@@ -33,13 +33,14 @@ unexport PYTHONDONTWRITEBYTECODE
 # Set by the wheels' start-up hook once it has set the library path, of whichever environment it ran in.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help venv test noble matrix nightly demo view paper plant docs colcon bench fuzz calls soak coverage format clean
+.PHONY: help venv test wheel noble matrix nightly demo view paper plant docs colcon bench fuzz calls soak coverage format clean
 .PHONY: unit-tests system-tests docs-venv noble-venv noble-some noble-all FORCE
 
 help:
 	@echo 'make demo     move a grasped object with the real nodes; draws a picture and an animation; PLANT=mujoco, SENSORS=real'
 	@echo 'make view     watch and drag the robot in a browser; PLANT=elastic, kinematic or mujoco'
 	@echo 'make test     style and tests; those of ament run with make colcon'
+	@echo 'make wheel    build the wheel, install it into an empty environment, and run the Python of README.md there'
 	@echo 'make noble    some tests with the versions of Ubuntu 24.04, in .noble'
 	@echo 'make matrix   tests without ROS with the versions of Ubuntu 24.04, of Debian 13, and the newest, in .matrix'
 	@echo 'make nightly  what takes long: all tests, demo and paper as in make noble; matrix, soak, calls, plant, demo in MuJoCo'
@@ -71,6 +72,9 @@ unit-tests: venv
 # After the others: they go by the clock of the machine. They wait more than they compute.
 system-tests: venv
 	$(PYTEST) -n 3 --dist loadgroup -m 'not nightly' test/system
+
+wheel: venv
+	tools/check_wheel.sh $(VENV)
 
 noble:
 	+$(MAKE) noble-some $(NOBLE)
