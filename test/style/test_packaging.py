@@ -37,7 +37,16 @@ ROSDEP_KEYS = {
     'yaml': 'python3-yaml',
 }
 # No rosdep keys: what needs them is taken, and tested, where they are installed.
-ONLY_FROM_PYPI = {'PyNiteFEA', 'daqp', 'distributed', 'mcap', 'mujoco', 'playwright', 'qpsolvers'}
+ONLY_FROM_PYPI = {
+    'PyNiteFEA',
+    'daqp',
+    'distributed',
+    'mcap',
+    'mujoco',
+    'openseespylinux',
+    'playwright',
+    'qpsolvers',
+}
 ONLY_FROM_PYPI |= {'quadprog', 'rosbags', 'vermin', 'viser'}
 # Distribution name to import name, where they differ.
 IMPORT_NAMES = {'pillow': 'PIL', 'pyyaml': 'yaml', 'ruamel.yaml': 'ruamel'}
