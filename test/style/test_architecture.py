@@ -125,6 +125,17 @@ def test_each_half_of_the_grasp_has_few_files_on_few_floors(package):
     assert floors <= 5
 
 
+PACKAGES = [path.parent for path in FILES.values() if path.stem == '__init__']
+
+
+@pytest.mark.parametrize('package', sorted(PACKAGES)[1:], ids=lambda path: path.name)
+def test_every_package_names_its_entry_points_and_imports(package):
+    said = ast.get_docstring(ast.parse((package / '__init__.py').read_text(encoding='utf-8')))
+    assert 'Entry point' in said
+    assert 'Imports' in said
+    assert len(said.splitlines()) <= 9
+
+
 def test_objects_grips_and_barriers_are_closed_against_their_kinds():
     kinds = {'ConvexObject', 'Grip', 'Shape', 'Disc', 'Ellipse', 'Polygon', 'HeldGrip'}
     asked = [
