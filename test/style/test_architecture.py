@@ -106,6 +106,27 @@ def test_imports_only_from_packages_before_its_own(module):
     assert not others & NOT_INSTALLED
 
 
+def import_closure(package):
+    """Return the packages that the modules of a package import, directly and through others."""
+    waiting = [module for module in IMPORTS if package_of(module) == package]
+    found = set()
+    while waiting:
+        module = waiting.pop()
+        if module not in found:
+            found.add(module)
+            waiting += IMPORTS[module][0] & IMPORTS.keys()
+    return {package_of(module) for module in found} - {package}
+
+
+MECHANICS = ('model', 'kinematics', 'statics', 'contact', 'manipulation', 'holding', 'safety')
+LOOPS = {'core.control'}
+
+
+@pytest.mark.parametrize('package', [*MECHANICS, 'planning'])
+def test_mechanics_and_planning_import_no_loop(package):
+    assert not import_closure(f'core.{package}') & LOOPS
+
+
 def test_no_files_import_each_other():
     left = {module: ours - {module} for module, (ours, _) in IMPORTS.items()}
     while left:
