@@ -56,7 +56,7 @@ class BrowserPanel:
         heartbeat = self._heartbeat
         if heartbeat is not None:
             heartbeat.note()
-        self._pass_on(name, value)
+        self._pass_on(name, value)  # type: ignore[arg-type]
 
     def is_silent(self, now: float, timeout: float) -> bool:
         """
@@ -108,7 +108,7 @@ class BrowserPanel:
                 gui.add_button(label).on_click(lambda _, name=name: self.leave(name, 0.0))
             with gui.add_folder('assumed by the analysis', expand_by_default=False):
                 for setting in SETTINGS:
-                    self._add_slider(setting, values[setting.name])
+                    self._add_slider(setting, values[setting.name])  # type: ignore[arg-type]
             self._add_choice('plant', PLANT, values)
             with gui.add_folder('external wrench', expand_by_default=False):
                 for setting in WRENCH:
