@@ -20,7 +20,6 @@ from isotruss_ros.calibration.measurements import (
     MODES,
     read_measurements,
 )
-from isotruss_ros.calibration.report import unused_rows
 from isotruss_ros.cli.fit_tube_stiffness import main
 from isotruss_ros.core.model.robot_file import read_robot_file
 from isotruss_ros.core.model.stiffness_law import Law
@@ -69,13 +68,6 @@ def constants(model):
 
 
 # -- The beam --
-
-
-def test_exact_points_give_the_tube_back(tmp_path, capsys):
-    code, out, err = run(capsys, write(tmp_path, points()))
-    assert (code, err) == (0, '')
-    assert 'all 324 rows used' in out
-    assert constants(accepted(out)) == pytest.approx(list(CONSTANTS.values()), rel=1e-6)
 
 
 def test_a_mode_that_the_beam_misses_is_named(tmp_path, capsys):
@@ -168,14 +160,6 @@ def test_constant_that_no_robot_file_takes_is_refused(tmp_path, capsys):
     code, _, err = run(capsys, write(tmp_path, rows))
     assert code == 1
     assert 'is no number that a robot file takes; are the units SI?' in err
-
-
-def test_diameter_is_that_of_the_block(tmp_path, capsys):
-    tube = InflatableBeam(0.03, **CONSTANTS)
-    code, out, _ = run(capsys, write(tmp_path, points(tube)), '--diameter', 0.06)
-    assert code == 0
-    assert 'diameter 0.06 m' in out
-    assert constants(accepted(out)) == pytest.approx(list(CONSTANTS.values()), rel=1e-6)
 
 
 # -- Power laws, beside it --
@@ -384,16 +368,6 @@ def test_group_without_a_slope_is_named_and_the_rest_is_fitted(tmp_path, capsys)
     assert constants(accepted(out)) == pytest.approx(list(CONSTANTS.values()), rel=1e-6)
 
 
-def test_group_that_is_nowhere_linear_is_named(tmp_path):
-    x = np.linspace(0.0, 0.1, 400)
-    rows = [HEADER, *(['axial', 3e4, 0.5, a, 100.0 * (a / 0.1) ** 3 * a] for a in x)]
-    measurements = read_measurements(write(tmp_path, rows))
-    slope = fit_slope(measurements.groups[0])
-    assert np.isnan(slope.stiffness)
-    assert not slope.used.any()
-    assert sum(map(len, analyse(measurements).unused.values())) == 400
-
-
 MISSING = {
     'no axial': (lambda row: row[0] != 'axial', 'no axial points: the softening of the pinched'),
     'axial alone': (lambda row: row[0] == 'axial', 'no transverse or rotary points'),
@@ -444,13 +418,6 @@ def test_beam_is_fitted_where_a_power_law_is_not(case, tmp_path, capsys):
     assert constants(accepted(out)) == pytest.approx(list(CONSTANTS.values()), rel=1e-5)
 
 
-def test_stiffness_that_does_not_vary_has_no_r_squared():
-    p, L = np.array([1e4, 1e4, 2e4, 2e4]), np.array([0.5, 1.0, 0.5, 1.0])
-    fitted = fit_law(p, L, np.full(4, 4.0))
-    assert fitted.law == pytest.approx(Law(4.0, 0.0, 0.0), abs=1e-9)
-    assert np.isnan(fitted.r_squared)
-
-
 def test_figure_block_and_foreign_columns(tmp_path, capsys):
     rows = [[*row, 'x'] for row in points(noise=0.01, bend=0.6, softer=0.4, count=30)]
     rows[0][-1] = 'weather'
@@ -472,17 +439,6 @@ def test_figure_block_and_foreign_columns(tmp_path, capsys):
         assert code == 1
         assert 'cannot be written' in err
         assert said in err
-
-
-def test_figure_of_points_without_a_fit(tmp_path, capsys):
-    header, *rows = points()
-    rows = [row for row in rows if row[0] == 'axial' and row[1] == 34.5e3]
-    figure = tmp_path / 'fit.png'
-    code, _, _ = run(capsys, write(tmp_path, [header, *rows]), '--figure', figure)
-    assert code == 1
-    assert figure.stat().st_size > 5000
-    code, _, _ = run(capsys, write(tmp_path, [header, ['x'] * 6]), '--figure', figure)
-    assert code == 1
 
 
 BAD_FILES = {
@@ -518,11 +474,6 @@ def test_byte_order_mark_spaces_and_empty_lines_are_read(tmp_path):
     assert measurements.rows == 1
     (group,) = measurements.groups
     assert (group.mode, group.pressure, group.lines.tolist()) == ('axial', 3e4, [3])
-
-
-def test_folder_is_no_file_of_points(tmp_path):
-    with pytest.raises(MeasurementError, match='cannot be read'):
-        read_measurements(tmp_path)
 
 
 def test_file_that_never_ends_is_refused():
@@ -604,8 +555,3 @@ def test_mutated_file_is_fitted_or_refused(data):
     if analysis.fitted is not None:
         assert np.isfinite(analysis.fitted.constants).all()
         assert min(analysis.fitted.constants) > 0.0
-
-
-def test_rows_that_are_not_used_are_counted_and_named():
-    lines = unused_rows({'wrong': [12, 3, 4, 5, 9, 11]}, 20)
-    assert list(lines) == ['6 of 20 rows not used:', '  wrong: 6, line 3-5, 9, 11-12']

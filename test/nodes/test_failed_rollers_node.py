@@ -12,8 +12,8 @@ from isotruss_ros.core import (
     Status,
 )
 from isotruss_ros.core.safety.margins import shape_margins
-from isotruss_ros.nodes.manipulation import Manipulation
-from isotruss_ros.nodes.simulator import Simulator
+from isotruss_ros.nodes.manipulation.node import Manipulation
+from isotruss_ros.nodes.simulator.node import Simulator
 from lifecycle_msgs.msg import Transition
 from manual_world import DOWN, Manager, UP, world
 from matches import follow

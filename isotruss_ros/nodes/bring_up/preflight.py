@@ -11,10 +11,10 @@ from geometry_msgs.msg import PoseStamped
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.core import IsotrussError, load_robot
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.nodes.components import common_parameters as common
-from isotruss_ros.nodes.components.joint_markers import JointMarkers, LATEST, WINDOW
+from isotruss_ros.nodes.bring_up.joint_markers import JointMarkers, LATEST, WINDOW
 from isotruss_ros.nodes.conversions.joint_state_messages import read_roller_state
 from isotruss_ros.nodes.conversions.messages import read_stamp
+from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.parameters import ROBOT, Spec
 from isotruss_ros.nodes.framework.runner import StoppableNode

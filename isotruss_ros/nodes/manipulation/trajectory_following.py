@@ -22,14 +22,14 @@ from isotruss_ros.core.control.decision import Decision
 from isotruss_ros.core.control.inputs import require_fresh, StampedInput
 from isotruss_ros.core.control.roller_trajectory import RollerTrajectoryServo
 from isotruss_ros.core.manipulation.status import RollerCommand
-from isotruss_ros.nodes.components.single_goal import Ending, SingleGoal
-from isotruss_ros.nodes.components.sparse_messages import SparseMessages
 from isotruss_ros.nodes.conversions.messages import MessageError, read_stamp
 from isotruss_ros.nodes.conversions.path_messages import (
     read_roller_trajectory,
     to_roller_feedback,
 )
 from isotruss_ros.nodes.framework.managed import ManagedNode
+from isotruss_ros.nodes.framework.single_goal import Ending, SingleGoal
+from isotruss_ros.nodes.manipulation.sparse_messages import SparseMessages
 import numpy as np
 from trajectory_msgs.msg import JointTrajectory
 

@@ -23,8 +23,8 @@ from isotruss_ros.core.control.decision import Decision
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
 from isotruss_ros.core.safety.roller_failure import FailureCriterion, FailureDetector
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
-from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.conversions.messages import make_header, to_twist_message
+from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import Parameters, Spec
 from isotruss_ros.nodes.framework.topics import RELIABLE
