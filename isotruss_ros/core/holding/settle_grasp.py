@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-import math
 
 from isotruss_ros.core.contact.analyze_grasp import check_load
 from isotruss_ros.core.contact.lost_contact import LostContact
@@ -99,7 +98,7 @@ def assess_equilibrium(given: Pose, found: HeldGrip, friction: float) -> Settled
 def _judge(found: HeldGrip, given: Pose, friction: float) -> tuple[HoldStatus, str]:
     """Return whether an equilibrium holds the object, and why not."""
     robot = found.config.robot
-    shift = math.hypot(found.pose.x - given.x, found.pose.y - given.y)
+    shift = abs(found.body.middle - found.body.moved_to(given).middle)
     if shift > MAX_DISPLACEMENT * robot.description.tube_diameter:
         return HoldStatus.FAR, f'{HoldStatus.FAR.value}: {1e3 * shift:.3g} mm'
     depths = member_depths(found.config, found.body)

@@ -31,7 +31,14 @@ from isotruss_ros.nodes.framework.topics import RELIABLE
 
 #: Statuses that are no warning: no motion is commanded, or all is well.
 NORMAL = frozenset(
-    {Status.OK, Status.IDLE, Status.FOLLOWING_TRAJECTORY, Status.ARRIVED, Status.HALT_NO_TWIST}
+    {
+        Status.OK,
+        Status.IDLE,
+        Status.FOLLOWING_TRAJECTORY,
+        Status.ARRIVED,
+        Status.ACCELERATING,
+        Status.HALT_NO_TWIST,
+    }
 )
 BOUNDS = ShapeBounds()
 SPECS = (
@@ -93,7 +100,7 @@ SPECS = (
         (0.0, 1.0),
     ),
     Spec(
-        'slide_along_limits', False, 'Slide along limits of lengths and shapes instead of stopping'
+        'slide_along_limits', True, 'Slide along limits of lengths and shapes instead of stopping'
     ),
     Spec('failed_rollers', [''], "Rollers t/j that are held at zero; [''] for none"),
     Spec(

@@ -93,11 +93,11 @@ class TrajectoryFollowing:
             self._end(Status.HALT_TRAJECTORY, f'trajectory aborted: {step.failure}')
         elif step.ended:
             self._end(Status.ARRIVED, 'the rollers have arrived')
-        self._servo.note_command(step.speeds, now)
+        speeds = self._servo.command(step.speeds, now)
         self._publish_feedback()
         status, message = self._outcome or (Status.FOLLOWING_TRAJECTORY, '')
         return Decision(
-            RollerCommand(step.speeds, np.zeros(3), 1.0, status),
+            RollerCommand(speeds, np.zeros(3), 1.0, status),
             np.zeros(3),
             message,
             tuple(sorted(self._servo.failed)),

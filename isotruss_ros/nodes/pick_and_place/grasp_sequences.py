@@ -221,7 +221,7 @@ class GraspSequences(TrackedShape):
                 **export_violation(release.violation),
             )
         near = np.arange(len(release.path) - 1) <= release.apart
-        times = path_times(release.path, self._robot.description.max_speed, near)
+        times = path_times(release.path, self._robot.description, near)
         trajectory = to_trajectory_message(self._robot, release.path.tolist(), times.tolist())
         apart = float(times[release.apart])
         yield from self._drive(trajectory, apart, PLACE.OPENING, PLACE.BACKING_OFF)

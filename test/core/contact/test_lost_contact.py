@@ -73,7 +73,7 @@ def test_what_bears_nothing_is_not_used():
     assert not any(grasp.utilisation.values())
     assert gradient.utilisation.shape == (9, gradient.parameters.size)
     assert not gradient.stiffness.any()
-    assert gradient.gives_way == ''
+    assert gradient.gives_way == ()
 
 
 @pytest.mark.parametrize('away', [0.005, 0.03])

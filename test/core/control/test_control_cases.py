@@ -66,6 +66,7 @@ def test_a_direction_that_limits_bend_ends_the_reference():
 def squeezing_servo(velocities=REST):
     """Return a servo that regulates the squeeze of the disc, with good inputs at NOW."""
     servo = TwistServo(ROBOT, GRIP, period=PERIOD, timeout=TIMEOUT)
+    servo.max_acceleration = np.inf
     servo.guard = None
     servo.twist = StampedInput((0.01, 0.02, 0.0), NOW)
     servo.rollers = StampedInput(RollerState(REST, np.array(velocities)), NOW)
