@@ -24,7 +24,8 @@ from playwright.sync_api import Page, sync_playwright
 SIZE, SCALE = {'width': 1000, 'height': 620}, 0.7
 #: Of the film [ms], and of what happens [s]: a machine without a graphics card is slow to draw.
 FRAME, PATIENCE = 150, 120.0
-COLORS = 96
+#: Of the film, and frames by which they are chosen.
+COLORS, SOME = 128, 6
 SHOWN = {'object_diameter': 0.3, 'friction': 0.8}
 COMMON = SHOWN | {'command_timeout': 2.0}
 NODES = (
@@ -65,7 +66,12 @@ class Film:
 
     def write(self, path: Path) -> None:
         """Write the film."""
-        common = self.frames[len(self.frames) // 2].quantize(COLORS)
+        # Held and not held, loaded and not: the colours of all that is shown.
+        some = self.frames[:: max(1, len(self.frames) // SOME)]
+        sheet = Image.new('RGB', (some[0].width, some[0].height * len(some)))
+        for row, frame in enumerate(some):
+            sheet.paste(frame, (0, row * frame.height))
+        common = sheet.quantize(COLORS)
         first, *others = (frame.quantize(palette=common) for frame in self.frames)
         first.save(path, save_all=True, append_images=others, duration=FRAME, loop=0)
 
