@@ -80,7 +80,7 @@ class Manipulation(ManagedNode):
         inputs = self.inputs = Inputs(self, self.robot, self._servo)
         stamped = values.use_stamped_twist
         kind, read = (TwistStamped, self._read_stamped_twist) if stamped else (Twist, read_twist)
-        self._twists = inputs.keep(kind, 'cmd_vel', read, 'twist', 'twist')
+        self._twists = inputs.keep(kind, 'cmd_vel', read, 'twist', 'twist', stops=True)
         inputs.keep_joint_states()
         inputs.keep_object_pose()
         inputs.keep_tube_pressures()

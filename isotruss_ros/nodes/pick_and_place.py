@@ -93,6 +93,7 @@ class PickAndPlace(ManagedNode):
 
     def _tick(self) -> None:
         """Take the sequence on; end the goal where it has ended."""
+        self.inputs.settle()
         self._sequences.track()
         course = self._course
         if course is None:

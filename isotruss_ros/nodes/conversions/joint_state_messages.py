@@ -20,27 +20,27 @@ from sensor_msgs.msg import JointState
 MAX_SPEED = 10.0
 
 
-def read_roller_state(message: JointState, names: Sequence[str]) -> RollerState:
+def read_roller_part(message: JointState, names: Sequence[str]) -> dict[int, tuple[float, float]]:
     """
-    Return travel (r,) [m] and velocities (r,) [m/s] of the rollers, by name, among other joints.
+    Return travel [m] and velocity [m/s] of the rollers that a message names, by their number.
 
-    Velocities that the message leaves out, or that are NaN, as a broadcaster publishes where
-    nothing is measured, are zero.
+    Other joints are left out; a message that names no roller is no input. Velocities that the
+    message leaves out, or that are NaN, as a broadcaster publishes where nothing is measured, are
+    zero.
 
     :param message: joint states, in any order.
-    :param names: names of the rollers, in the order of the result.
-    :raises MessageError: a roller is missing or named twice, there are not as many positions
-        (or velocities) as names, or a number is not finite or out of range.
+    :param names: names of the rollers.
+    :raises MessageError: a roller is named twice, there are not as many positions (or velocities)
+        as names, or a number is not finite or out of range.
     """
-    missing = [name for name in names if name not in message.name]
-    if missing:
-        raise MessageError(
-            f'joint states: rollers {", ".join(missing)} are missing; must name {", ".join(names)}'
-        )
-    twice = [name for name in names if message.name.count(name) > 1]
-    if twice:
+    numbers = {name: number for number, name in enumerate(names)}
+    places = [place for place, name in enumerate(message.name) if name in numbers]
+    found = [numbers[message.name[place]] for place in places]
+    if len(found) > len(set(found)):
+        twice = sorted({names[number] for number in found if found.count(number) > 1})
         raise MessageError(f'joint states: {", ".join(twice)} named twice; must be once')
-    places = [message.name.index(name) for name in names]
+    if not found:
+        return {}
 
     def select(what: str, values: Sequence[float]) -> Array:
         if len(values) != len(message.name):
@@ -65,7 +65,26 @@ def read_roller_state(message: JointState, names: Sequence[str]) -> RollerState:
             f'joint states: roller velocities {velocities.tolist()} m/s: '
             f'must be at most {MAX_SPEED} m/s'
         )
-    return RollerState(positions, velocities)
+    read = zip(positions.tolist(), velocities.tolist(), strict=True)
+    return dict(zip(found, read, strict=True))
+
+
+def read_roller_state(message: JointState, names: Sequence[str]) -> RollerState:
+    """
+    Return travel (r,) [m] and velocities (r,) [m/s] of all rollers, by name.
+
+    :param message: see `read_roller_part`.
+    :param names: names of the rollers, in the order of the result.
+    :raises MessageError: a roller is missing, or see `read_roller_part`.
+    """
+    part = read_roller_part(message, names)
+    missing = [name for number, name in enumerate(names) if number not in part]
+    if missing:
+        raise MessageError(
+            f'joint states: rollers {", ".join(missing)} are missing; must name {", ".join(names)}'
+        )
+    values = np.array([part[number] for number in range(len(names))])
+    return RollerState(values[:, 0], values[:, 1])
 
 
 def read_tube_pressures(message: JointState, robot: Robot) -> tuple[float, ...]:

@@ -45,7 +45,7 @@ class Cycle:
         jumped_back: Callable[[], None],
         stopped: Callable[[float], None] | None = None,
     ) -> None:
-        self._values = node.values
+        self._node, self._values = node, node.values
         self._clock, self._step, self._jumped_back = node.get_clock(), step, jumped_back
         self._stopped = stopped
         self._last = self._read = 0
@@ -96,6 +96,8 @@ class Cycle:
         if now.nanoseconds < self._last:
             self._jumped_back()
         self._last = now.nanoseconds
+        if self._node.inputs is not None:
+            self._node.inputs.settle()
         self._step(1e-9 * now.nanoseconds)
         self.duration = time.perf_counter() - began
         self._times.append(self.duration)
