@@ -14,6 +14,7 @@ from collections.abc import Callable, Generator
 from contextlib import suppress
 import enum
 from itertools import islice
+import time
 from typing import Any
 from uuid import uuid4
 
@@ -30,6 +31,8 @@ from rclpy.task import Future
 #: Ticks after which a request without an answer is sent again: rmw_fastrtps sends no answer to a
 #: client that the server does not discover within 0.1 s, as at the start on a busy machine.
 RETRY_TICKS = 50
+#: A server may take so long to begin a goal before it must send feedback [s].
+BEGINNING = 1.0
 #: Ticks that a server has to end a goal that was cancelled.
 CANCEL_TICKS = 100
 
@@ -76,17 +79,26 @@ class ActionStep:
 
     The server may be killed and started again under a goal, unnoticed by DDS for seconds. So the
     result is requested again and again: a server that was started again does not know the goal.
+    One that sends no feedback for a while has ended, or hangs.
 
     :param node: has the client, until it is destroyed.
     :param kind: type of the action.
     :param name: relative name of the action.
     :param supervision: of `supervised_goal`: tells the server in every tick that the goal still
         has a client.
+    :param silence: returns for how long the server may send no feedback [s].
     """
 
-    def __init__(self, node: Node, kind: type, name: str, supervision: Publisher) -> None:
+    def __init__(
+        self,
+        node: Node,
+        kind: type,
+        name: str,
+        supervision: Publisher,
+        silence: Callable[[], float],
+    ) -> None:
         self._client, self._name = ActionClient(node, kind, name), name
-        self._supervision = supervision
+        self._supervision, self._silence = supervision, silence
 
     def run(
         self,
@@ -112,14 +124,20 @@ class ActionStep:
         info.goal_id.uuid = list(uuid4().bytes)
         unknown = ClientGoalHandle(self._client, GoalInfo().goal_id, None)
         yield from self._request_result(unknown, info)
-        made = 0.0
+        made, heard = 0.0, time.monotonic() + BEGINNING
 
         def note(message: Any) -> None:
-            nonlocal made
-            made = progress(message.feedback)
+            nonlocal made, heard
+            made, heard = progress(message.feedback), max(heard, time.monotonic())
 
         def check() -> float:
-            fault = find_fault()
+            fault, silence = find_fault(), self._silence()
+            if fault is None and time.monotonic() - heard > silence:
+                raise StepError(
+                    Outcome.STOPPED,
+                    f'the action {self._name} has sent no feedback for {silence:g} s: its node '
+                    'has ended, or hangs',
+                )
             if fault is not None:
                 raise CancelledError from fault
             return made

@@ -12,6 +12,7 @@ from typing import Any
 
 from action_msgs.msg import GoalInfo
 from diagnostic_msgs.msg import DiagnosticStatus
+from isotruss_ros.core import IsotrussError
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.topics import subscribe_newest
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
@@ -20,8 +21,9 @@ from rclpy.task import Future
 
 #: Results and their goals are kept this long for clients that request them late [s].
 RESULT_TIMEOUT = 60
-#: Feedback is published at most this often [s].
-FEEDBACK_PERIOD = 0.1
+#: Feedback is published at most this often [s]: clients take a server for ended that sends none
+#: for `command_timeout`, 0.2 s.
+FEEDBACK_PERIOD = 0.05
 #: Clients publish here which goal ends with them, from before they send it.
 SUPERVISION = 'supervised_goal'
 
@@ -40,6 +42,10 @@ ENDINGS = {'CANCELLED': Ending.CANCELED, 'PREEMPTED': Ending.ABORTED} | dict.fro
 )
 
 
+class BusyError(IsotrussError):
+    """A node carries out another goal."""
+
+
 class SingleGoal:
     """
     The active goal, if any; a timer of the node works on it.
@@ -53,11 +59,14 @@ class SingleGoal:
     :param node: offers the action, until it is destroyed.
     :param kind: type of the action.
     :param name: relative name of the action.
-    :param begin: called with a new goal; may end it at once.
+    :param read: returns what a goal asks for, before it is accepted; raises IsotrussError for one
+        that is unusable, or for which the node is not ready. The active goal goes on then.
+    :param refuse: returns the result that tells the client of such an error; None rejects the
+        goal, of which the log alone gives the reason.
+    :param begin: called with what was read; may end the goal at once.
     :param cancelled: called when a client cancels the goal; must end it, at once or soon.
-    :param ready: returns whether goals are accepted while the node is active; ever if left out.
     :param preempted: called before `begin` if another goal is active; must end it. Not needed
-        where goals are accepted one after the other.
+        where `read` refuses goals while one is.
     :param supervised: whether a goal ends with the client that supervises it, if one does.
     """
 
@@ -66,15 +75,20 @@ class SingleGoal:
         node: ManagedNode,
         kind: type,
         name: str,
+        read: Callable[[Any], Any],
+        refuse: Callable[[IsotrussError], Any],
         begin: Callable[[Any], None],
         cancelled: Callable[[], None],
-        ready: Callable[[], bool] = lambda: True,
         preempted: Callable[[], None] | None = None,
         supervised: bool = False,
     ) -> None:
         self.kind = kind
-        self._node, self._ready, self._begin = node, ready, begin
+        self._node, self._name, self._begin = node, name, begin
+        self._read, self._refuse = read, refuse
         self._preempted, self._cancelled = preempted, cancelled
+        #: What was read of a goal that is accepted next, or the result that refuses it.
+        self._asked: Any = None
+        self._refusal: Any = None
         self._handle: ServerGoalHandle | None = None
         self._ended: dict[bytes, Future] = {}
         self._feedback_time = -math.inf
@@ -139,9 +153,7 @@ class SingleGoal:
         :param ending: state of the action.
         :param result: message of the action.
         """
-        if hasattr(result, 'stamp'):
-            result.stamp = self._node.get_clock().now().to_msg()
-        self._ended[_key(self._handle)].set_result((ending, result))
+        self._ended[_key(self._handle)].set_result((ending, self._stamp(result)))
         self._handle = None
 
     def report_end(self, outcome: enum.Enum, result: Any, idle: str, prefix: str = '') -> None:
@@ -163,17 +175,35 @@ class SingleGoal:
         else:
             logger.warning(text)
 
-    def _decide(self, _goal: Any) -> GoalResponse:
-        accepted = self._node.active and self._ready()
-        return GoalResponse.ACCEPT if accepted else GoalResponse.REJECT
+    def _stamp(self, result: Any) -> Any:
+        """Return a result with the time at which the goal ends, where it has a stamp."""
+        if hasattr(result, 'stamp'):
+            result.stamp = self._node.get_clock().now().to_msg()
+        return result
+
+    def _decide(self, goal: Any) -> GoalResponse:
+        if not self._node.active:
+            return GoalResponse.REJECT
+        self._refusal = None
+        try:
+            self._asked = self._read(goal)
+        except IsotrussError as error:
+            self._node.warn(self._name, f'{self._name}: goal refused: {error}')
+            self._refusal = self._refuse(error)
+            return GoalResponse.REJECT if self._refusal is None else GoalResponse.ACCEPT
+        return GoalResponse.ACCEPT
 
     def _accept(self, handle: ServerGoalHandle) -> None:
+        ended = self._ended[_key(handle)] = Future()
+        if self._refusal is not None:
+            ended.set_result((Ending.ABORTED, self._stamp(self._refusal)))
+            handle.execute()
+            return
         if self.active:
             self._preempted()
         self._handle, self._feedback_time = handle, -math.inf
-        self._ended[_key(handle)] = Future()
         handle.execute()
-        self._begin(handle.request)
+        self._begin(self._asked)
 
     def _cancel(self, handle: ServerGoalHandle) -> CancelResponse:
         if self._handle is None or handle != self._handle:
