@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import contextlib
 from dataclasses import replace
+import math
 from typing import NamedTuple
 
 from isotruss_ros.core.control.load_estimate import LoadEstimate, POSE_ERROR
@@ -19,7 +20,6 @@ from isotruss_ros.core.control.loop_gains import LoopGains
 from isotruss_ros.core.control.usage_limits import UsageLimits
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_statics import TubeModel
-from isotruss_ros.core.holding.held_gradient import laid_grip
 from isotruss_ros.core.holding.held_grip import (
     HeldGrip,
     HoldStatus,
@@ -63,7 +63,7 @@ class HeldModel:
     How the robot holds an object, under the load that follows from its measured pose.
 
     :ivar grasp: the equilibrium where the robot is.
-    :ivar grip: whose rows tell how the object moves, see `laid_grip`.
+    :ivar grip: whose rows tell how the object moves, see `_laid_grip`.
     :ivar load: the wrench on the object.
     :ivar pose: (x, y, angle) of the object, with the load that came last [m, rad].
     :ivar squeeze: mean normal force of the members, the same [N].
@@ -172,7 +172,7 @@ class HeldModel:
 
     def _take(self, grasp: HeldGrip, loaded: Array) -> None:
         """Go on with an equilibrium, and a load (3,) that came since [N]."""
-        self.grasp, self.grip = grasp, laid_grip(grasp, self._friction)
+        self.grasp, self.grip = grasp, _laid_grip(grasp, self._friction)
         self.pose = np.array(grasp.pose) + grasp.response.pose @ loaded
         self.squeeze = grasp.squeeze + float(grasp.response.squeeze @ loaded)
 
@@ -243,3 +243,30 @@ def attach_model(
     if found.response is None:
         raise NotHeldError(HoldStatus.UNSTABLE)
     return found
+
+
+def _laid_grip(held: HeldGrip, friction: float) -> Grip:
+    """
+    Return the grip whose rows, see `grip_jacobian`, tell how a held object moves with the rollers.
+
+    Members bend under a face that they press, so that the object is turned against the straight
+    ones. On these its face is to lie as well: an object on a corner moves otherwise.
+
+    :param held: how it is held.
+    :param friction: coefficient between tubes and object.
+    """
+    body, contacts = held.body, held.contacts
+    for ends in contacts.ends:
+        if len(ends) == 1:
+            continue
+        robot, points = held.config.robot, held.config.points
+        nodes = find_members(robot, (robot.member_names[contacts.members[ends[0]]],))
+        axis = complex(np.diff(points[nodes.lines[0]])[0])
+        normals = np.full(2, 1j * axis / (abs(axis) * body.turn))
+        first, last = body.shape.surface_at(contacts.corners[ends], normals)[0] * body.turn
+        # The shorter way to where both are parallel, either way around.
+        turn = 0.5 * np.angle((axis / (last - first)) ** 2)
+        x, y, angle = held.pose
+        body = body.moved_to((x, y, math.remainder(angle + turn, 2.0 * math.pi)))
+        break
+    return Grip(held.member_names, body, friction)
