@@ -3,6 +3,10 @@
 
 """A stand-in for control_msgs/FollowJointTrajectory, with its fields: there is no wheel of it."""
 
+from importlib.machinery import ModuleSpec
+import sys
+from types import ModuleType
+
 from builtin_interfaces.msg import Duration
 from isotruss_msgs.action import FollowRollerTrajectory
 from isotruss_msgs.msg import RollerTolerance
@@ -42,17 +46,10 @@ def tolerance(name, position=0.0, velocity=0.0, acceleration=0.0):
     )
 
 
-def install(monkeypatch, module):
-    """Let a module find control_msgs."""
-    found, imported = module.importlib.util.find_spec, module.importlib.import_module
-    package = type('Module', (), {'FollowJointTrajectory': FollowJointTrajectory})
-    monkeypatch.setattr(
-        module.importlib.util,
-        'find_spec',
-        lambda name: name if name == 'control_msgs' else found(name),
-    )
-    monkeypatch.setattr(
-        module.importlib,
-        'import_module',
-        lambda name: package if name == 'control_msgs.action' else imported(name),
-    )
+def install(monkeypatch):
+    """Let control_msgs be found."""
+    for name in ('control_msgs', 'control_msgs.action'):
+        module = ModuleType(name)
+        module.__spec__ = ModuleSpec(name, None)
+        module.FollowJointTrajectory = FollowJointTrajectory
+        monkeypatch.setitem(sys.modules, name, module)

@@ -51,7 +51,8 @@ def _replace(message: Any, rng: np.random.Generator) -> None:
 
 def _replace_list(message: Any, name: str, value: list[Any], rng: np.random.Generator) -> None:
     """Empty a list, double it, or change an element."""
-    how = rng.integers(4)
+    fixed = isinstance(getattr(message, name), np.ndarray)  # of a size that the type has
+    how = 2 if fixed else rng.integers(4)
     if how == 0 or not value:
         _set(message, name, [])
     elif how == 1:

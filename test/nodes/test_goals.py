@@ -12,10 +12,8 @@ from isotruss_msgs.action import (
     PlaceObject,
     PlanGrasp,
 )
-from isotruss_msgs.msg import GraspState
 from isotruss_ros.core import Pose
-from isotruss_ros.core.planning.searcher import Searcher
-from isotruss_ros.nodes.components import trajectory_following
+from isotruss_ros.core.planning.searcher import Answer, Outcome
 from isotruss_ros.nodes.conversions.messages import to_pose_message
 from isotruss_ros.nodes.grasp_planner import GraspPlanner
 from isotruss_ros.nodes.manipulation import Manipulation
@@ -76,8 +74,9 @@ GOALS = {
 @pytest.mark.parametrize('name', GOALS)
 def test_random_goals_are_answered_and_do_no_harm(name, monkeypatch):
     kind, good = GOALS[name]
-    joint_trajectory_action.install(monkeypatch, trajectory_following)
-    monkeypatch.setattr(Searcher, 'begin', lambda *_: None)  # which processes would do
+    joint_trajectory_action.install(monkeypatch)
+    none = Answer(Outcome.FAILED, 'processes would search')
+    monkeypatch.setattr(GraspPlanner, '_begin', lambda node, _: node._end(none))
     rng = np.random.default_rng(7)
     with world(lambda: kind(overrides(command_timeout=1.0))) as w:
         w.spin(0.2, w.probe.send_all)
@@ -92,18 +91,25 @@ def test_random_goals_are_answered_and_do_no_harm(name, monkeypatch):
 
 def test_a_goal_beside_another_is_answered_with_what_is_carried_out():
     with world(lambda: PickAndPlace(overrides())) as w:
-        states = w.probe.create_publisher(GraspState, 'grasp/state', 1)
-
-        def feed():
-            w.probe.send_all()
-            states.publish(GraspState())
-
-        w.spin(0.2, feed)
+        w.spin(0.2, w.probe.send_all)
         first = w.send_goal(PickObject.Goal())
-        w.spin(0.5, feed)
         second = w.send_goal(PlaceObject.Goal())
-        w.until(lambda: second.ended, feed)
-        assert not first.ended
+        w.until(lambda: second.ended, w.probe.send_all)
+        assert first.accepted
         _, result = second.result()
         assert result.code == PlaceObject.Result.NOT_READY
         assert 'PickObject is carried out, for ' in result.message
+
+
+def test_a_search_beside_another_is_answered(monkeypatch):
+    monkeypatch.setattr(GraspPlanner, '_begin', lambda *_: None)
+    monkeypatch.setattr(GraspPlanner, '_poll', lambda *_: None)
+    goal = GOALS['PlanGrasp'][1]
+    with world(lambda: GraspPlanner(overrides(command_timeout=1.0))) as w:
+        w.spin(0.2, w.probe.send_all)
+        first, second = w.send_goal(goal()), w.send_goal(goal())
+        w.until(lambda: second.ended)
+        assert not first.ended
+        _, result = second.result()
+        assert result.code == PlanGrasp.Result.FAILED
+        assert 'another search is running' in result.message

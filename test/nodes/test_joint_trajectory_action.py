@@ -32,7 +32,7 @@ def kind(request):
 @pytest.fixture
 def make(monkeypatch):
     """Return what makes the simulator, with faults, and the node."""
-    joint_trajectory_action.install(monkeypatch, trajectory_following)
+    joint_trajectory_action.install(monkeypatch)
     return lambda **faults: world(
         lambda: Simulator(overrides(command_timeout=2.0, **faults)),
         lambda: Manipulation(overrides(command_timeout=2.0)),

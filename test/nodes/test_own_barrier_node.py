@@ -4,6 +4,7 @@
 """Limits and barriers of one's own in the node."""
 
 from isotruss_ros.core import ShapeGuard, Status
+from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.safety.barrier_law import ActiveValues, BarrierLaw
 from isotruss_ros.nodes.manipulation import Manipulation
 from manual_world import Manager, world
@@ -19,9 +20,7 @@ class Wall:
     def active(self, config, grip):
         """Return no distance, which upward motion shrinks."""
         rows = np.zeros((1, 2 * len(config.points)))
-        return ActiveValues(
-            np.array([0]), np.zeros(1), rows, -np.ones((1, len(config.roller_positions)))
-        )
+        return ActiveValues(np.array([0]), np.zeros(1), rows, -grip_jacobian(config, grip)[1:2])
 
     def values(self, config, grip, indices):
         """Return no distance."""
