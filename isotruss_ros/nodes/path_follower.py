@@ -191,8 +191,9 @@ class PathFollower(ManagedNode):
             return
         if self._waiting is not None:
             self._publish_twist(np.zeros(3))
-            self._goal.publish_feedback(lambda: UNKNOWN)
             self._begin_foreseen()
+            if self._waiting is not None:
+                self._goal.publish_feedback(lambda: UNKNOWN)
             return
         step = self._servo.decide(now)
         self._last = step.tracking or self._last

@@ -23,7 +23,7 @@ from isotruss_ros.core.control.inputs import InputError, StampedInput
 from isotruss_ros.core.control.path_tracking import RETURN
 from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.planning.describe_plan import NEAR_SHARE
-from isotruss_ros.nodes.components import action_steps, grasp_sequences
+from isotruss_ros.nodes.components import action_steps, grasp_sequences, supervision
 from isotruss_ros.nodes.components.action_steps import (
     ActionStep,
     CANCEL_TICKS,
@@ -106,7 +106,7 @@ def server(monkeypatch):
 
 def run(server, silence=inf):
     """Return the steps of a goal."""
-    step = ActionStep(None, None, 'work', server, lambda: silence)
+    step = ActionStep(None, None, 'work', server.publish, lambda: silence)
     return step.run('goal', lambda feedback: feedback)
 
 
@@ -132,12 +132,12 @@ def last_of(steps, most=10 * RETRY_TICKS):
 
 def test_a_server_that_sends_no_feedback_ends_the_steps_after_the_timeout(server, monkeypatch):
     now = 0.0
-    monkeypatch.setattr(action_steps.time, 'monotonic', lambda: now)
+    monkeypatch.setattr(supervision.time, 'monotonic', lambda: now)
     steps = run(server, silence=0.2)
     next(steps)
     server.accept()
     for _ in range(3):
-        now += action_steps.BEGINNING
+        now += supervision.BEGINNING
         server.feedback(SimpleNamespace(feedback=0.5))
         next(steps)
     now += 0.19
@@ -281,7 +281,7 @@ def test_steps_that_are_closed_cancel_their_goal(server, answered):
 def test_a_fault_cancels_the_goal_and_is_the_error_once_that_has_ended(server, cancelled):
     fault = StepError(Outcome.NOT_HELD, 'lost')
     faults = iter([None, None, fault])
-    step = ActionStep(None, None, 'work', server, lambda: inf)
+    step = ActionStep(None, None, 'work', server.publish, lambda: inf)
     steps = step.run('goal', lambda feedback: feedback, lambda: next(faults))
     next(steps)
     server.accept()

@@ -109,7 +109,7 @@ def check_stamp(
     if age > timeout:
         remedy = f' ({setting}: set it higher where the machine is busy)' if setting else ''
         raise InputError(
-            'STALE', name, f'{words}: {age:.3f} s old; must be at most {timeout:g} s{remedy}'
+            'STALE', name, f'{words}: {age:.3f} s old; must be at most {timeout} s{remedy}'
         )
     if age < -CLOCK_SKEW:
         raise InputError(

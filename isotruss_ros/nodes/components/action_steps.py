@@ -14,25 +14,22 @@ from collections.abc import Callable, Generator
 from contextlib import suppress
 import enum
 from itertools import islice
-import time
 from typing import Any
 from uuid import uuid4
 
 from action_msgs.msg import GoalInfo, GoalStatus
 from isotruss_ros.core import IsotrussError
+from isotruss_ros.nodes.components.supervision import ServerWatch
 from isotruss_ros.nodes.conversions.messages import request_parameters
 from rclpy.action import ActionClient
 from rclpy.action.client import ClientGoalHandle
 from rclpy.client import Client
 from rclpy.node import Node
-from rclpy.publisher import Publisher
 from rclpy.task import Future
 
 #: Ticks after which a request without an answer is sent again: rmw_fastrtps sends no answer to a
 #: client that the server does not discover within 0.1 s, as at the start on a busy machine.
 RETRY_TICKS = 50
-#: A server may take so long to begin a goal before it must send feedback [s].
-BEGINNING = 1.0
 #: Ticks that a server has to end a goal that was cancelled.
 CANCEL_TICKS = 100
 
@@ -84,8 +81,7 @@ class ActionStep:
     :param node: has the client, until it is destroyed.
     :param kind: type of the action.
     :param name: relative name of the action.
-    :param supervision: of `supervised_goal`: tells the server in every tick that the goal still
-        has a client.
+    :param beat: called in every tick: publishes that the goal still has a client.
     :param silence: returns for how long the server may send no feedback [s].
     """
 
@@ -94,11 +90,11 @@ class ActionStep:
         node: Node,
         kind: type,
         name: str,
-        supervision: Publisher,
+        beat: Callable[[GoalInfo], None],
         silence: Callable[[], float],
     ) -> None:
         self._client, self._name = ActionClient(node, kind, name), name
-        self._supervision, self._silence = supervision, silence
+        self._beat, self._silence = beat, silence
 
     def run(
         self,
@@ -124,20 +120,17 @@ class ActionStep:
         info.goal_id.uuid = list(uuid4().bytes)
         unknown = ClientGoalHandle(self._client, GoalInfo().goal_id, None)
         yield from self._request_result(unknown, info)
-        made, heard = 0.0, time.monotonic() + BEGINNING
+        made, server = 0.0, ServerWatch(self._name, self._silence())
 
         def note(message: Any) -> None:
-            nonlocal made, heard
-            made, heard = progress(message.feedback), max(heard, time.monotonic())
+            nonlocal made
+            made = progress(message.feedback)
+            server.note()
 
         def check() -> float:
-            fault, silence = find_fault(), self._silence()
-            if fault is None and time.monotonic() - heard > silence:
-                raise StepError(
-                    Outcome.STOPPED,
-                    f'the action {self._name} has sent no feedback for {silence:g} s: its node '
-                    'has ended, or hangs',
-                )
+            fault = find_fault()
+            if fault is None and (loss := server.find_loss()) is not None:
+                raise StepError(Outcome.STOPPED, loss)
             if fault is not None:
                 raise CancelledError from fault
             return made
@@ -186,7 +179,7 @@ class ActionStep:
         """Tell the server, if there is one, that the goal has a client."""
         if not self._client.server_is_ready():
             raise StepError(missing, f'no node offers the action {self._name}')
-        self._supervision.publish(info)
+        self._beat(info)
 
 
 def _cancel_goal(sent: Any) -> None:

@@ -11,7 +11,6 @@ import math
 import time
 from typing import Any
 
-from action_msgs.msg import GoalInfo
 from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.action import (
     FollowObjectPath,
@@ -42,7 +41,7 @@ from isotruss_ros.nodes.components.action_steps import (
     Steps,
 )
 from isotruss_ros.nodes.components.sensors import TrackedShape
-from isotruss_ros.nodes.components.single_goal import FEEDBACK_PERIOD, SUPERVISION
+from isotruss_ros.nodes.components.supervision import create_heartbeat, SHORTEST_SILENCE
 from isotruss_ros.nodes.conversions.messages import (
     make_header,
     read_pose,
@@ -51,7 +50,6 @@ from isotruss_ros.nodes.conversions.messages import (
 from isotruss_ros.nodes.conversions.path_messages import read_duration, to_trajectory_message
 from isotruss_ros.nodes.conversions.sequence_goals import to_search_goal
 from isotruss_ros.nodes.framework.managed import ManagedNode
-from isotruss_ros.nodes.framework.topics import RELIABLE
 from nav_msgs.msg import Path
 import numpy as np
 from rcl_interfaces.srv import SetParameters
@@ -62,8 +60,6 @@ IN_PLACE = 1e-3
 CONFIRMATION_TIME = 5.0
 #: Inputs that are late may come within this time, before anything moves [s].
 INPUT_TIME = 1.0
-#: Within this time at least two messages of feedback come [s].
-SILENCE = 2.0 * FEEDBACK_PERIOD
 #: A planner that is busy sends no feedback for longer than nodes that move something may [s].
 PLANNER_SILENCE = 5.0
 PICK, PLACE, MOVE = PickObject.Feedback, PlaceObject.Feedback, MoveObject.Feedback
@@ -88,10 +84,10 @@ class GraspSequences(TrackedShape):
         self.grasp: Input = None
         self._described = common.read_described(node.values)
         # Before the actions: who has discovered their clients has discovered it, too.
-        alive = node.create_lifecycle_publisher(GoalInfo, SUPERVISION, RELIABLE)
+        alive = create_heartbeat(node)
         self._planner = ActionStep(node, PlanGrasp, 'plan_grasp', alive, lambda: PLANNER_SILENCE)
         self._trajectories, self._object = (
-            ActionStep(node, kind, name, alive, lambda: max(self.timeout, SILENCE))
+            ActionStep(node, kind, name, alive, lambda: max(self.timeout, SHORTEST_SILENCE))
             for kind, name in (
                 (FollowRollerTrajectory, 'follow_roller_trajectory'),
                 (FollowObjectPath, 'follow_object_path'),

@@ -10,22 +10,16 @@ import math
 import time
 from typing import Any
 
-from action_msgs.msg import GoalInfo
 from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_ros.core import IsotrussError
+from isotruss_ros.nodes.components.supervision import ClientWatch, FEEDBACK_PERIOD
 from isotruss_ros.nodes.framework.managed import ManagedNode
-from isotruss_ros.nodes.framework.topics import subscribe_newest
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.task import Future
 
 #: Results and their goals are kept this long for clients that request them late [s].
 RESULT_TIMEOUT = 60
-#: Feedback is published at most this often [s]: clients take a server for ended that sends none
-#: for `command_timeout`, 0.2 s.
-FEEDBACK_PERIOD = 0.05
-#: Clients publish here which goal ends with them, from before they send it.
-SUPERVISION = 'supervised_goal'
 
 
 class Ending(enum.Enum):
@@ -92,11 +86,8 @@ class SingleGoal:
         self._handle: ServerGoalHandle | None = None
         self._ended: dict[bytes, Future] = {}
         self._feedback_time = -math.inf
-        #: The goal that its client supervised last, and when [s].
-        self._supervised = (b'', 0.0)
-        if supervised:
-            # Before the action: who has discovered that has discovered the subscription, too.
-            subscribe_newest(node, GoalInfo, SUPERVISION, self._note_client)
+        # Before the action: who has discovered that has discovered the subscription, too.
+        self._client = ClientWatch(node) if supervised else None
         ActionServer(
             node,
             kind,
@@ -135,16 +126,7 @@ class SingleGoal:
         :param timeout: longest time between its messages, by the steady clock [s].
         :return: None if it has not.
         """
-        goal, heard = self._supervised
-        alive = (
-            not self.active or goal != _key(self._handle) or time.monotonic() - heard <= timeout
-        )
-        if alive:
-            return None
-        return (
-            f'the client that supervises the goal has not published on {SUPERVISION} for '
-            f'{timeout} s: it has ended, or the machine is busy and command_timeout must be longer'
-        )
+        return self._client.find_loss(timeout)
 
     def end(self, ending: Ending, result: Any) -> None:
         """
@@ -154,7 +136,7 @@ class SingleGoal:
         :param result: message of the action.
         """
         self._ended[_key(self._handle)].set_result((ending, self._stamp(result)))
-        self._handle = None
+        self._set_active(None)
 
     def report_end(self, outcome: enum.Enum, result: Any, idle: str, prefix: str = '') -> None:
         """
@@ -174,6 +156,11 @@ class SingleGoal:
             logger.info(text)
         else:
             logger.warning(text)
+
+    def _set_active(self, handle: ServerGoalHandle | None) -> None:
+        self._handle, self._feedback_time = handle, -math.inf
+        if self._client is not None:
+            self._client.goal = None if handle is None else _key(handle)
 
     def _stamp(self, result: Any) -> Any:
         """Return a result with the time at which the goal ends, where it has a stamp."""
@@ -201,7 +188,7 @@ class SingleGoal:
             return
         if self.active:
             self._preempted()
-        self._handle, self._feedback_time = handle, -math.inf
+        self._set_active(handle)
         handle.execute()
         self._begin(self._asked)
 
@@ -216,11 +203,6 @@ class SingleGoal:
         del self._ended[_key(handle)]
         getattr(handle, ending.value)()
         return result
-
-    def _note_client(self, message: GoalInfo) -> None:
-        goal = bytes(message.goal_id.uuid)
-        if not self.active or goal == _key(self._handle):
-            self._supervised = (goal, time.monotonic())
 
 
 def _key(handle: ServerGoalHandle) -> bytes:

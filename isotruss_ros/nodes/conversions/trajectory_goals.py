@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 import math
 from typing import Any, NamedTuple
@@ -127,13 +128,14 @@ def read_roller_goal(
 
 def _check_joints(what: str, given: Sequence[str], names: Sequence[str]) -> None:
     """Refuse names that are no rollers, or named twice."""
-    bad = [quote(name) for name in given if name not in names][:20]
-    if bad or len(given) != len(set(given)):
-        twice = bad or sorted({name for name in given if list(given).count(name) > 1})
-        why = 'must be of' if bad else 'must be named once of'
+    counts = Counter(given)
+    unknown = [quote(name) for name in counts if name not in names][:20]
+    twice = [name for name in names if counts[name] > 1]
+    if unknown or twice:
+        which, how = (unknown, '') if unknown else (twice, ' once')
         raise TrajectoryGoalError(
             Result.INVALID_JOINTS,
-            f'trajectory: {what}: {", ".join(twice)}: {why} {", ".join(names)}',
+            f'trajectory: {what}: {", ".join(which)}: must be{how} of {", ".join(names)}',
         )
 
 
