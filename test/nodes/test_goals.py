@@ -99,17 +99,3 @@ def test_a_goal_beside_another_is_answered_with_what_is_carried_out():
         _, result = second.result()
         assert result.code == PlaceObject.Result.NOT_READY
         assert 'PickObject is carried out, for ' in result.message
-
-
-def test_a_search_beside_another_is_answered(monkeypatch):
-    monkeypatch.setattr(GraspPlanner, '_begin', lambda *_: None)
-    monkeypatch.setattr(GraspPlanner, '_poll', lambda *_: None)
-    goal = GOALS['PlanGrasp'][1]
-    with world(lambda: GraspPlanner(overrides(command_timeout=1.0))) as w:
-        w.spin(0.2, w.probe.send_all)
-        first, second = w.send_goal(goal()), w.send_goal(goal())
-        w.until(lambda: second.ended)
-        assert not first.ended
-        _, result = second.result()
-        assert result.code == PlanGrasp.Result.FAILED
-        assert 'another search is running' in result.message

@@ -128,7 +128,7 @@ def test_manipulation_reports_its_loop_and_its_inputs():
         median = float(w.detail('cycle time, median [s]'))
         assert 0.0 < median <= float(w.detail('cycle time, longest [s]'))
         assert int(w.detail('overruns')) >= 0
-        bad = JointState(name=['nobody'], position=[0.0])
+        bad = JointState(name=list(ROBOT.roller_names), position=[np.nan] * N)
         w.until(
             lambda: w.report('manipulation').level == DiagnosticStatus.ERROR,
             lambda: (w.probe.send_all(), w.probe.joint_states.publish(bad)),
