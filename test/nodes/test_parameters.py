@@ -9,9 +9,9 @@ from interfaces import node_classes
 from isotruss_msgs.action import FollowObjectPath, PlanGrasp
 from isotruss_msgs.msg import GraspState, ManipulationStatus
 from isotruss_ros.core import Status
-from isotruss_ros.core.control.grasp_report import GraspCode
 from isotruss_ros.core.control.path_servo import Outcome as PathOutcome
 from isotruss_ros.core.planning.searcher import Outcome as SearchOutcome
+from isotruss_ros.nodes.grasp.grasp_report import GraspCode
 from manual_world import check_refused, world
 from probe import overrides
 import pytest
@@ -79,8 +79,8 @@ REFUSED = [
     ('simulator', {'grip': ['south/P-Q', 'south/P-Q']}, 'two or three different members'),
     ('simulator', {'grip': ['south/P-Q', 'east/R-Y']}, 'fits nowhere'),
     ('simulator', {'stuck_roller': 'north/P'}, 'no such rollers'),
-    ('simulator', {'roller_noise': -1.0}, 'range'),
-    ('simulator', {'speed_limit': math.nan}, 'range'),
+    ('simulator', {'tracker_noise': -1.0}, 'range'),
+    ('simulator', {'tracker_rate': math.nan}, 'range'),
     ('simulator', {'seed': -1}, 'seed: -1: out of range'),
     ('viewer', {'port': 0}, 'port: 0: out of range'),
     ('simulator', {'indentation': -0.01}, 'range'),
