@@ -84,7 +84,7 @@ class Manipulation(ManagedNode):
         self._twists = inputs.keep(kind, 'cmd_vel', read, 'twist', 'twist', stops=True)
         inputs.keep_joint_states()
         inputs.keep_object_pose()
-        inputs.keep_tube_pressures()
+        inputs.keep_tube_pressures(lambda: self.values.ambient_pressure)
         self.create_timer(TYPE_CHECK_PERIOD, self._check_twist_type)
 
     def prepare(self, servo: TwistServo) -> None:

@@ -41,6 +41,7 @@ SPECS = (
     replace(common.RATE, default=50.0, bounds=(1.0, 1000.0)),
     common.COMMAND_TIMEOUT,
     common.PRESSURE_TIMEOUT,
+    common.AMBIENT_PRESSURE,
     Spec('pose_deviation', 1e-3, 'Standard deviation of x and y of object_pose [m]', (1e-6, 1.0)),
     Spec('angle_deviation', 0.009, 'Standard deviation of its angle [rad]', (1e-6, 1.0)),
     Spec(
@@ -83,7 +84,7 @@ class StateEstimatorNode(ManagedNode):
         self.inputs.keep_encoders(take=self._take_encoders)
         self.inputs.keep_object_pose(take=self._take_pose, oldest=OLDEST)
         self.inputs.keep_joint_markers(take=self._take_markers, oldest=OLDEST)
-        self.inputs.keep_tube_pressures()
+        self.inputs.keep_tube_pressures(lambda: self.values.ambient_pressure)
         self._begin()
         self._estimates = self.create_lifecycle_publisher(
             StateEstimateMessage, 'state_estimate', RELIABLE

@@ -100,7 +100,7 @@ def test_one_point_is_driven_to_from_where_the_rollers_are(make, kind):
     ],
 )
 def test_the_goal_tolerance_is_kept(make, kind, bound, late, ending):
-    with make(encoder_step=1e-5) as w:
+    with make(encoder_step=7e-6) as w:
         goal = send(
             w,
             kind,

@@ -4,7 +4,7 @@
 """Roller trajectories as goals of an action, in the shape of FollowJointTrajectory."""
 
 from action_msgs.msg import GoalInfo, GoalStatus
-from diagnostic_msgs.msg import DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from isotruss_msgs.action import FollowRollerTrajectory
 from isotruss_ros.core import Status
 from isotruss_ros.nodes.manipulation import Manipulation
@@ -12,9 +12,9 @@ from isotruss_ros.nodes.simulator import Simulator
 from lifecycle_msgs.msg import Transition
 from manual_world import Manager, world
 import numpy as np
-from probe import overrides, ROBOT
+from probe import failed, overrides, ROBOT
 import pytest
-from std_msgs.msg import Bool, String
+from std_msgs.msg import Bool
 from trajectories import AWAY, HOME, TOPIC, trajectory
 from trajectory_msgs.msg import JointTrajectory
 
@@ -103,7 +103,7 @@ def test_what_ends_a_trajectory_aborts_its_goal(w, how):
     elif how == 'empty':
         topic.publish(JointTrajectory())
     elif how == 'failed':
-        w.probe.create_publisher(String, 'failed_rollers', 1).publish(String(data='nobody'))
+        w.probe.create_publisher(DiagnosticArray, 'failed_rollers', 1).publish(failed('nobody'))
     elif how == 'other':
         w.probe.send_command(HOME)
     else:

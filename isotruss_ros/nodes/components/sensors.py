@@ -30,12 +30,12 @@ from isotruss_ros.nodes.components.robot_frame import RobotFrame
 from isotruss_ros.nodes.conversions.estimate_messages import read_estimate
 from isotruss_ros.nodes.conversions.joint_state_messages import (
     read_roller_part,
-    read_tube_pressures,
+    read_tube_pressure,
 )
 from isotruss_ros.nodes.framework.runner import StoppableNode
 import numpy as np
 from rclpy.subscription import Subscription
-from sensor_msgs.msg import JointState, MultiDOFJointState
+from sensor_msgs.msg import FluidPressure, JointState, MultiDOFJointState
 
 #: Called with an input.
 Take = Callable[[StampedInput], None]
@@ -65,6 +65,7 @@ class Inputs:
         self._words: dict[str, str] = {}
         self._parts = RollerParts(robot.roller_names)
         self._offsets = np.zeros(len(robot.roller_names))
+        self._pressures: dict[str, Input] = {}
 
     def keep(
         self,
@@ -112,6 +113,8 @@ class Inputs:
         label, every = words.replace(' ', '_'), take is not None
         if name == 'rollers':
             receive, every = partial(self._merge, receive), True
+        elif name == 'pressures':
+            receive, every = partial(self._merge_pressures, receive), True
         gate = Gate(self._node, kind, topic, label, read, receive, timeout, every)
         self._gates[name] = gate
         return gate.subscription
@@ -177,10 +180,38 @@ class Inputs:
         """Return the robot's frame with the transforms that the node hears."""
         return RobotFrame.heard_by(self._node, self._robot)
 
-    def keep_tube_pressures(self) -> None:
-        """Keep the gauge pressures (t,) [Pa], from `tube_pressures`, as `pressures`."""
-        read = partial(read_tube_pressures, robot=self._robot)
-        self.keep(JointState, 'tube_pressures', read, 'pressures')
+    def keep_tube_pressures(self, ambient: Callable[[], float]) -> None:
+        """
+        Keep the gauge pressures (t,) [Pa], from `tube_pressures`, as `pressures`.
+
+        Each message has one tube; they count once all are known, as old as the oldest.
+
+        :param ambient: returns the pressure around the tubes, 0 where gauges measure against it
+            [Pa].
+        """
+
+        def read(message: FluidPressure) -> tuple[str, float]:
+            return read_tube_pressure(message, self._robot, ambient())
+
+        self.keep(FluidPressure, 'tube_pressures', read, 'pressures')
+
+    def _merge_pressures(
+        self,
+        receive: Callable[[StampedInput | RejectedInput], None],
+        received: StampedInput | RejectedInput,
+    ) -> None:
+        """Pass on the pressures of all tubes in place of one."""
+        if isinstance(received, StampedInput):
+            tube, pressure = received.value
+            kept = self._pressures.get(tube)
+            now = self._node.now()
+            self._pressures[tube] = keep_latest(kept, received._replace(value=pressure), now)
+            known = [self._pressures.get(name) for name in self._robot.description.pressures]
+            if not all(known):
+                return
+            time = min(each.time for each in known)
+            received = StampedInput(tuple(each.value for each in known), time)
+        receive(received)
 
     def settle(self) -> None:
         """Take in the messages whose transforms have come."""
@@ -190,6 +221,7 @@ class Inputs:
     def clear(self) -> None:
         """Discard the inputs: after a jump of the clock their ages are unknown."""
         self._parts.clear()
+        self._pressures.clear()
         for name, gate in self._gates.items():
             gate.clear()
             known = getattr(self._holder, name) is not None

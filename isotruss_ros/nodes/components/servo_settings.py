@@ -37,6 +37,7 @@ BOUNDS = ShapeBounds()
 SPECS = (
     common.FRICTION,
     common.PRESSURE_TIMEOUT,
+    common.AMBIENT_PRESSURE,
     Spec(
         'squeeze_force',
         0.0,

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Rollers and pressures of the tubes, both measured in `sensor_msgs/JointState`."""
+"""Rollers in `sensor_msgs/JointState`, pressures of tubes in `sensor_msgs/FluidPressure`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.statics.section import tube_pressures
 from isotruss_ros.nodes.conversions.messages import MAX_DISTANCE, MessageError
 import numpy as np
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import FluidPressure, JointState
 
 #: No roller is faster [m/s]; what is beyond is a broken sensor, not a motion.
 MAX_SPEED = 10.0
@@ -87,28 +87,23 @@ def read_roller_state(message: JointState, names: Sequence[str]) -> RollerState:
     return RollerState(values[:, 0], values[:, 1])
 
 
-def read_tube_pressures(message: JointState, robot: Robot) -> tuple[float, ...]:
+def read_tube_pressure(message: FluidPressure, robot: Robot, ambient: float) -> tuple[str, float]:
     """
-    Return the gauge pressures (t,) of the tubes, in the order of the robot file [Pa].
+    Return the name of a tube, and its gauge pressure [Pa].
 
-    :param message: of the topic `tube_pressures`: all tubes in `name`, pressures in `effort`.
-    :param robot: whose tubes they are.
-    :raises MessageError: a tube is missing, unknown or named twice, there are not as many
-        pressures as names, or one is not a positive number.
+    :param message: of the topic `tube_pressures`: the tube in `header.frame_id`.
+    :param robot: whose tube it is.
+    :param ambient: pressure around, which is subtracted; 0 where gauge pressure is measured [Pa].
+    :raises MessageError: an unknown tube, or no positive pressure.
     """
-    known, names = tuple(robot.description.pressures), message.name
-    if sorted(names) != sorted(known):
+    known, tube = tuple(robot.description.pressures), message.header.frame_id
+    if tube not in known:
         raise MessageError(
-            f'tube pressures of {quote(", ".join(names))}: must be of {", ".join(known)}, each '
-            'once'
+            f'tube pressures: frame_id {quote(tube)}: must be one of {", ".join(known)}'
         )
-    if len(message.effort) != len(names):
-        raise MessageError(
-            f'tube pressures: {len(message.effort)} values in effort for {len(names)} names; must '
-            'be as many'
-        )
+    pressure = message.fluid_pressure - ambient
     try:
-        values = dict(zip(names, message.effort, strict=True))
-        return tube_pressures(robot.description, values)
+        tube_pressures(robot.description, dict.fromkeys(known, pressure))
     except StructureError as error:
-        raise MessageError(f'tube pressures: {error}') from error
+        raise MessageError(f'tube pressures: {tube}: {error}') from error
+    return tube, pressure
