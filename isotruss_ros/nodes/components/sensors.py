@@ -9,6 +9,7 @@ from collections.abc import Callable
 import contextlib
 import functools
 from functools import partial
+import math
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped
@@ -66,6 +67,8 @@ class Inputs:
         self._parts = RollerParts(robot.roller_names)
         self._offsets = np.zeros(len(robot.roller_names))
         self._pressures: dict[str, Input] = {}
+        #: The last pressure that was rejected, and when [s].
+        self._bad_pressure: tuple[RejectedInput | None, float] = None, -math.inf
 
     def keep(
         self,
@@ -201,16 +204,21 @@ class Inputs:
         received: StampedInput | RejectedInput,
     ) -> None:
         """Pass on the pressures of all tubes in place of one."""
-        if isinstance(received, StampedInput):
+        now = self._node.now()
+        if isinstance(received, RejectedInput):
+            self._bad_pressure = received, now
+        else:
             tube, pressure = received.value
             kept = self._pressures.get(tube)
-            now = self._node.now()
             self._pressures[tube] = keep_latest(kept, received._replace(value=pressure), now)
             known = [self._pressures.get(name) for name in self._robot.description.pressures]
             if not all(known):
                 return
             time = min(each.time for each in known)
-            received = StampedInput(tuple(each.value for each in known), time)
+            # Whose tube that was is not known: of the one that is behind, perhaps.
+            bad, when = self._bad_pressure
+            reason = bad if time < when else None
+            received = StampedInput(tuple(each.value for each in known), time, reason)
         receive(received)
 
     def settle(self) -> None:
