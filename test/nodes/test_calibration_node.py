@@ -7,7 +7,7 @@ from geometry_msgs.msg import Vector3
 from isotruss_msgs.srv import CalibrateStiffness
 from isotruss_ros.core import load_robot
 from isotruss_ros.nodes.bring_up.calibration import Calibration
-from isotruss_ros.nodes.simulator import Simulator
+from isotruss_ros.nodes.simulator.node import Simulator
 from manual_world import world
 from mujoco_worlds import needs_mujoco
 import numpy as np

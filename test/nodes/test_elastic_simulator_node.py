@@ -9,8 +9,8 @@ from unittest.mock import ANY, Mock
 from geometry_msgs.msg import PoseStamped
 from isotruss_ros.core import ElasticObject
 from isotruss_ros.core.holding.held_grip import HoldStatus
-from isotruss_ros.nodes import simulator
-from isotruss_ros.nodes.simulator import Simulator
+from isotruss_ros.nodes.simulator import node as simulator
+from isotruss_ros.nodes.simulator.node import Simulator
 from manual_world import world
 import numpy as np
 from probe import CENTER, maker

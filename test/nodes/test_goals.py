@@ -16,9 +16,9 @@ from isotruss_ros.core import Pose
 from isotruss_ros.core.planning.searcher import Answer, Outcome
 from isotruss_ros.nodes.conversions.messages import to_pose_message
 from isotruss_ros.nodes.grasp_planner import GraspPlanner
-from isotruss_ros.nodes.manipulation import Manipulation
+from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.path_follower import PathFollower
-from isotruss_ros.nodes.pick_and_place import PickAndPlace
+from isotruss_ros.nodes.pick_and_place.node import PickAndPlace
 import joint_trajectory_action
 from joint_trajectory_action import FollowJointTrajectory, tolerance
 from manual_world import world

@@ -8,8 +8,8 @@ from isotruss_msgs.msg import StateEstimate
 from isotruss_ros.core import Pose, Status
 from isotruss_ros.core.control.inputs import CLOCK_SKEW
 from isotruss_ros.nodes.bring_up.preflight import Preflight
-from isotruss_ros.nodes.components import robot_frame
 from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message
+from isotruss_ros.nodes.framework import robot_frame
 from isotruss_ros.nodes.state_estimator import StateEstimatorNode
 from manual_world import world
 import numpy as np

@@ -6,9 +6,9 @@
 from action_msgs.msg import GoalStatus
 from builtin_interfaces.msg import Time
 from isotruss_msgs.action import FollowRollerTrajectory
-from isotruss_ros.nodes.components import trajectory_following
-from isotruss_ros.nodes.manipulation import Manipulation
-from isotruss_ros.nodes.simulator import Simulator
+from isotruss_ros.nodes.manipulation import trajectory_following
+from isotruss_ros.nodes.manipulation.node import Manipulation
+from isotruss_ros.nodes.simulator.node import Simulator
 import joint_trajectory_action
 from joint_trajectory_action import FollowJointTrajectory, tolerance
 from manual_world import world

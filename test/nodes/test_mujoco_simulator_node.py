@@ -10,9 +10,9 @@ from geometry_msgs.msg import PoseStamped
 from isotruss_ros.core import ConvexObject, RollerFaults
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.recording import read_recording
-from isotruss_ros.nodes.components import mujoco_object
 from isotruss_ros.nodes.conversions.messages import read_stamp
-from isotruss_ros.nodes.simulator import Simulator
+from isotruss_ros.nodes.simulator import mujoco_object
+from isotruss_ros.nodes.simulator.node import Simulator
 from manual_world import check_refused, world
 from mujoco_worlds import needs_mujoco
 import numpy as np

@@ -6,7 +6,7 @@
 from isotruss_ros.core import ShapeGuard, Status
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.safety.barrier_law import ActiveValues, BarrierLaw
-from isotruss_ros.nodes.manipulation import Manipulation
+from isotruss_ros.nodes.manipulation.node import Manipulation
 from manual_world import Manager, world
 import numpy as np
 from probe import overrides

@@ -8,7 +8,7 @@ from functools import partial
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.nodes.conversions.messages import read_stamp
-from isotruss_ros.nodes.simulator import Simulator
+from isotruss_ros.nodes.simulator.node import Simulator
 from manual_world import check_refused, world
 from mujoco_worlds import needs_mujoco
 import numpy as np

@@ -6,10 +6,10 @@
 from unittest.mock import ANY, Mock
 
 from isotruss_ros.core import RollerFaults, SimulatedRobot, Status
-from isotruss_ros.nodes import simulator
 from isotruss_ros.nodes.conversions.messages import read_stamp
-from isotruss_ros.nodes.manipulation import Manipulation
-from isotruss_ros.nodes.simulator import Simulator
+from isotruss_ros.nodes.manipulation.node import Manipulation
+from isotruss_ros.nodes.simulator import node as simulator
+from isotruss_ros.nodes.simulator.node import Simulator
 from manual_world import world
 import numpy as np
 from probe import CENTER, maker, N, overrides, planar, ROBOT

@@ -8,7 +8,6 @@ from isotruss_msgs.msg import StateEstimate
 from isotruss_ros.core.control import state_estimate
 from isotruss_ros.core.control.state_estimator import StateEstimator
 from isotruss_ros.nodes import state_estimator
-from isotruss_ros.nodes.components import robot_frame
 from isotruss_ros.nodes.conversions.estimate_messages import read_estimate, to_estimate_message
 from isotruss_ros.nodes.conversions.marker_messages import to_joint_markers
 from isotruss_ros.nodes.conversions.messages import (
@@ -17,9 +16,10 @@ from isotruss_ros.nodes.conversions.messages import (
     read_pose,
     read_stamp,
 )
+from isotruss_ros.nodes.framework import robot_frame
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
-from isotruss_ros.nodes.manipulation import Manipulation
-from isotruss_ros.nodes.simulator import Simulator
+from isotruss_ros.nodes.manipulation.node import Manipulation
+from isotruss_ros.nodes.simulator.node import Simulator
 from isotruss_ros.nodes.state_estimator import StateEstimatorNode
 from manual_world import world
 import numpy as np

@@ -7,9 +7,9 @@ import math
 from types import SimpleNamespace
 
 from isotruss_ros.core import analyze_grasp, ConvexObject, load_robot, Pose, tangent_center
-from isotruss_ros.nodes.components import transforms
-from isotruss_ros.nodes.components.transforms import TransformBroadcaster
 from isotruss_ros.nodes.conversions.contact_messages import find_contact_frames
+from isotruss_ros.nodes.framework import transforms
+from isotruss_ros.nodes.framework.transforms import TransformBroadcaster
 import numpy as np
 import pytest
 

@@ -8,7 +8,7 @@ import sys
 
 from diagnostic_msgs.msg import DiagnosticArray
 from isotruss_ros.core import Status
-from isotruss_ros.nodes.components.sparse_messages import MAX_BATCH
+from isotruss_ros.nodes.manipulation.sparse_messages import MAX_BATCH
 from probe import failed, ROBOT, world
 from probe import manipulation as node
 import pytest

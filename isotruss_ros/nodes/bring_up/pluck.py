@@ -15,13 +15,13 @@ from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.calibration.oscillation import fit_oscillation, Oscillation
 from isotruss_ros.core import load_robot, Status
 from isotruss_ros.core.control.inputs import StampedInput
-from isotruss_ros.nodes.components import common_parameters as common
-from isotruss_ros.nodes.components.commands import create_twist_publisher
-from isotruss_ros.nodes.components.joint_markers import LATEST
-from isotruss_ros.nodes.components.sensors import Inputs
+from isotruss_ros.nodes.bring_up.joint_markers import LATEST
+from isotruss_ros.nodes.framework import common_parameters as common
+from isotruss_ros.nodes.framework.commands import create_twist_publisher
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.parameters import ROBOT, Spec
 from isotruss_ros.nodes.framework.runner import StoppableNode
+from isotruss_ros.nodes.framework.sensors import Inputs
 from isotruss_ros.nodes.framework.topics import RELIABLE
 import numpy as np
 

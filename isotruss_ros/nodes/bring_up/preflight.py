@@ -12,12 +12,12 @@ from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.core import IsotrussError, load_robot
 from isotruss_ros.core.control.inputs import Input, InputError, require_fresh
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.nodes.components import common_parameters as common
-from isotruss_ros.nodes.components.joint_markers import JointMarkers, LATEST, WINDOW
-from isotruss_ros.nodes.components.sensors import Inputs
+from isotruss_ros.nodes.bring_up.joint_markers import JointMarkers, LATEST, WINDOW
+from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.parameters import ROBOT, Spec
 from isotruss_ros.nodes.framework.runner import StoppableNode
+from isotruss_ros.nodes.framework.sensors import Inputs
 from isotruss_ros.nodes.framework.topics import LATCHED, RELIABLE
 import numpy as np
 from sensor_msgs.msg import JointState

@@ -26,21 +26,21 @@ from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.simulation.simulated_robot import SimulatedObject
 from isotruss_ros.mujoco_plant.driven_robot import DrivenRobot
 from isotruss_ros.mujoco_plant.recording import PlantRecorder
-from isotruss_ros.nodes.components import common_parameters as common
-from isotruss_ros.nodes.components.mujoco_object import (
-    make_driven_robot,
-    MUJOCO_SPECS,
-)
-from isotruss_ros.nodes.components.simulated_object import place_at_start
-from isotruss_ros.nodes.components.simulated_object import SPECS as OBJECT_SPECS
-from isotruss_ros.nodes.components.simulated_sensors import SENSOR_SPECS, SimulatedSensors
-from isotruss_ros.nodes.components.simulated_truth import CLOCK_SPEED, ClockSource, SimulatedTruth
 from isotruss_ros.nodes.conversions.grasp_messages import read_external_wrench
 from isotruss_ros.nodes.conversions.messages import check_frame, MessageError, read_pose
+from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import FixedSpec, ParameterError
 from isotruss_ros.nodes.framework.topics import RELIABLE
+from isotruss_ros.nodes.simulator.mujoco_object import (
+    make_driven_robot,
+    MUJOCO_SPECS,
+)
+from isotruss_ros.nodes.simulator.simulated_object import place_at_start
+from isotruss_ros.nodes.simulator.simulated_object import SPECS as OBJECT_SPECS
+from isotruss_ros.nodes.simulator.simulated_sensors import SENSOR_SPECS, SimulatedSensors
+from isotruss_ros.nodes.simulator.simulated_truth import CLOCK_SPEED, ClockSource, SimulatedTruth
 import numpy as np
 from std_msgs.msg import Float64MultiArray
 

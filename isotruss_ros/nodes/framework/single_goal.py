@@ -12,8 +12,8 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_ros.core import IsotrussError
-from isotruss_ros.nodes.components.supervision import ClientWatch, FEEDBACK_PERIOD
 from isotruss_ros.nodes.framework.managed import ManagedNode
+from isotruss_ros.nodes.framework.supervision import ClientWatch, FEEDBACK_PERIOD
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.task import Future

@@ -15,8 +15,8 @@ from isotruss_ros.core.control.inputs import (
     RejectedInput,
     StampedInput,
 )
-from isotruss_ros.nodes.components.robot_frame import NoTransformError
 from isotruss_ros.nodes.conversions.messages import MessageError, read_stamp
+from isotruss_ros.nodes.framework.robot_frame import NoTransformError
 from isotruss_ros.nodes.framework.runner import StoppableNode
 from isotruss_ros.nodes.framework.topics import subscribe_each, subscribe_newest
 from rclpy.subscription import Subscription

@@ -8,7 +8,7 @@ from __future__ import annotations
 from functools import partial
 from typing import NamedTuple
 
-from isotruss_ros.calibration.home import Posture
+from isotruss_ros.calibration.home_fit import Posture
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.core import Robot
 from isotruss_ros.core.control.inputs import (
@@ -18,9 +18,9 @@ from isotruss_ros.core.control.inputs import (
     StampedInput,
     Timeline,
 )
-from isotruss_ros.nodes.components.sensors import Inputs
 from isotruss_ros.nodes.framework.parameters import Spec
 from isotruss_ros.nodes.framework.runner import StoppableNode
+from isotruss_ros.nodes.framework.sensors import Inputs
 import numpy as np
 
 WINDOW = Spec('window', 1.0, 'Markers are averaged over so long a time [s]', bounds=(0.05, 60.0))

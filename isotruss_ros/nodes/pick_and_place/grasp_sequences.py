@@ -32,16 +32,6 @@ from isotruss_ros.core.model.pose import pose_difference
 from isotruss_ros.core.planning.describe_plan import path_times
 from isotruss_ros.core.planning.release import plan_release, Release
 from isotruss_ros.core.planning.violations import export_violation, violation_in_words
-from isotruss_ros.nodes.components import common_parameters as common
-from isotruss_ros.nodes.components.action_steps import (
-    ActionStep,
-    Outcome,
-    set_parameters,
-    StepError,
-    Steps,
-)
-from isotruss_ros.nodes.components.sensors import TrackedShape
-from isotruss_ros.nodes.components.supervision import create_heartbeat, SHORTEST_SILENCE
 from isotruss_ros.nodes.conversions.messages import (
     make_header,
     read_pose,
@@ -49,7 +39,17 @@ from isotruss_ros.nodes.conversions.messages import (
 )
 from isotruss_ros.nodes.conversions.path_messages import read_duration, to_trajectory_message
 from isotruss_ros.nodes.conversions.sequence_goals import to_search_goal
+from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.managed import ManagedNode
+from isotruss_ros.nodes.framework.sensors import TrackedShape
+from isotruss_ros.nodes.framework.supervision import create_heartbeat, SHORTEST_SILENCE
+from isotruss_ros.nodes.pick_and_place.action_steps import (
+    ActionStep,
+    Outcome,
+    set_parameters,
+    StepError,
+    Steps,
+)
 from nav_msgs.msg import Path
 import numpy as np
 from rcl_interfaces.srv import SetParameters
@@ -215,7 +215,7 @@ class GraspSequences(TrackedShape):
                 **export_violation(release.violation),
             )
         near = np.arange(len(release.path) - 1) <= release.apart
-        times = path_times(release.path, self._robot.description.max_speed, near)
+        times = path_times(release.path, self._robot.description, near)
         trajectory = to_trajectory_message(self._robot, release.path.tolist(), times.tolist())
         apart = float(times[release.apart])
         yield from self._drive(trajectory, apart, PLACE.OPENING, PLACE.BACKING_OFF)

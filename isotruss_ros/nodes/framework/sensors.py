@@ -26,13 +26,13 @@ from isotruss_ros.core.control.inputs import (
 from isotruss_ros.core.control.roller_parts import RollerParts
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.kinematics.configuration import ConfigurationTracker
-from isotruss_ros.nodes.components.gate import Gate
-from isotruss_ros.nodes.components.robot_frame import RobotFrame
 from isotruss_ros.nodes.conversions.estimate_messages import read_estimate
 from isotruss_ros.nodes.conversions.joint_state_messages import (
     read_roller_part,
     read_tube_pressure,
 )
+from isotruss_ros.nodes.framework.gate import Gate
+from isotruss_ros.nodes.framework.robot_frame import RobotFrame
 from isotruss_ros.nodes.framework.runner import StoppableNode
 import numpy as np
 from rclpy.subscription import Subscription

@@ -19,8 +19,8 @@ from uuid import uuid4
 
 from action_msgs.msg import GoalInfo, GoalStatus
 from isotruss_ros.core import IsotrussError
-from isotruss_ros.nodes.components.supervision import ServerWatch
 from isotruss_ros.nodes.conversions.messages import request_parameters
+from isotruss_ros.nodes.framework.supervision import ServerWatch
 from rclpy.action import ActionClient
 from rclpy.action.client import ClientGoalHandle
 from rclpy.client import Client
