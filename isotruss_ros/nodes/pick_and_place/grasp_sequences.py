@@ -38,7 +38,6 @@ from isotruss_ros.nodes.conversions.messages import (
     to_pose_message,
 )
 from isotruss_ros.nodes.conversions.path_messages import read_duration, to_trajectory_message
-from isotruss_ros.nodes.conversions.sequence_goals import to_search_goal
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.sensors import TrackedShape
@@ -50,6 +49,7 @@ from isotruss_ros.nodes.pick_and_place.action_steps import (
     StepError,
     Steps,
 )
+from isotruss_ros.nodes.pick_and_place.sequence_goals import to_search_goal
 from nav_msgs.msg import Path
 import numpy as np
 from rcl_interfaces.srv import SetParameters

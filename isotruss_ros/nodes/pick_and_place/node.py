@@ -14,7 +14,6 @@ from isotruss_msgs.msg import GraspState
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.core.control.inputs import InputError
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.nodes.conversions.sequence_goals import check_move, check_pick, check_place
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.managed import ManagedNode
@@ -27,6 +26,7 @@ from isotruss_ros.nodes.pick_and_place.action_steps import (
     Steps,
 )
 from isotruss_ros.nodes.pick_and_place.grasp_sequences import GraspSequences
+from isotruss_ros.nodes.pick_and_place.sequence_goals import check_move, check_pick, check_place
 
 SPECS = (*common.OBJECT_SPECS, common.COMMAND_TIMEOUT)
 #: A sequence is taken on this often [s].
