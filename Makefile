@@ -39,7 +39,7 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 help:
 	@echo 'make demo     move a grasped object with the real nodes; draws a picture and an animation; PLANT=mujoco, SENSORS=real'
 	@echo 'make view     watch and drag the robot in a browser; PLANT=elastic, kinematic or mujoco, OBJECT=box.yaml'
-	@echo 'make test     style and tests; those of ament run with make colcon'
+	@echo 'make test     style, types and tests; those of ament run with make colcon'
 	@echo 'make wheel    build the wheel, install it into an empty environment, and run the Python of README.md there'
 	@echo 'make noble    some tests with the versions of Ubuntu 24.04, in .noble'
 	@echo 'make matrix   tests without ROS with the versions of Ubuntu 24.04, of Debian 13, and the newest, in .matrix'
@@ -63,6 +63,7 @@ venv: $(STAMPS)/messages $(STAMPS)/package
 test: venv
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/mypy
 	+$(MAKE) --no-print-directory unit-tests
 	+$(MAKE) --no-print-directory system-tests
 
@@ -160,7 +161,7 @@ format: venv
 	$(BIN)/ruff format .
 
 clean:
-	rm -rf .venv .noble .matrix docs/_build docs/api .colcon build install log *.egg-info .pytest_cache .ruff_cache .hypothesis
+	rm -rf .venv .noble .matrix docs/_build docs/api .colcon build install log *.egg-info .pytest_cache .ruff_cache .mypy_cache .hypothesis
 
 # The script leaves the stamp alone while the same Python serves the same folder.
 $(STAMPS)/python: FORCE

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from isotruss_ros.core import analyze_grasp, Configuration, ConvexObject, Pose, Robot, settle_grasp
 from isotruss_ros.core.numerics.arrays import Array
@@ -105,8 +106,9 @@ def animate(robot: Robot, diameter: float, records: Sequence[PhaseRecord], path:
     snapshots = [snap for record in records for snap in record.snapshots]
     times = np.array([snap.time for snap in snapshots])
     ticks = np.arange(times[0], times[-1], SPEED_UP / FRAMES_PER_SECOND)
-    chosen = [snapshots[i] for i in np.searchsorted(times, ticks)]
-    configs = []
+    places: Any = np.searchsorted(times, ticks)
+    chosen = [snapshots[i] for i in places]
+    configs: list[Configuration] = []
     for snap in chosen:
         near = configs[-1] if configs else None
         configs.append(robot.configuration(snap.rollers, near=near))
@@ -130,7 +132,7 @@ def animate(robot: Robot, diameter: float, records: Sequence[PhaseRecord], path:
     animation.save(path, writer=PillowWriter(fps=FRAMES_PER_SECOND), dpi=70)
 
 
-def _draw_path(axes: object, snapshots: Sequence[Snapshot]) -> None:
+def _draw_path(axes: Any, snapshots: Sequence[Snapshot]) -> None:
     axes.plot(
         [snap.pose.x for snap in snapshots],
         [snap.pose.y for snap in snapshots],
@@ -140,7 +142,7 @@ def _draw_path(axes: object, snapshots: Sequence[Snapshot]) -> None:
     )
 
 
-def _draw_pull(axes: object, pose: Pose, pull: Wrench) -> None:
+def _draw_pull(axes: Any, pose: Pose, pull: Wrench) -> None:
     """Draw what pulls at the object as an arrow with its size."""
     place = np.array(pose[:2])
     tip = place + PULL_SCALE * np.array(pull[:2])

@@ -67,7 +67,7 @@ class SingleGoal:
     def __init__(
         self,
         node: ManagedNode,
-        kind: type,
+        kind: Any,
         name: str,
         read: Callable[[Any], Any],
         refuse: Callable[[IsotrussError], Any],

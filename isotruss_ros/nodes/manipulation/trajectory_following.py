@@ -154,7 +154,7 @@ class TrajectoryFollowing:
         words = f'following a trajectory of {trajectory.duration:.1f} s{when}'
         self._node.get_logger().info(words)
 
-    def _offer(self, kind: type, name: str) -> SingleGoal:
+    def _offer(self, kind: Any, name: str) -> SingleGoal:
         """Offer an action; its goals are trajectories like those of the topic."""
 
         def refuse(error: IsotrussError) -> Any:

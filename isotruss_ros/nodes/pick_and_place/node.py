@@ -100,7 +100,7 @@ class PickAndPlace(ManagedNode):
 
     def _offer(
         self,
-        kind: type,
+        kind: Any,
         name: str,
         check: Callable[[Any], None],
         sequence: Callable[[Any], Steps],
