@@ -23,7 +23,7 @@ PANELS = FOXGLOVE['configById']
 def topics():
     """Return the types of all topics that the nodes publish, by their absolute name."""
     return {
-        '/' + name.lstrip('/'): entity.types[0]s[0]
+        '/' + name.lstrip('/'): entity.types[0]
         for interface in all_interfaces().values()
         for name, entity in interface.published.items()
     }
@@ -48,11 +48,7 @@ def check_path(path, topics):
 
 
 def test_foxglove_plots_fields_of_the_topics(topics):
-    paths = [
-        line['value']
-        for panel in PANELS.values()
-        for line in panel.get('paths', [])
-    ]
+    paths = [line['value'] for panel in PANELS.values() for line in panel.get('paths', [])]
     assert len(paths) > 10
     for path in paths:
         check_path(path, topics)
