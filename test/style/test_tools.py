@@ -22,7 +22,7 @@ PANELS = FOXGLOVE['configById']
 @pytest.fixture(scope='module')
 def topics():
     """Return the types of all topics that the nodes publish, by their absolute name."""
-    return {
+    return {'/diagnostics': 'diagnostic_msgs/DiagnosticArray'} | {
         '/' + name.lstrip('/'): entity.types[0]
         for interface in all_interfaces().values()
         for name, entity in interface.published.items()
