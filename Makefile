@@ -46,6 +46,7 @@ help:
 	@echo 'make nightly  what takes long: all tests, demo and paper as in make noble; matrix, soak, calls, plant, demo in MuJoCo'
 	@echo 'make paper    compute and draw what the paper shows: docs/paper.md'
 	@echo 'make plant    compare our model with MuJoCo: docs/plant.md'
+	@echo 'make pictures draw anew the pictures and films of README and site that are out of date'
 	@echo 'make docs     build the documentation site: docs/_build/html/index.html'
 	@echo 'make colcon   build and test both packages as a colcon workspace, in .colcon'
 	@echo 'make bench    run the benchmarks'
@@ -124,6 +125,10 @@ paper: venv
 
 plant: venv
 	$(BIN)/python -m comparison
+
+# By what they show and what draws them; the films need Chromium and EGL, and a machine that does nothing else.
+pictures: venv
+	$(BIN)/python tools/pictures.py
 
 docs-venv: venv $(STAMPS)/docs
 
