@@ -14,16 +14,19 @@ import os
 import sys
 import time
 
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import rclpy
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from std_msgs.msg import Bool, String
+from std_msgs.msg import Bool
 from trajectory_msgs.msg import JointTrajectory
 
 LEAVE = 0.1
 #: What is published; the name of a roller that there is not halts until another message comes.
 MESSAGES = {
     'emergency_stop': Bool(data=True),
-    'failed_rollers': String(data='nobody'),
+    'failed_rollers': DiagnosticArray(
+        status=[DiagnosticStatus(name='nobody', level=DiagnosticStatus.ERROR)]
+    ),
     'joint_trajectory_controller/joint_trajectory': JointTrajectory(),
 }
 

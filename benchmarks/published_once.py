@@ -27,6 +27,7 @@ import sys
 import time
 from typing import Protocol
 
+from diagnostic_msgs.msg import DiagnosticArray
 from isotruss_ros.demo.processes import NodeProcess
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.manipulation.node import Manipulation
@@ -36,7 +37,7 @@ from isotruss_ros.nodes.manipulation.trajectory_following import TrajectoryFollo
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.logging import LoggingSeverity, set_logger_level
-from std_msgs.msg import Bool, String
+from std_msgs.msg import Bool
 
 #: From the end of the process until the message counts as missed [s].
 WAIT = 2.0
@@ -81,7 +82,7 @@ class Halting:
         """Receive what ends the halt."""
         if self._topic == 'failed_rollers':
             owner = self.node._failed_rollers
-            owner._receive([String()])
+            owner._receive([DiagnosticArray()])
         else:
             # The service asks for a false first.
             owner = self.node._stop
