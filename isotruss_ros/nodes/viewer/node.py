@@ -178,7 +178,10 @@ class Viewer(StoppableNode):
 
     def _step(self) -> None:
         controls, now = self._controls, time.monotonic()
-        controls.control.latch(self._stopped or self.picture.is_stopped(now))
+        stopped = self._stopped or self.picture.is_stopped(now)
+        if controls.control.stopped and not stopped:
+            self._report_goal('')  # what the stop ended is past
+        controls.control.latch(stopped)
         for name, value in controls.take(now):
             self._carry_out(name, value)
         control, pose = controls.control, self._dragged_pose(now)
@@ -214,7 +217,8 @@ class Viewer(StoppableNode):
                 left = f'{math.degrees(way / LEVER):.0f}° left'
         control.drag = None
         words = f'{self._controls.dragged}: no progress for {PATIENCE:.0f} s, {left}'
-        self._report_goal(f'drag given up: {words}; {self.picture.describe_manipulation(now)}')
+        why = self.picture.describe_hindrance(now, PATIENCE)
+        self._report_goal(f'drag given up: {words}; {why}')
         self.get_logger().warning(self.picture.goal_report)
 
     def _publish_twist(self, position: tuple[float, float] | None, now: float) -> None:
