@@ -138,7 +138,7 @@ class StateEstimatorNode(ManagedNode):
     def _receive(self, topic: str, take: object, message: object) -> None:
         """Take a message in; one that is not usable is named and left."""
         try:
-            take(message)
+            take(message)  # type: ignore[operator]
         except IsotrussError as error:
             self.warn(topic, f'{topic}: {error}')
 

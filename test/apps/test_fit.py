@@ -60,7 +60,7 @@ def accepted(text):
     (printed,) = re.findall(r'^  stiffness:.*(?:\n    .+)+', text, re.MULTILINE)
     document = robots.example()
     document['tube'] |= YAML(typ='safe', pure=True).load(printed)
-    return tube_stiffness(read_robot_file(robots.write(document)))
+    return tube_stiffness(read_robot_file(robots.write(document))).model
 
 
 def constants(model):

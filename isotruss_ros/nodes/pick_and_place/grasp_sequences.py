@@ -205,7 +205,7 @@ class GraspSequences(TrackedShape):
         """
         self.stage = PLACE.PLANNING
         state = yield from self._await_held(Outcome.NOT_READY)
-        pose = self.pose.value
+        pose = self.pose.value  # type: ignore[union-attr]
         config = self.configuration(self._node.now())
         body = common.read_body(self._node.values).moved_to(pose)
         planned: Future[Release] = self._thread.submit(
@@ -227,7 +227,7 @@ class GraspSequences(TrackedShape):
         yield from self._drive(trajectory, apart, PLACE.OPENING, PLACE.BACKING_OFF)
         self.stage = PLACE.CONFIRMING
         yield from self._confirm(False)
-        now: Pose = self.pose.value
+        now: Pose = self.pose.value  # type: ignore[union-attr]
         moved = float(np.hypot(now.x - pose.x, now.y - pose.y))
         return PlaceObject.Result(
             message=f'free, {1e3 * moved:.3g} mm from where it was held', displacement=moved
@@ -316,7 +316,7 @@ class GraspSequences(TrackedShape):
                     self.timeout,
                     joint_states=self.rollers,
                     object_pose=self.pose,
-                    **{name: find() for name, find in inputs.items()},
+                    **{name: find() for name, find in inputs.items()},  # type: ignore[arg-type]
                 )
             except InputError:
                 if time.monotonic() - begun > INPUT_TIME:

@@ -205,7 +205,7 @@ class Viewer(StoppableNode):
         if name == OBJECT:
             return picture.pose
         place = picture.robot.node_names.index(name)
-        return Pose(*picture.config.nodes[place].tolist(), 0.0)
+        return Pose(*picture.config.nodes[place].tolist(), 0.0)  # type: ignore[call-arg]
 
     def _give_up(self, position: tuple[float, float] | None, now: float) -> None:
         control = self._controls.control
@@ -259,7 +259,7 @@ class Viewer(StoppableNode):
         elif name == PLACE:
             self._goals.send(PLACE)
         elif name == PLANT:
-            self._simulator.restart(value)
+            self._simulator.restart(value)  # type: ignore[arg-type]
         elif name == RESET:
             self._simulator.restart()
             # A slip or a loss is past with it: the manipulation waits for a client to say so.
@@ -267,9 +267,9 @@ class Viewer(StoppableNode):
         else:
             parameter, nodes = SETTINGS[name]
             if name == 'squeeze':
-                self._squeeze = value
+                self._squeeze = value  # type: ignore[assignment]
             if name == 'diameter':
-                self.picture.diameter = value
+                self.picture.diameter = value  # type: ignore[assignment]
             for node in nodes:
                 self._send_parameters(node, {parameter: value})
 
