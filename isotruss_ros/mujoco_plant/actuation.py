@@ -61,9 +61,9 @@ def add_actuation(root: ET.Element, robot: Robot, objects: int, segments: Indice
     for body in (*robot.topology.joint_names, *(f'object{n}' for n in range(objects))):
         ET.SubElement(sensors, 'framepos', name=body, objtype='xbody', objname=body)
     for number in range(objects):
-        body = f'object{number}'
+        body = f'object{number}'  # type: ignore[assignment]
         turn = {'name': f'{body}:orientation', 'objtype': 'xbody', 'objname': body}
-        ET.SubElement(sensors, 'framequat', **turn)
+        ET.SubElement(sensors, 'framequat', **turn)  # type: ignore[arg-type]
 
 
 def _couple(root: ET.Element, tendon: ET.Element, robot: Robot, segments: Indices) -> None:
