@@ -82,10 +82,8 @@ class EstimatedTravel(NamedTuple):
     What a control loop takes from an estimate.
 
     :ivar offsets: (r,) to add to the readings of the encoders [m].
-    :ivar squeeze: mean normal force of the members [N]; no number where it is not known.
-    :ivar squeeze_deviation: its standard deviation [N].
+    :ivar covariance: (r, r) of these [m^2].
     """
 
     offsets: Array
-    squeeze: float = math.nan
-    squeeze_deviation: float = math.nan
+    covariance: Array
