@@ -20,9 +20,9 @@ STAMPS := $(VENV)/stamps
 export EXAMPLES_SHARE ?= 0.1
 PYTEST := $(BIN)/python -m pytest -n auto --dist worksteal
 
-# Tests and demo keep to this machine, and two runs at once on it have domains of their own.
+# Tests and demo keep to this machine; each locks a domain of its own there.
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
-export ROS_DOMAIN_ID := $(shell echo $$(($$$$ % 100 + 1)))
+unexport ROS_DOMAIN_ID
 
 # A ROS installation that is sourced would mix its packages and settings with those of .venv.
 unexport AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH PYTHONHOME PYTHONPATH

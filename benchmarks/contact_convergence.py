@@ -112,7 +112,7 @@ def main() -> None:
             for spacing in (SPACING, SPACING / FINER)
         )
         found.append(differences(coarse, fine))
-        flips += coarse.force_closure != fine.force_closure
+        flips += coarse.closed_by_friction != fine.closed_by_friction
     rows = []
     for name in found[0]:
         values = np.array([each[name] for each in found])

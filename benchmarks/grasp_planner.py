@@ -130,7 +130,7 @@ def _missed(config: Configuration, body: ConvexObject) -> float:
     uneven = abs(pressing[0] - pressing[1]) / total
     short = max(0.0, NEEDS.min_margin - found.closure_margin)
     used = max(0.0, max(found.utilisation.values()) - NEEDS.max_utilisation)
-    if short > 0.0 or used > 0.0 or not found.force_closure:
+    if short > 0.0 or used > 0.0 or not found.closed_by_friction:
         return uneven + wide + short / total + used + 1e-6
     return 0.0
 
@@ -138,7 +138,7 @@ def _missed(config: Configuration, body: ConvexObject) -> float:
 def judge(positions: np.ndarray, body: ConvexObject) -> bool:
     """Check a grasp again: closed, and within the wrinkling moment."""
     found = analyze_grasp(ROBOT.configuration(positions), body, NEEDS.friction)
-    return found.force_closure and max(found.utilisation.values()) <= NEEDS.max_utilisation
+    return found.closed_by_friction and max(found.utilisation.values()) <= NEEDS.max_utilisation
 
 
 def planned(body: ConvexObject) -> Outcome:

@@ -17,5 +17,6 @@ for member, length in grasp.contact_lengths.items():
     force = grasp.contact_forces[member]
     print(f'{member} presses with {force:.1f} N over {1000 * length:.0f} mm')
 print('the tubes push and turn the box with', grasp.normal_wrench.round(2), '[N, N, N m]')
-print('force closure:', grasp.force_closure, 'from friction', round(grasp.required_friction, 2))
+closed, need = grasp.closed_by_friction, round(grasp.required_friction, 2)
+print('closed by friction:', closed, 'from coefficient', need)
 print('grasp stiffness:\n', grasp.stiffness.round())

@@ -3,40 +3,51 @@
 
 """Tests keep to this machine, and away from each other and whatever else runs on it."""
 
+import contextlib
 import itertools
 import os
 
 from hypothesis import settings
 import pytest
 
-# Before rclpy is loaded; a domain that is set is where the counting begins.
-_FIRST = int(os.environ.get('ROS_DOMAIN_ID', os.getpid()))
-_WORKER = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0').removeprefix('gw'))
-_WORKERS = int(os.environ.get('PYTEST_XDIST_WORKER_COUNT', '1'))
-#: Each worker has a share of its own of the 101 domains whose ports are free on Linux.
-_SHARE = max(1, 101 // _WORKERS)
-_domains = (
-    1 + (_FIRST - 1 + _WORKER * _SHARE + turn % _SHARE) % 101 for turn in itertools.count()
-)
-os.environ['ROS_DOMAIN_ID'] = str(next(_domains))
-os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
 # Before NumPy is loaded: BLAS threads that wait for each other make a busy machine crawl.
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+from isotruss_ros.demo.domains import DOMAINS, lock_domain
+
+# A domain that is set is where the counting begins; each worker begins elsewhere, so that the
+# traces of a killed process are left alone for long.
+_WORKER = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0').removeprefix('gw'))
+_WORKERS = int(os.environ.get('PYTEST_XDIST_WORKER_COUNT', '1'))
+_FIRST = int(os.environ.get('ROS_DOMAIN_ID', os.getpid()))
+_turns = itertools.count(_FIRST + _WORKER * (len(DOMAINS) // _WORKERS))
+#: Of this process, before rclpy is loaded; locked until it ends.
+_OWN = lock_domain(next(_turns))
+os.environ['ROS_DOMAIN_ID'] = str(_OWN.number)
+os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
 # However busy the machine is, and the same random examples each time.
 settings.register_profile('any load', deadline=None, derandomize=True)
 settings.load_profile('any load')
 
 
+@contextlib.contextmanager
+def _next_domain():
+    """Set the next free domain for a block."""
+    with contextlib.closing(lock_domain(next(_turns))) as lock, pytest.MonkeyPatch.context() as p:
+        p.setenv('ROS_DOMAIN_ID', str(lock.number))
+        yield
+
+
 @pytest.fixture(autouse=True)
-def own_domain(request, monkeypatch):
+def own_domain(request):
     """Give tests of processes a domain each: one that was killed leaves its traces in its own."""
-    if request.node.get_closest_marker('system') and 'shared_domain' not in request.fixturenames:
-        monkeypatch.setenv('ROS_DOMAIN_ID', str(next(_domains)))
+    marked = request.node.get_closest_marker('system')
+    own = marked and 'shared_domain' not in request.fixturenames
+    with _next_domain() if own else contextlib.nullcontext():
+        yield
 
 
 @pytest.fixture(scope='module')
 def shared_domain():
     """Give the tests of a file that share their processes one domain."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv('ROS_DOMAIN_ID', str(next(_domains)))
+    with _next_domain():
         yield

@@ -1,29 +1,42 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Draw the labelled pictures of the site: a robot and its parts, and a held object's forces."""
+"""Draw the labelled pictures of the site: a robot's parts, a held object's forces, closure."""
 
+from dataclasses import replace
 from pathlib import Path
 
-from isotruss_ros.core import analyze_grasp, ConvexObject, load_robot, tangent_center
+from isotruss_ros.core import analyze_grasp, ConvexObject, load_robot, settle_grasp, tangent_center
 from isotruss_ros.plotting import plot_grasp, plot_robot
+from isotruss_ros.plotting.grasp_drawing import FORCE_COLOR
 import matplotlib as mpl
+from matplotlib import patheffects
 from matplotlib.axes import Axes
 import matplotlib.pyplot as plt
 import numpy as np
 
 IMAGES = Path(__file__).parents[1] / 'images'
+#: Of friction forces, and the length of the arrow of the largest normal force [m].
+FRICTION_COLOR, LONGEST = '#1b5fb4', 0.2
+#: Of words upon a drawing.
+CENTRED = {
+    'ha': 'center',
+    'va': 'center',
+    'path_effects': [patheffects.withStroke(linewidth=3.0, foreground='white')],
+}
+YES = {True: 'yes', False: 'no'}
 INK, LINE = '#222222', '#777777'
 ARROW = {'arrowstyle': '-|>', 'color': INK, 'lw': 1.4, 'shrinkA': 0.0, 'shrinkB': 0.0}
 
 
 def main() -> None:
-    """Draw both pictures as SVG, and the robot as PNG."""
+    """Draw all pictures as SVG, and the robot as PNG."""
     mpl.rcParams.update({'font.size': 10, 'svg.hashsalt': 'isotruss_ros', 'svg.fonttype': 'path'})
     robot = draw_parts()
     robot.savefig(IMAGES / 'robot.svg', metadata={'Date': None})
     robot.savefig(IMAGES / 'robot.png', dpi=110)
     draw_forces().savefig(IMAGES / 'held_object.svg', metadata={'Date': None})
+    draw_closure().savefig(IMAGES / 'closure.svg', metadata={'Date': None})
 
 
 def draw_parts() -> plt.Figure:
@@ -101,6 +114,54 @@ def draw_forces() -> plt.Figure:
     _label(axes, middle + (-0.27 - 0.16j), middle + (-0.58 + 0.02j), 'tube, bent and flattened')
     _label(axes, middle + (-0.37 - 0.26j), middle + (-0.58 - 0.3j), 'axis without load')
     return figure
+
+
+def draw_closure() -> plt.Figure:
+    """Return the drawing of a disc held fast, of one that is held, and of one with wrinkles."""
+    figure, row = plt.subplots(1, 3, figsize=(9.0, 3.3), layout='constrained')
+    _draw_verdict(row[0], 0.02, False)
+    _draw_verdict(row[1], 0.02, True)
+    _draw_verdict(row[2], 0.06, True)
+    return figure
+
+
+def _draw_verdict(axes: Axes, indentation: float, free: bool) -> None:
+    """Draw the forces of two members on a disc, and write what they say of it below."""
+    home = load_robot('nine_member').home
+    body = ConvexObject.disc(tangent_center(home, 'south/P', 0.3, indentation), 0.3)
+    fast, settled = analyze_grasp(home, body, 0.8), settle_grasp(home, body, 0.8)
+    fast = replace(fast, utilisation=settled.utilisation)
+    plot_grasp(home, body, fast, axes, scale=0.0)
+    axes.set_axis_off()
+    axes.set_ylim(body.center.imag - 0.25, body.center.imag + 0.33)
+    axes.set_xlim(body.center.real - 0.36, body.center.real + 0.36)
+    members = [home.robot.member_names.index(name) for name in settled.normal_forces]
+    if free:
+        pressing, rubbing = settled.normal_forces.values(), settled.friction_forces.values()
+        words = f'free\nforce closure: {YES[settled.force_closure]}, held: {YES[settled.held]}'
+        words += ', a tube wrinkles' if not settled.held else ''
+    else:
+        pressing = fast.contact_forces.values()
+        rubbing = [fast.friction_forces[fast.members == i].sum() for i in members]
+        closed = YES[fast.closed_by_friction]
+        words = f'held fast\nclosed by friction: {closed}, {fast.closure_residual:.1f} N left'
+    for i, normal, along in zip(settled.equilibrium.state.normals, pressing, rubbing, strict=True):
+        touched = body.center + 0.15 * i
+        for force, color, name in (
+            (-normal * i, FORCE_COLOR, f'{normal:.0f} N'),
+            (1j * along * i, FRICTION_COLOR, f'{abs(along):.0f} N'),
+        ):
+            tail = touched - LONGEST / max(pressing) * force
+            label = tail - 0.025 * force / abs(force)
+            axes.annotate(
+                '',
+                xy=(touched.real, touched.imag),
+                xytext=(tail.real, tail.imag),
+                arrowprops=ARROW | {'color': color},
+                zorder=12,
+            )
+            axes.text(label.real, label.imag, name, color=color, zorder=12, **CENTRED)
+    axes.set_title(words, fontsize=9, y=-0.12)
 
 
 def _xy(points: list[complex]) -> np.ndarray:

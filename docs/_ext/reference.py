@@ -7,11 +7,13 @@ from __future__ import annotations
 
 import importlib
 import inspect
+import json
 from pathlib import Path
 import pkgutil
 import re
 
 from isotruss_ros import core
+from isotruss_ros.core.model.presets import config_directory
 from node_pages import markdown_table
 
 #: From below to above, as packages may import.
@@ -44,6 +46,20 @@ def facade_table() -> str:
         summary = inspect.getdoc(thing).split('\n\n')[0].replace('\n', ' ')
         rows.append((f'[`core.{name}`](#{target})', summary))
     return markdown_table(('name', 'what it is'), rows)
+
+
+def range_table() -> str:
+    """Return the ranges of the numbers of a robot file, with the reasons, from its schema."""
+    schema = json.loads((config_directory() / 'robot.schema.json').read_text(encoding='utf-8'))
+    rows = []
+    for block, content in schema['properties'].items():
+        for key, entry in content.get('properties', {}).items():
+            if 'reason' in entry:
+                low = entry.get('minimum', 0)
+                unit = f' {entry["unit"]}'.rstrip()
+                extent = f'{low:g} to {entry["maximum"]:g}{unit}'
+                rows.append((f'`{block}.{key}`', extent, entry['reason']))
+    return markdown_table(('key', 'range', 'reason'), rows)
 
 
 def write_pages(folder: Path) -> None:

@@ -15,10 +15,13 @@ import sys
 from types import FrameType
 
 from isotruss_ros.core import IsotrussError
+from isotruss_ros.demo.domains import DomainLock, lock_domain
 from isotruss_ros.nodes.framework.runner import STOP_SIGNALS
 
 #: A node that has not ended this long after Ctrl-C is killed [s].
 STOP_TIMEOUT = 30.0
+#: Of this process, kept until it ends.
+_locks: list[DomainLock] = []
 
 
 class NodeError(IsotrussError, RuntimeError):
@@ -134,10 +137,12 @@ def keep_to_this_machine() -> int:
     """
     Cut this process and its children off from every robot on the network.
 
-    :return: the domain id that they use.
+    :return: the domain id that they use: that of the environment if set, else one locked until
+        this process ends.
+    :raises DomainError: all domains are locked.
     """
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-    # Not 0, which a robot may have on this very machine; up to 101 the ports are free on Linux.
-    domain = int(os.environ.get('ROS_DOMAIN_ID') or 1 + os.getpid() % 101)
-    os.environ['ROS_DOMAIN_ID'] = str(domain)
-    return domain
+    if not os.environ.get('ROS_DOMAIN_ID'):
+        _locks.append(lock_domain(os.getpid()))
+        os.environ['ROS_DOMAIN_ID'] = str(_locks[-1].number)
+    return int(os.environ['ROS_DOMAIN_ID'])

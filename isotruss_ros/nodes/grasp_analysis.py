@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node `grasp_analysis`: publishes contact forces and force closure of the measured grasp."""
+"""Node `grasp_analysis`: publishes contact forces and force closure of the measured object."""
 
 from __future__ import annotations
 
@@ -124,9 +124,8 @@ class GraspAnalysisNode(ManagedNode):
         report = self._monitor.report(now)
         state = to_state_message(report, self.robot.frame)
         self._states.publish(state)
-        held = Bool(data=state.held)
-        self._held.publish(held)
-        self._closures.publish(held)
+        self._held.publish(Bool(data=state.held))
+        self._closures.publish(Bool(data=state.force_closure))
         words, level = f'{report.code}: {report.message}', DiagnosticStatus.ERROR
         if report.grasp is not None:
             # A wrench has no code: without a result, none is published.

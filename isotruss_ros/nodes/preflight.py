@@ -30,7 +30,7 @@ SPECS = (
     Spec('listen_time', 3.0, 'Topics are heard for so long [s]', (0.5, 60.0)),
     Spec('joint_rate', 50.0, 'Least messages of joint_states in a second [Hz]', (1.0, 2000.0)),
     Spec('pose_rate', 10.0, 'Least messages of object_pose in a second [Hz]', (1.0, 2000.0)),
-    Spec('object_mass', 0.0, 'Mass of the object; 0: that of its description [kg]', (0.0, 1000.0)),
+    Spec('object_mass', 0.0, 'Mass of the object; 0: that of its description [kg]', (0.0, 100.0)),
     Spec('zero_error', 0.01, 'Markers may be as far off the encoders as this [m]', (0.0, 1.0)),
 )
 

@@ -124,7 +124,7 @@ class Simulator(ManagedNode):
         self._time = self._commanded = self.now()
         for kind, topic, receive in (
             (Float64MultiArray, 'roller_velocity_controller/commands', self._receive_command),
-            (PoseStamped, 'place_object', self._place_object),
+            (PoseStamped, 'set_object_pose', self._set_object_pose),
             (WrenchStamped, 'external_wrench', self._receive_wrench),
         ):
             self.create_subscription(kind, topic, receive, RELIABLE)
@@ -219,13 +219,13 @@ class Simulator(ManagedNode):
             self.warn('command', f'rollers stopped: {error}')
         self._commanded = self._time
 
-    def _place_object(self, message: PoseStamped) -> None:
+    def _set_object_pose(self, message: PoseStamped) -> None:
         """Put the object elsewhere, free; the robot stays as it is."""
         try:
-            check_frame('place_object', message.header, self.robot.frame)
-            pose = read_pose('place_object', message.pose)
+            check_frame('set_object_pose', message.header, self.robot.frame)
+            pose = read_pose('set_object_pose', message.pose)
         except MessageError as error:
-            self.warn('place_object', str(error))
+            self.warn('set_object_pose', str(error))
             return
         if self._driven is not None:
             self._driven.place_object(pose)

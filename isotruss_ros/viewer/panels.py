@@ -91,7 +91,7 @@ def describe(picture: Picture, now: float) -> str:
         parts += [
             held,
             f'slip margin {state.slip_margin:.1f} N',
-            f'force closure, held fast: {closed}',
+            f'force closure: {closed}',
             f'utilisation {max(state.utilisation, default=0.0):.2f} of the wrinkling moment',
         ]
         parts += [f'{state.message}'] if state.message else []

@@ -14,7 +14,7 @@ CORE_EXAMPLES = sorted(p.stem for p in EXAMPLES.glob('*.py') if not p.stem.start
 #: What each prints, beside whatever else.
 PRINTED = {
     'analyze_box': 'push and turn the box',
-    'analyze_grasp': 'force closure',
+    'analyze_grasp': 'closed by friction',
     'deform_under_load': 'T: ',
     'draw_grasp': 'the members press with 10.6 N: see drawing.png',
     'estimate_zeros': 'to be added: [5. 5. 5. 5. 5. 5.] mm',

@@ -290,7 +290,7 @@ def test_grasps_are_three_of_one_object_in_one_place(results):
         assert plan.path[-1] == pytest.approx(config.roller_positions)
         assert not core.analyze_grasp(home, figure_7.BODY).normal_forces.any()
         assert np.abs(config.residual()).max() < 1e-9
-        assert plan.analysis.force_closure
+        assert plan.analysis.closed_by_friction
         assert plan.required_friction <= figure_7.FRICTION
         assert plan.utilisation <= 0.8
         # Both sides at the module hold it, with forces that closer contact points do not change.

@@ -74,7 +74,7 @@ def test_each_reason_for_which_an_object_is_let_go_is_logged_once(capfd):
 @pytest.mark.parametrize('plant', ['elastic', 'kinematic'])
 def test_the_object_is_put_elsewhere(plant):
     with world(node(plant=plant)) as w:
-        places = w.probe.create_publisher(PoseStamped, 'place_object', 1)
+        places = w.probe.create_publisher(PoseStamped, 'set_object_pose', 1)
         w.until(lambda: w.place() is not None)
 
         def put(x, y, frame='truss'):

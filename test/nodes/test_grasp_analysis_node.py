@@ -55,7 +55,7 @@ def until_ok(w):
 def assert_no_answer(w, state):
     """Check that a state holds nothing but the reason, and that the flag is false."""
     assert state.message
-    assert not state.force_closure
+    assert not any((state.held, state.force_closure, state.closed_by_friction))
     assert not state.contacts
     assert state.closure_residual == math.inf
     assert state.closure_margin == -math.inf
@@ -68,7 +68,7 @@ def check_analysis(state, expected, settled=None):
     """Check that a state has what an analysis of a grasp, and of its hold, says."""
     for name in ('closure_residual', 'closure_tolerance', 'closure_margin', 'required_friction'):
         assert getattr(state, name) == pytest.approx(getattr(expected, name), rel=1e-6), name
-    assert state.force_closure == expected.force_closure
+    assert state.closed_by_friction == expected.closed_by_friction
     wrench = state.normal_wrench
     assert (wrench.force.x, wrench.force.y, wrench.torque.z) == pytest.approx(
         expected.normal_wrench, rel=1e-6
@@ -84,6 +84,7 @@ def check_analysis(state, expected, settled=None):
     assert list(state.peak_pressures) == pytest.approx(list(expected.peak_pressures.values()))
     if settled is not None:
         assert (state.held, state.hold_message) == (settled.held, settled.reason)
+        assert state.force_closure == settled.force_closure
         assert state.slip_margin == pytest.approx(settled.slip_margin, rel=1e-4)
 
 
@@ -115,7 +116,7 @@ def test_a_grasp_of_three_members_is_closed_and_its_answer_ends_with_the_inputs(
     with world(node(object_diameter=CAUGHT['diameter'])) as w:
         state = w.until_code(GraspCode.OK, feed(w, center=CAUGHT['center']), 'state')
         assert len(state.contact_members) >= 3
-        assert state.force_closure
+        assert state.closed_by_friction
         assert state.closure_margin > 0.0
         assert state.required_friction < 0.5
         # It falls silent: no old answer.
@@ -359,6 +360,16 @@ def test_what_is_held_is_published_beside_the_analysis():
         for topic in ('held', 'closure'):
             seen = w.probe.seen[topic]
             w.until(lambda seen=seen: any(m.data for _, m in seen), feed(w, center=center))
+
+
+def test_a_wrinkling_tube_ends_held_and_leaves_force_closure():
+    center = tangent_center(ROBOT.home, MODULE, DIAMETER, 0.06)
+    with world(node(friction=0.8)) as w:
+        state = w.until_code(GraspCode.WRINKLED, feed(w, center=center), 'state')
+        assert not state.held
+        assert state.force_closure
+        w.until(lambda: any(m.data for _, m in w.probe.seen['closure']), feed(w, center=center))
+        assert not any(m.data for _, m in w.probe.seen['held'])
 
 
 def test_what_slips_is_not_held_and_the_message_says_why():

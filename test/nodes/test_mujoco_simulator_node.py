@@ -62,7 +62,7 @@ def test_an_object_is_put_elsewhere_and_stays():
         pose = PoseStamped()
         pose.header.frame_id = 'truss'
         pose.pose.position.x, pose.pose.position.y = 4.0, 3.0
-        simulator._place_object(pose)
+        simulator._set_object_pose(pose)
         count = len(w.probe.seen['pose'])
         w.until(lambda: len(w.probe.seen['pose']) > count + 10)
         assert w.place()[:2] == pytest.approx((4.0, 3.0), abs=1e-6)

@@ -58,7 +58,7 @@ REFUSED = [
     (
         'manipulation',
         {'object_diameter': -1.0},
-        '^parameter object_diameter: -1.0: out of range; must be from 0.001 to 100$',
+        '^parameter object_diameter: -1.0: out of range; must be from 0.001 to 10$',
     ),
     ('manipulation', {'min_rigidity': 1.0}, 'range'),
     ('grasp_analysis', {'robot': 'nobody'}, 'no such preset'),
@@ -71,7 +71,7 @@ REFUSED = [
     ('simulator', {'robot': '/nowhere.yaml'}, 'no such file'),
     ('simulator', {'plant': 'soft'}, 'kinematic, elastic or mujoco'),
     ('simulator', {'grip_module': 'nobody'}, 'its modules are'),
-    ('simulator', {'object_diameter': 50.0}, 'does not fit'),
+    ('simulator', {'object_diameter': 9.0}, 'does not fit'),
     ('simulator', {'object': '{shape: polygon}'}, 'vertices'),
     ('simulator', {'object': '/nowhere.yaml'}, 'nowhere'),
     ('simulator', {'grip': ['south/P-Q', 'nobody']}, 'no such members; its members are'),

@@ -46,7 +46,7 @@ def test_a_free_box_stays_and_is_put_elsewhere_with_its_angle():
         assert w.place() == pytest.approx((2.5, -0.5, 0.7))
         there = PoseStamped(pose=to_pose_message(box_between().body.pose))
         there.header.frame_id = 'truss'
-        w.nodes[1]._place_object(there)
+        w.nodes[1]._set_object_pose(there)
         w.probe.seen['pose'].clear()
         w.until(lambda: w.place() is not None)
         assert w.place() == pytest.approx(np.array(box_between().body.pose), abs=3e-3)

@@ -7,6 +7,7 @@ import ast
 import importlib
 from pathlib import Path
 import re
+import signal
 import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
@@ -127,6 +128,19 @@ def test_entry_points_are_mains(setup_arguments):
     assert sorted(nodes) == sorted(executables.NODES)
     for name in nodes:
         assert callable(find_node(name))
+
+
+def test_every_executable_prints_help_and_does_nothing_else(setup_arguments, monkeypatch, capsys):
+    before = {which: signal.getsignal(which) for which in (signal.SIGINT, signal.SIGTERM)}
+    for line in setup_arguments['entry_points']['console_scripts']:
+        name, module, function = re.fullmatch(r'(\w+) = ([\w.]+):(\w+)', line).groups()
+        monkeypatch.setattr(sys, 'argv', [name, '--help'])
+        with pytest.raises(SystemExit) as ended:
+            getattr(importlib.import_module(module), function)()
+        assert ended.value.code == 0, name
+        assert f'usage: {name} ' in capsys.readouterr().out, name
+    for which, handler in before.items():
+        signal.signal(which, handler)
 
 
 @pytest.mark.parametrize('folder', ['isotruss_ros', 'test'])

@@ -124,6 +124,41 @@ def test_a_bad_file_of_parameters_ends_the_process_with_one_line(content, words,
     assert words in line
 
 
+def start_simulator(*arguments, **environment):
+    """Run an executable that cannot start, in an environment; return what it prints as errors."""
+    done = subprocess.run(
+        [sys.executable, '-m', 'isotruss_ros.executables', 'simulator', *arguments],
+        capture_output=True,
+        text=True,
+        timeout=DEADLINE,
+        check=False,
+        env=os.environ | environment,
+    )
+    assert done.returncode
+    assert 'Traceback' not in done.stderr
+    return done.stderr
+
+
+def test_a_home_that_cannot_be_written_is_answered_by_the_variable_to_set():
+    (line,) = start_simulator(HOME='/proc', ROS_LOG_DIR='', ROS_HOME='').splitlines()
+    assert line.startswith('cannot start: ')
+    assert 'set ROS_LOG_DIR to a folder that can be written' in line
+
+
+@pytest.mark.parametrize(
+    'environment', [{'LC_ALL': 'C', 'PYTHONUTF8': '0', 'PYTHONCOERCECLOCALE': '0'}, {}]
+)
+def test_a_path_in_another_encoding_is_refused_in_one_line(environment):
+    path = b'robot:=/tmp/w\xf6lfe.yaml' if not environment else 'robot:=/tmp/wölfe.yaml'.encode()
+    (line,) = start_simulator('--ros-args', '-p', path, **environment).splitlines()
+    assert line.startswith("cannot start: argument 'robot:=/tmp/w")
+    assert 'set LC_ALL=C.UTF-8' in line
+
+
+def test_an_argument_that_ros_does_not_take_is_refused():
+    assert 'unrecognized arguments: --plant mujoco' in start_simulator('--plant', 'mujoco')
+
+
 def test_teleop_turns_keys_into_twists_and_restores_the_terminal(w):
     w.probe.listen(Twist, 'twist', 'cmd_vel')
     ours, theirs = pty.openpty()

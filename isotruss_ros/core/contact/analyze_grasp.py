@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The statics of a grasp: contact forces, force closure and stiffness."""
+"""The statics of an object held fast: contact forces, closure by friction and stiffness."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from isotruss_ros.core.contact.contact_points import (
 )
 from isotruss_ros.core.contact.contact_regions import assess_members
 from isotruss_ros.core.contact.flattening import flattening_of
-from isotruss_ros.core.contact.force_closure import check_force_closure
-from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis, HeldFast, SolvedContact
+from isotruss_ros.core.contact.friction_closure import balance_by_friction
+from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis, SolvedContact
 from isotruss_ros.core.contact.refinement import (
     ContactSolver,
     measure_contact,
@@ -52,11 +52,11 @@ def analyze_grasp(
     method: Literal['exact', 'relaxation'] = 'exact',
     spacing: float = 0.005,
     flattening: bool = True,
-    previous: GraspAnalysis | None = None,
     pressure: Pressure | None = None,
+    previous: GraspAnalysis | None = None,
 ) -> GraspAnalysis:
     """
-    Analyse a grasp: contact (5) to (9), force closure (10), grasp stiffness.
+    Analyse an object held fast: contact (5) to (9), closure by friction (10), stiffness.
 
     :param config: where the robot is; its rollers do not turn.
     :param body: the object, in its place.
@@ -70,10 +70,10 @@ def analyze_grasp(
         they are touched, a half or a quarter of this apart where a region of contact is short.
     :param flattening: whether the tubes' sections flatten where they are touched; if not, they
         stay round, as in the paper's model.
-    :param previous: analysis of a similar grasp, where the search for the contact begins. Where
-        a deep indentation has several equilibria, it decides which one is found.
     :param pressure: gauge, measured [Pa]: one number for all tubes, one for each tube in the order
         of the robot file, or by tube name; that of the robot file if None.
+    :param previous: analysis of a similar grasp, where the search for the contact begins. Where
+        a deep indentation has several equilibria, it decides which one is found.
     :raises GraspError: an argument is not usable.
     :raises StructureError: the robot is a mechanism, a pressure is not usable, or its stiffness
         laws are contradictory.
@@ -92,7 +92,7 @@ def analyze_grasp(
     if flattening:
         kernel, before = flattening_of(config.robot, structure.pressures), None
         if previous is not None and previous.contact_spans:
-            before = previous.solution.solved._replace(contact=previous.solution.turned)
+            before = previous.solved
         budget = BUDGET if sliding else None
         solved = refine_contact(structure, surface, gap, kernel, solver, before, budget)
     else:
@@ -100,11 +100,12 @@ def analyze_grasp(
     contact_points, found, *_, kept = solved
     # Of corners, which sliding tubes fold over.
     contact = turn_at_corners(contact_points, found, surface) if sliding else found
+    solved = solved._replace(contact=contact)
     normals = contact.normals.view(np.float64).reshape(-1, 2)
     tangents = np.column_stack([-normals[:, 1], normals[:, 0]])
     pressed, levers = _pressed(body, contact_points, contact, margin, round_)
     load = (pressed + wrench) / np.array([1.0, 1.0, body.arm])
-    closure = check_force_closure(tangents, contact.forces, load, mu, levers)
+    closure = balance_by_friction(tangents, contact.forces, load, mu, levers)
     return GraspAnalysis(
         points=(contact_points.skin + contact.displacements)[kept].view(np.float64).reshape(-1, 2),
         members=contact_points.member[kept],
@@ -115,23 +116,15 @@ def analyze_grasp(
         friction_forces=closure.friction_forces[kept],
         normal_wrench=pressed,
         # Without a touch all is in balance, but nothing is held.
-        force_closure=closure.closed and bool((contact.forces > 0.0).any()),
+        closed_by_friction=closure.closed and bool((contact.forces > 0.0).any()),
         closure_residual=closure.residual,
         closure_tolerance=closure.tolerance,
         required_friction=closure.required_friction,
         closure_margin=closure.margin,
         stiffness=_stiffness(contact_points, contact, body.center),
-        solution=HeldFast(
-            structure=structure,
-            body=body,
-            solved=solved,
-            turned=contact,
-            sliding=sliding,
-            margin=margin,
-            friction=mu,
-            wrench=wrench,
-        ),
-        **assess_members(structure, solved._replace(contact=contact)),
+        structure=structure,
+        solved=solved,
+        **assess_members(structure, solved),
     )
 
 

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from isotruss_ros.core.contact.contact_points import ContactPoints, ContactState
-from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.statics.structure import Structure
 
@@ -33,30 +32,6 @@ class SolvedContact(NamedTuple):
     kept: Indices
 
 
-class HeldFast(NamedTuple):
-    """
-    What an analysis is of, for its gradient.
-
-    :ivar structure: the frame of the robot.
-    :ivar body: the object.
-    :ivar solved: points of the tubes, and the contact as it was found.
-    :ivar turned: the contact with normals at corners as they are assessed, see `turn_at_corners`.
-    :ivar sliding: whether the tubes slide, see `sliding_contact`.
-    :ivar margin: how far the surface that the points meet is from the object's own [m].
-    :ivar friction: coefficient.
-    :ivar wrench: (fx, fy, m) on the object besides [N, N m].
-    """
-
-    structure: Structure
-    body: ConvexObject
-    solved: SolvedContact
-    turned: ContactState
-    sliding: bool
-    margin: float
-    friction: float
-    wrench: Array
-
-
 @dataclass(frozen=True, eq=False)
 class GraspAnalysis:
     """
@@ -76,8 +51,8 @@ class GraspAnalysis:
     :ivar normal_wrench: (fx, fy, m) with which the tubes press on the object without friction,
         across their bent centre lines, about the origin of its frame, the centre of a cylinder
         [N, N m].
-    :ivar force_closure: whether the object is touched, and friction balances normal forces and
-        external wrench.
+    :ivar closed_by_friction: whether the object is touched, and friction balances the normal
+        forces and the external wrench, equation (10); see `SettledGrasp` for a free object.
     :ivar closure_residual: what friction leaves, moments over half of the mean width, d/2 of a
         cylinder [N].
     :ivar closure_tolerance: below which the residual counts as none [N].
@@ -98,7 +73,8 @@ class GraspAnalysis:
     :ivar utilisation_places: where along the member that is, from its start, of all members [m].
     :ivar stiffness: (3, 3) wrench (fx, fy, m) that a displacement (dx, dy, dtheta) of the object
         with all its contact points takes [N/m, N, N m].
-    :ivar solution: what `analysis_gradient` begins with.
+    :ivar structure: the frame of the robot.
+    :ivar solved: the contact, with normals at corners as they are assessed.
     """
 
     points: Array
@@ -109,7 +85,7 @@ class GraspAnalysis:
     normal_forces: Array
     friction_forces: Array
     normal_wrench: Array
-    force_closure: bool
+    closed_by_friction: bool
     closure_residual: float
     closure_tolerance: float
     required_friction: float
@@ -124,4 +100,5 @@ class GraspAnalysis:
     utilisation: dict[str, float]
     utilisation_places: dict[str, float]
     stiffness: Array
-    solution: HeldFast
+    structure: Structure
+    solved: SolvedContact

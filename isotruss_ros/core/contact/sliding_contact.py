@@ -58,7 +58,7 @@ def solve_sliding_contact(
     if normals is None:
         normals = face_tubes(contact_points, surface)
     side = np.where((normals * axis.conj()).imag < 0.0, -1.0, 1.0)
-    neighbours = find_neighbours(contact_points)
+    neighbours = _find_neighbours(contact_points)
     displacements, bent = np.zeros_like(away), axis
     normals, _ = _limit(normals, bent, side)
     still = open_gaps(away, normals, surface)
@@ -145,12 +145,8 @@ def _bend(
     return turned * points.axis
 
 
-def find_neighbours(contact_points: ContactPoints) -> Indices:
-    """
-    Return the neighbours of each point on its member, (2, c); itself where there is none.
-
-    :param contact_points: the points.
-    """
+def _find_neighbours(contact_points: ContactPoints) -> Indices:
+    """Return the neighbours of each point on its member, (2, c); itself where there is none."""
     own = np.arange(len(contact_points.member))
     alike = contact_points.member[1:] == contact_points.member[:-1]
     return np.stack([own - np.append(False, alike), own + np.append(alike, False)])

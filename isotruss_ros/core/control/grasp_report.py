@@ -124,5 +124,5 @@ class GraspReport:
 
     @property
     def force_closure(self) -> bool:
-        """Return whether the grasp of the object held fast is closed."""
-        return self.grasp is not None and self.grasp.analysis.force_closure
+        """Return the force closure of the free object, see `SettledGrasp.force_closure`."""
+        return self.grasp is not None and self.grasp.settled.force_closure

@@ -20,13 +20,14 @@ from typing import NamedTuple
 
 from isotruss_ros.core.control.contact_walk import ContactWalk
 from isotruss_ros.core.control.inputs import Timeline
+from isotruss_ros.core.control.laid_grip import laid_grip
 from isotruss_ros.core.control.loop_gains import LoopGains
 from isotruss_ros.core.control.pose_noise import PoseNoise
 from isotruss_ros.core.control.usage_limits import UsageLimits
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_forces import slip_conditions
 from isotruss_ros.core.holding.contact_statics import TubeModel
-from isotruss_ros.core.holding.held_gradient import held_gradient, laid_grip
+from isotruss_ros.core.holding.held_gradient import held_gradient
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, NotHeldError, travel_rates
 from isotruss_ros.core.holding.roll_grip import roll_grip, with_pressures
 from isotruss_ros.core.kinematics.configuration import Configuration

@@ -21,11 +21,11 @@ from isotruss_ros.core.holding.loaded_frame import held_joints
 from isotruss_ros.core.holding.member_bow import bend_members
 from isotruss_ros.core.holding.roll_grip import roll_contacts, roll_grip, with_pressures
 from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.kinematics.distances import collision_model
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import find_members, Grip
 from isotruss_ros.core.model.convex_object import segment_gaps
 from isotruss_ros.core.numerics.arrays import Array, Indices
-from isotruss_ros.core.safety.distances import collision_model
 import numpy as np
 
 #: Deviation of the anchors of contacts before the object's pose tells them [m].

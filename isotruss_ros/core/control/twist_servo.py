@@ -79,13 +79,7 @@ class TwistServo:
     :param timeout: inputs older than this stop the rollers [s].
     """
 
-    def __init__(
-        self,
-        robot: Robot,
-        grip: Grip,
-        period: float,
-        timeout: float,
-    ) -> None:
+    def __init__(self, robot: Robot, grip: Grip, period: float, timeout: float) -> None:
         self.robot = robot
         self.grip = grip
         self.period = period

@@ -15,11 +15,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 import functools
 
-from isotruss_ros.core.contact.analysis_gradient import GraspParameters
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.contact_forces import slip_conditions
 from isotruss_ros.core.holding.held_grip import HeldGrip
-from isotruss_ros.core.holding.loaded_tubes import ContactRates, LoadedTubes, TubeRates
+from isotruss_ros.core.holding.loaded_tubes import (
+    ContactRates,
+    GraspParameters,
+    LoadedTubes,
+    TubeRates,
+)
 from isotruss_ros.core.holding.settled_grasp import SettledGrasp
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded

@@ -8,13 +8,54 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import NamedTuple
 
-from isotruss_ros.core.contact.analysis_gradient import GraspParameters
 from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.statics.cut_frame import CutFrame, FrameRates, structure_rates
 from isotruss_ros.core.statics.frame import FrameState
 from isotruss_ros.core.statics.wrinkling import find_most_used
 import numpy as np
+
+
+class GraspParameters(NamedTuple):
+    """
+    Places of the p parameters among the columns of a gradient.
+
+    :ivar rollers: travel of the r rollers [m].
+    :ivar place: x, y, angle of the pose at which the object is set down [m, rad].
+    :ivar pressures: gauge, of the t tubes in the order of the robot file [Pa].
+    :ivar friction: coefficient.
+    :ivar wrench: fx, fy, m on the object [N, N m].
+    :ivar stiffness: that of robot and tubes against the model's [-].
+    :ivar size: p.
+    """
+
+    rollers: slice
+    place: slice
+    pressures: slice
+    friction: int
+    wrench: slice
+    stiffness: int
+    size: int
+
+    @classmethod
+    def of(cls, config: Configuration) -> GraspParameters:
+        """
+        Return those of grasps by a robot.
+
+        :param config: configuration of the robot.
+        """
+        rollers = len(config.roller_positions)
+        tubes = rollers + 3 + len(config.robot.description.pressures)
+        return cls(
+            rollers=slice(0, rollers),
+            place=slice(rollers, rollers + 3),
+            pressures=slice(rollers + 3, tubes),
+            friction=tubes,
+            wrench=slice(tubes + 1, tubes + 4),
+            stiffness=tubes + 4,
+            size=tubes + 5,
+        )
 
 
 class ContactRates(NamedTuple):

@@ -41,8 +41,18 @@ class SettledGrasp:
 
     @property
     def held(self) -> bool:
-        """Return whether the object is held, and no tube wrinkles."""
+        """Return force closure with nothing else wrong: `hold` names what may be."""
         return self.hold is HoldStatus.HELD
+
+    @property
+    def force_closure(self) -> bool:
+        """
+        Return whether contact forces within the friction balance the free object.
+
+        In the statics of the robot, near the given pose; whether or not a tube wrinkles, another
+        member presses, or the balance is unstable.
+        """
+        return self.required_friction <= self.friction
 
     @property
     def pose(self) -> Pose:

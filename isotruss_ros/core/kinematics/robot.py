@@ -9,8 +9,10 @@ import functools
 from pathlib import Path
 import pickle
 
+from isotruss_ros.core.errors import RobotFileError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.constraints import Targets
+from isotruss_ros.core.kinematics.distances import collision_model
 from isotruss_ros.core.kinematics.home import place_home, require_determinate
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.model.description import RobotDescription
@@ -25,7 +27,8 @@ class Robot(Mechanism):
 
     :ivar home: the `Configuration` at zero roller travel.
     :param description: see `robot_file.read_robot_file`.
-    :raises RobotFileError: the robot is not rigid, over-supported, or a module does not fit.
+    :raises RobotFileError: the robot is not rigid, over-supported, a module does not fit, or parts
+        of it overlap at home.
     """
 
     def __init__(self, description: RobotDescription) -> None:
@@ -36,6 +39,7 @@ class Robot(Mechanism):
             np.abs(self.constraints.spans(points)), points.view(np.float64)[self.topology.grounded]
         )
         self.home = Configuration(self, np.zeros(len(self.topology.driven)), points)
+        _refuse_collision(self)
 
     def __reduce__(self) -> tuple:
         """Return what another process makes it of, there once for all copies."""
@@ -54,6 +58,20 @@ class Robot(Mechanism):
         :raises ConfigurationError: wrong shape, not finite, or no such configuration.
         """
         return (near or self.home).moved_to(roller_positions)
+
+
+def _refuse_collision(robot: Robot) -> None:
+    """Raise RobotFileError if two parts overlap at home."""
+    model = collision_model(robot)
+    distances = model.distances(robot.home)
+    least = int(distances.argmin())
+    if distances[least] < 0.0:
+        (parts,) = model.names(np.array([least]))
+        raise RobotFileError(
+            f'{robot.description.source}: {parts} overlap at home: their clearance is '
+            f'{distances[least]:.3f} m; must not be negative: move the joints apart, or use '
+            f'smaller modules or a tube of less than {robot.description.tube_diameter:g} m'
+        )
 
 
 @functools.lru_cache(maxsize=4)

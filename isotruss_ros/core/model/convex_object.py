@@ -11,8 +11,9 @@ import math
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.model.pose import MAX_DISTANCE, Pose
+from isotruss_ros.core.model.pose import MAX_DISTANCE, MAX_MASS, Pose
 from isotruss_ros.core.model.shapes import Disc, Shape, SurfacePoints
+from isotruss_ros.core.model.units import likely_unit
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Points
 import numpy as np
 from numpy.typing import ArrayLike
@@ -59,6 +60,11 @@ class ConvexObject:
             (mass,) = finite_array([self.mass], 1, "the object's mass [kg]", GraspError)
             if mass <= 0.0:
                 raise GraspError(f"the object's mass {self.mass!r} kg: must be positive")
+            if mass > MAX_MASS:
+                hint = likely_unit(float(mass), 'kg', 0.0, MAX_MASS)
+                raise GraspError(
+                    f"the object's mass {mass:g} kg: must be at most {MAX_MASS:g} kg{hint}"
+                )
             object.__setattr__(self, 'mass', float(mass))
         if self.center_of_mass is not None:
             x, y = finite_array(

@@ -10,8 +10,9 @@ from functools import cached_property
 from typing import ClassVar
 
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.model.pose import MAX_DISTANCE, MIN_DIAMETER
+from isotruss_ros.core.model.pose import MAX_SIZE, MIN_DIAMETER
 from isotruss_ros.core.model.shapes import normalize, Shape, SurfacePoints
+from isotruss_ros.core.model.units import likely_unit
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices, Points
 import numpy as np
 import scipy
@@ -38,11 +39,12 @@ class Ellipse(Shape):
     def __post_init__(self) -> None:
         """Check the numbers."""
         a, b = finite_array(self.semi_axes, 2, 'semi_axes [m]', GraspError)
-        fits = min(a, b) >= MIN_DIAMETER and max(a, b) <= MAX_DISTANCE
+        fits = min(a, b) >= MIN_DIAMETER and max(a, b) <= MAX_SIZE
         if not fits or max(a, b) > MAX_ASPECT * min(a, b):
             raise GraspError(
-                f'semi_axes ({a:g}, {b:g}) m: must be from {MIN_DIAMETER:g} to {MAX_DISTANCE:g} m '
+                f'semi_axes ({a:g}, {b:g}) m: must be from {MIN_DIAMETER:g} to {MAX_SIZE:g} m '
                 f'and differ by at most a factor of {MAX_ASPECT:g}'
+                + likely_unit(float(max(a, b)), 'm', MIN_DIAMETER, MAX_SIZE)
             )
         object.__setattr__(self, 'semi_axes', (float(a), float(b)))
 

@@ -8,7 +8,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.model.pose import MAX_DISTANCE, MIN_DIAMETER
+from isotruss_ros.core.model.pose import MAX_SIZE, MIN_DIAMETER
+from isotruss_ros.core.model.units import likely_unit
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Points
 import numpy as np
 
@@ -59,10 +60,16 @@ def _validate_vertices(vertices: object) -> Points:
     found = np.empty(count, dtype=np.complex128)
     for i, vertex in enumerate(vertices):  # type: ignore[arg-type]
         x, y = finite_array(vertex, 2, f'vertex {i + 1} (x, y) [m]', GraspError)
-        if max(abs(x), abs(y)) > MAX_DISTANCE:
-            raise GraspError(f'vertex {i + 1} ({x:g}, {y:g}) m: must be within {MAX_DISTANCE:g} m')
+        away = float(max(abs(x), abs(y)))
+        if away > MAX_SIZE:
+            hint = likely_unit(away, 'm', MIN_DIAMETER, MAX_SIZE)
+            raise GraspError(
+                f'vertex {i + 1} ({x:g}, {y:g}) m: must be within '
+                f'{MAX_SIZE:g} m of the origin{hint}'
+            )
         found[i] = complex(x, y)
-    return found
+    # Other programs close an outline by the first vertex, written again.
+    return found[:-1] if count > 3 and found[0] == found[-1] else found
 
 
 def _validate_radii(radius: object, count: int) -> Array:
@@ -72,9 +79,9 @@ def _validate_radii(radius: object, count: int) -> Array:
     else:
         radii = np.repeat(finite_array([radius], 1, 'corner_radius [m]', GraspError), count)
     for value in (radii.min(), radii.max()):
-        if not 0.0 <= value <= MAX_DISTANCE:
+        if not 0.0 <= value <= MAX_SIZE:
             raise GraspError(
-                f'corner_radius {value:g} m: must not be negative, nor above {MAX_DISTANCE:g} m'
+                f'corner_radius {value:g} m: must not be negative, nor above {MAX_SIZE:g} m'
             )
     return radii
 

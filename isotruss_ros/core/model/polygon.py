@@ -28,7 +28,7 @@ class Polygon(Shape):
     A convex polygon; its corners may be rounded off within it, by arcs tangent to both sides.
 
     :ivar vertices: (x, y) of three or more vertices in the object's frame, around the polygon
-        either way; kept counter-clockwise [m].
+        either way; kept counter-clockwise, without a last one that repeats the first [m].
     :ivar corner_radius: of the arcs, one for all corners or one for each vertex as given [m]; 0:
         sharp.
     :raises GraspError: the vertices are no convex polygon, or the arcs do not fit into it; names

@@ -14,6 +14,9 @@ from numpy.typing import ArrayLike
 
 #: No object is smaller or farther away [m]; products of such numbers neither vanish nor overflow.
 MIN_DIAMETER, MAX_DISTANCE = 1e-9, 1e9
+#: Largest size [m] and mass [kg] of an object: several times what a robot of a few metres holds. A
+#: tenth would refuse objects of the examples, ten times would take centimetres for metres.
+MAX_SIZE, MAX_MASS = 10.0, 100.0
 
 
 class Pose(NamedTuple):

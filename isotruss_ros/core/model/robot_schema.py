@@ -15,6 +15,7 @@ from typing import Any, TYPE_CHECKING
 
 from isotruss_ros.core.errors import RobotFileError
 from isotruss_ros.core.model.presets import config_directory
+from isotruss_ros.core.model.units import likely_unit
 
 if TYPE_CHECKING:
     import jsonschema
@@ -125,4 +126,16 @@ def _explain(error: jsonschema.ValidationError) -> Iterator[str]:
     else:
         value = repr(error.instance)
         value = value if len(value) <= 60 else value[:57] + '...'
-        yield f'{where}: {value}: must be {right}'
+        yield f'{where}: {value}: must be {right}{_plausible(error)}'
+
+
+def _plausible(error: jsonschema.ValidationError) -> str:
+    """Return the range that a number is out of, and the unit that would explain it."""
+    if error.validator not in ('minimum', 'maximum'):
+        return ''
+    low = error.schema.get('minimum', error.schema.get('exclusiveMinimum'))
+    high = error.schema.get('maximum')
+    if high is None:
+        return f', at least {low:g}'
+    hint = likely_unit(error.instance, error.schema.get('unit', ''), low, high)
+    return f', from {low:g} to {high:g}{hint}'

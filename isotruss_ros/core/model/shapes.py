@@ -18,7 +18,8 @@ from functools import cached_property
 from typing import ClassVar, NamedTuple
 
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.model.pose import MAX_DISTANCE, MIN_DIAMETER
+from isotruss_ros.core.model.pose import MAX_SIZE, MIN_DIAMETER
+from isotruss_ros.core.model.units import likely_unit
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices, Points
 import numpy as np
 
@@ -231,10 +232,11 @@ class Disc(Shape):
         (size,) = finite_array([self.diameter], 1, "the object's diameter [m]", GraspError)
         if size <= 0.0:
             raise GraspError(f"the object's diameter {self.diameter!r} m: must be positive")
-        if not MIN_DIAMETER <= size <= MAX_DISTANCE:
+        if not MIN_DIAMETER <= size <= MAX_SIZE:
+            hint = likely_unit(float(size), 'm', MIN_DIAMETER, MAX_SIZE)
             raise GraspError(
                 f"the object's diameter {size:g} m: must be from {MIN_DIAMETER:g} to "
-                f'{MAX_DISTANCE:g} m'
+                f'{MAX_SIZE:g} m{hint}'
             )
         object.__setattr__(self, 'diameter', float(size))
 

@@ -9,12 +9,12 @@ from dataclasses import dataclass, field
 
 from isotruss_ros.core.holding.build_statics import facing_lines
 from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.kinematics.distances import collision_model
 from isotruss_ros.core.kinematics.rigidity import Modes, rigidity_index
 from isotruss_ros.core.manipulation.limits import Limit
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.planning.violations import RequirementError, SearchTally
-from isotruss_ros.core.safety.distances import collision_model
 import numpy as np
 
 #: A step uses at most this share of the distance from a bound.

@@ -16,8 +16,7 @@ import math
 
 from isotruss_ros.core.contact.analyze_grasp import analyze_grasp
 from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
-from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, NotHeldError
+from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.pose import pose_difference
@@ -25,7 +24,11 @@ from isotruss_ros.core.planning.closing import Closing, CLOSING_STEP, LEAST_SHAR
 from isotruss_ros.core.planning.closing_step import press
 from isotruss_ros.core.planning.facing import contact_ends
 from isotruss_ros.core.planning.grasp_plan import ClosedGrip
-from isotruss_ros.core.planning.motion_in_place import squeeze_in_place, SQUEEZE_TOLERANCE
+from isotruss_ros.core.planning.motion_in_place import (
+    hold_between,
+    squeeze_in_place,
+    SQUEEZE_TOLERANCE,
+)
 from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.planning.violations import RequirementError
 import numpy as np
@@ -76,16 +79,10 @@ def close_in_place(
 
 def _hold(touch: Configuration, closing: Closing) -> HeldGrip:
     """Return how the object is held first."""
-    body, members = closing.body, np.array(closing.members)
-    one, other = contact_ends(body, closing.normals(touch))
+    one, other = contact_ends(closing.body, closing.normals(touch))
     depth = FIRST_CONTACT if (one == other).all() else FACE_CONTACT
-    depths = np.full(len(members), depth * touch.robot.description.tube_diameter)
-    config = press(touch, closing, depths)
-    try:
-        found = attach_grip(config, body, members)
-    except NotHeldError:
-        raise RequirementError('held', 0.0, 1.0) from None
-    return roll_grip(found, config)  # from here on contacts roll
+    depths = np.full(len(closing.members), depth * touch.robot.description.tube_diameter)
+    return hold_between(press(touch, closing, depths), closing)
 
 
 def _judge(grasp: HeldGrip, closing: Closing, needs: GraspRequirements) -> ClosedGrip:

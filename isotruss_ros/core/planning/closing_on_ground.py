@@ -78,8 +78,8 @@ def _check_closure(analysis: GraspAnalysis, needs: GraspRequirements) -> None:
     """Raise unless friction holds the object fast, with the margin that is required."""
     if not analysis.normal_forces.any():
         raise RequirementError('grip', 0.0, 2.0)
-    if not analysis.force_closure or analysis.closure_margin < 0.0:
-        raise RequirementError('force_closure', analysis.required_friction, needs.friction)
+    if not analysis.closed_by_friction or analysis.closure_margin < 0.0:
+        raise RequirementError('closed_by_friction', analysis.required_friction, needs.friction)
     needs.check_bound('min_margin', analysis.closure_margin)
 
 

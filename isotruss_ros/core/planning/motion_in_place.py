@@ -13,10 +13,12 @@ from __future__ import annotations
 import math
 
 from isotruss_ros.core.errors import ConfigurationError, GraspError
+from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.held_gradient import held_gradient
-from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding.held_grip import HeldGrip, NotHeldError
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.holding.settle_grasp import MAX_DISPLACEMENT
+from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.limits import stack_rows
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import pose_difference
@@ -38,6 +40,24 @@ WEIGHTS = np.array([1.0, 1.0, 0.05, 10.0, 10.0, 10.0])
 MOTION_WEIGHT = 2e4
 #: What takes long ways of the rollers is left: a step that leaves more than this share of it [-].
 SLOW = 0.7
+
+
+def hold_between(config: Configuration, closing: Closing) -> HeldGrip:
+    """
+    Return how the members of a grip hold its object; from here on contacts roll.
+
+    :param config: in which they press on it.
+    :param closing: the grip.
+    :raises RequirementError: they do not hold it, or another member presses too.
+    :raises StructureError: see `structure_of`.
+    """
+    try:
+        grasp = roll_grip(attach_grip(config, closing.body, np.array(closing.members)), config)
+    except NotHeldError:
+        grasp = None
+    if grasp is None or len(grasp.members) != len(closing.members):
+        raise RequirementError('held', 0.0, 1.0)
+    return grasp
 
 
 def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGrip:

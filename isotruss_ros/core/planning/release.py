@@ -14,9 +14,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.held_grip import NotHeldError
-from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.manipulation.grip import find_members, Grip
@@ -27,7 +24,7 @@ from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.planning.closing import BOUND_SHARE, Closing
 from isotruss_ros.core.planning.closing_step import press
-from isotruss_ros.core.planning.motion_in_place import squeeze_in_place
+from isotruss_ros.core.planning.motion_in_place import hold_between, squeeze_in_place
 from isotruss_ros.core.planning.requirements import MIN_RIGIDITY
 from isotruss_ros.core.planning.violations import RequirementError, Violation
 import numpy as np
@@ -101,12 +98,7 @@ def _unload(config: Configuration, closing: Closing) -> tuple[list[Configuration
     path, diameter = [config], config.robot.description.tube_diameter
     if float(member_depths(config, closing.body).max()) <= TOUCHING * diameter:
         return path, closing
-    try:
-        grasp = roll_grip(attach_grip(config, closing.body, np.array(closing.members)), config)
-    except NotHeldError:
-        grasp = None
-    if grasp is None or len(grasp.members) != len(closing.members):  # another member presses
-        raise RequirementError('held', 0.0, 1.0)
+    grasp = hold_between(config, closing)
     if grasp.normal_forces.min() <= LEAST_FORCE:
         return path, closing
     for force in grasp.squeeze * np.array(UNLOADING):

@@ -14,6 +14,7 @@ import math
 from typing import NamedTuple
 
 from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.kinematics.distances import collision_model
 from isotruss_ros.core.kinematics.rigidity import Modes, rigidity_index
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import Grip
@@ -26,7 +27,6 @@ from isotruss_ros.core.safety.barrier_law import (
     NOTHING,
     Selection,
 )
-from isotruss_ros.core.safety.distances import collision_model
 from isotruss_ros.core.safety.margins import grip_gradients, object_distances
 import numpy as np
 

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.kinematics.distances import collision_model, nearest_on_segment
 from isotruss_ros.core.kinematics.rigidity import rigidity_index
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import find_members, Grip
@@ -17,7 +18,6 @@ from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.model.convex_object import ConvexObject, segment_gaps
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.numerics.blas_threads import single_threaded
-from isotruss_ros.core.safety.distances import collision_model, nearest_on_segment
 import numpy as np
 
 

@@ -12,7 +12,7 @@ from isotruss_ros.core.control import inputs
 from isotruss_ros.core.manipulation.grip import find_members, Grip, members_at
 from isotruss_ros.nodes.framework.parameters import FixedSpec, Parameters, Spec, Value
 
-OBJECT_DIAMETER = Spec('object_diameter', 0.3, "The object's own diameter [m]", (0.001, 100.0))
+OBJECT_DIAMETER = Spec('object_diameter', 0.3, "The object's own diameter [m]", (0.001, 10.0))
 OBJECT = FixedSpec(
     'object',
     '',

@@ -131,6 +131,7 @@ def to_state_message(report: GraspReport, frame: str) -> GraspState:
         return state
     settled = report.grasp.settled
     state.held = report.held
+    state.force_closure = report.force_closure
     state.hold_message = settled.reason
     state.slip_margin = settled.slip_margin
     state.displacement = settled.displacement
@@ -138,7 +139,7 @@ def to_state_message(report: GraspReport, frame: str) -> GraspState:
     state.squeeze = list(settled.normal_forces.values())
     state.friction_used = list(settled.friction_used.values())
     analysis = report.grasp.analysis
-    state.force_closure = report.force_closure
+    state.closed_by_friction = analysis.closed_by_friction
     for name in ('closure_residual', 'closure_tolerance', 'required_friction', 'closure_margin'):
         setattr(state, name, getattr(analysis, name))
     state.normal_wrench = to_wrench_message(analysis.normal_wrench)

@@ -15,6 +15,7 @@ from types import FrameType
 from typing import ClassVar
 
 from isotruss_ros.core import IsotrussError
+from isotruss_ros.nodes.framework.command_line import explain_refusal, refuse_arguments
 from isotruss_ros.nodes.framework.cycle import Cycle, PacedExecutor
 from isotruss_ros.nodes.framework.parameters import Parameters, Spec
 import rclpy
@@ -160,16 +161,16 @@ def run(kind: Callable[[], StoppableNode], args: Sequence[str] | None = None) ->
     :param kind: class of the node.
     :param args: command line, that of the process when left out.
     :return: exit code: 0 when interrupted, 1 when the node could not start or go on.
+    :raises SystemExit: after help that was asked for, or for an argument that is none of ROS.
     """
+    refuse_arguments(kind, sys.argv if args is None else args)
     # Of arguments that it cannot parse rcl would print a line that does not say which.
     set_logger_level('rcl', LoggingSeverity.FATAL)
     try:
         # Our own handlers: rclpy's would close the context before the last command is sent.
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-    except RuntimeError as error:  # of rcl, such as a file of parameters that is not there
-        # Behind the reason are lines of rcl's sources.
-        why = ' '.join(str(error).partition(', at /')[0].split())
-        print(f'cannot start: ROS arguments: {why}', file=sys.stderr)
+    except (RuntimeError, UnicodeEncodeError) as error:  # of rcl, and before it
+        print(f'cannot start: {explain_refusal(error)}', file=sys.stderr)
         return 1
     set_logger_level('rcl', LoggingSeverity.UNSET)
     received, node, what = catch_signals(), None, 'cannot start'

@@ -38,7 +38,7 @@ def test_result_is_as_the_contract_says(gripped, flattening):
     assert analysis.normal_forces.shape == analysis.friction_forces.shape == (k,)
     assert analysis.normal_wrench.shape == (3,)
     assert analysis.stiffness.shape == (3, 3)
-    assert isinstance(analysis.force_closure, bool)
+    assert isinstance(analysis.closed_by_friction, bool)
     assert isinstance(analysis.closure_residual, float)
     assert isinstance(analysis.required_friction, float)
     assert set(analysis.contact_lengths) == {'north/P-Z', 'north/Z-R'}
@@ -92,7 +92,7 @@ def test_parts_fit_together(rng, friction):
     left = np.linalg.norm(total)
     slack = 1e-9 * (forces.sum() + np.abs(external).max())
     assert analysis.closure_residual == pytest.approx(left, abs=slack)
-    assert analysis.force_closure == (analysis.closure_residual <= analysis.closure_tolerance)
+    assert analysis.closed_by_friction == (analysis.closure_residual <= analysis.closure_tolerance)
 
 
 @robots.examples(30)
@@ -133,11 +133,11 @@ def test_nothing_touched_has_no_stiffness():
     assert analysis.normal_wrench.tolist() == [0.0] * 3
     assert analysis.points.shape == analysis.normals.shape == (0, 2)
     # Nothing has to be balanced, but nothing is held.
-    assert not analysis.force_closure
+    assert not analysis.closed_by_friction
     far = ConvexObject.disc((0.5, 30.0), 0.2)
     for method in ('exact', 'relaxation'):
         pulled = analyze_grasp(config, far, external_wrench=(0, -1, 0), method=method)
-        assert not pulled.force_closure
+        assert not pulled.closed_by_friction
         assert pulled.required_friction == math.inf
         assert pulled.closure_residual == pytest.approx(1.0)
 
@@ -180,7 +180,7 @@ def test_a_wedge_of_a_robot_needs_the_tangent_of_half_its_angle(degrees):
     forces = analysis.normal_forces
     assert analysis.normal_wrench[0] == pytest.approx(0.0, abs=1e-6 * forces.sum())
     assert analysis.normal_wrench[1] < 0.0
-    assert analysis.force_closure
+    assert analysis.closed_by_friction
     assert analysis.required_friction == pytest.approx(np.tan(0.5 * opening), rel=1e-4)
 
 

@@ -60,7 +60,7 @@ def test_lines_bend_as_members_give(config, share):
         normals=np.array([[np.cos(0.7), np.sin(0.7)]]),
         members=np.array([number]),
         places=np.array([place]),
-        solution=SimpleNamespace(structure=structure),
+        structure=structure,
     )
     straight = member_lines(config)
     unloaded = deformed_lines(grasp(config, -0.01))

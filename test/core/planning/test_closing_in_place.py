@@ -22,7 +22,7 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, NotHeldError
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.planning import closing_in_place
+from isotruss_ros.core.planning import motion_in_place
 from isotruss_ros.core.planning.approach import approach
 from isotruss_ros.core.planning.closing_in_place import close_in_place
 from isotruss_ros.core.planning.closing_step import press
@@ -134,7 +134,7 @@ def test_what_cannot_be_reached_says_what_is_violated(values, name):
 @pytest.mark.parametrize(
     ('place', 'name', 'given'),
     [
-        (closing_in_place, 'attach_grip', {'side_effect': NotHeldError(HoldStatus.NO_BALANCE)}),
+        (motion_in_place, 'attach_grip', {'side_effect': NotHeldError(HoldStatus.NO_BALANCE)}),
         (HeldGrip, 'hold', {'return_value': HoldStatus.UNSTABLE}),
     ],
 )

@@ -167,7 +167,7 @@ def most_used(analysis):
 )
 def test_what_is_missed_is_told(name, missed, bound):
     miss = missed_by(name, dataclasses.replace(UNBOUNDED, **{missed: bound}))
-    assert miss.requirement == missed.replace('friction', 'force_closure')
+    assert miss.requirement == missed.replace('friction', 'closed_by_friction')
     assert miss.bound == bound
     assert (miss.value < bound) == missed.startswith('min_')
 
@@ -181,13 +181,13 @@ def test_what_the_ground_alone_holds_has_no_slip_margin(monkeypatch):
     assert close_grip(*opened('tight'), UNBOUNDED)[1].slip_margin == 0.0
 
 
-@pytest.mark.parametrize('fields', [{'force_closure': False}, {'closure_margin': -1e-9}])
+@pytest.mark.parametrize('fields', [{'closed_by_friction': False}, {'closure_margin': -1e-9}])
 def test_open_grips_are_none_by_whichever_sign(fields, monkeypatch):
     def opened_up(*arguments, **options):
         return dataclasses.replace(analyze_grasp(*arguments, **options), **fields)
 
     monkeypatch.setattr(closing_on_ground, 'analyze_grasp', opened_up)
-    assert missed_by('top', UNBOUNDED).requirement == 'force_closure'
+    assert missed_by('top', UNBOUNDED).requirement == 'closed_by_friction'
 
 
 def test_no_margin_is_enough_where_none_is_asked_for(monkeypatch):

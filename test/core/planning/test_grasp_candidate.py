@@ -43,7 +43,7 @@ def test_what_is_no_grasp_says_what_it_misses_and_what_it_took():
 def test_an_object_that_the_ground_holds_is_pressed_on_as_it_lies():
     there, _ = judge(min_margin=0.0)
     assert there.squeeze == pytest.approx(there.analysis.normal_forces.sum() / 2.0)
-    assert there.analysis.force_closure
+    assert there.analysis.closed_by_friction
     assert there.grip.body == BODY
 
 

@@ -89,7 +89,7 @@ def test_grasps_hold_by_their_roller_positions_alone(plans):
     for body, grasp in each(plans):
         config = load_robot('nine_member').configuration(grasp.path[-1])
         analysis = analyze_grasp(config, body, NEEDS.friction)
-        assert analysis.force_closure
+        assert analysis.closed_by_friction
         total = analysis.normal_forces.sum()
         assert analysis.closure_margin >= NEEDS.min_margin - 1e-6 * total
         assert grasp.closure_margin == pytest.approx(analysis.closure_margin, abs=1e-6 * total)

@@ -6,9 +6,9 @@
 from hypothesis import given
 from isotruss_ros.core import ConvexObject, Grip, load_robot
 from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.kinematics.distances import collision_model
 from isotruss_ros.core.safety.barrier_law import BarrierLaw, EVERYTHING
 from isotruss_ros.core.safety.barriers import ObjectBarrier, SKIN
-from isotruss_ros.core.safety.distances import collision_model
 from isotruss_ros.core.safety.margins import object_distances, shape_margins
 import numpy as np
 import pytest

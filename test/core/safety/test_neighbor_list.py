@@ -6,8 +6,8 @@
 from types import SimpleNamespace
 
 from isotruss_ros.core import ConvexObject, Grip, load_robot, Polygon
+from isotruss_ros.core.kinematics.distances import collision_model
 from isotruss_ros.core.safety.barriers import NeighborList
-from isotruss_ros.core.safety.distances import collision_model
 import numpy as np
 import pytest
 

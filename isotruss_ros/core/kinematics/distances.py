@@ -28,7 +28,7 @@ from __future__ import annotations
 import functools
 
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.model.convex_object import ConvexObject, segment_gaps
 from isotruss_ros.core.numerics.arrays import Array, as_xy, Indices, Points
 import numpy as np
@@ -78,7 +78,7 @@ class CollisionModel:
     :param robot: the robot.
     """
 
-    def __init__(self, robot: Robot) -> None:
+    def __init__(self, robot: Mechanism) -> None:
         topology, file = robot.topology, robot.description
         m, joints = topology.n_modules, np.arange(len(topology.joint_names))
         tube = 0.5 * file.tube_diameter
@@ -200,7 +200,7 @@ class CollisionModel:
         return rows
 
 
-def _measured(robot: Robot) -> Array:
+def _measured(robot: Mechanism) -> Array:
     """Return which points (modules, joints) are measured from which segments, (m + j, 3m)."""
     topology = robot.topology
     m = topology.n_modules
@@ -219,7 +219,7 @@ def _measured(robot: Robot) -> Array:
 
 
 @functools.lru_cache(maxsize=16)
-def collision_model(robot: Robot) -> CollisionModel:
+def collision_model(robot: Mechanism) -> CollisionModel:
     """
     Return the parts of a robot that must not meet; made once for each robot.
 

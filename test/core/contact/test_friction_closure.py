@@ -6,7 +6,7 @@
 import itertools
 
 from hypothesis import given, strategies
-from isotruss_ros.core.contact import force_closure
+from isotruss_ros.core.contact import friction_closure
 import numpy as np
 import pytest
 import robots
@@ -17,10 +17,10 @@ coefficients = strategies.floats(0.0, 1.5)
 generators = robots.generators()
 
 
-def check_force_closure(tangents, forces, load, friction, levers=None):
+def balance_by_friction(tangents, forces, load, friction, levers=None):
     """Return the closure of contacts, of a cylinder without levers."""
     levers = np.ones(len(forces)) if levers is None else levers
-    return force_closure.check_force_closure(tangents, forces, load, friction, levers)
+    return friction_closure.balance_by_friction(tangents, forces, load, friction, levers)
 
 
 def tangents_at(angles):
@@ -74,7 +74,7 @@ def reach_along(tangents, forces, load, friction, direction, levers=1.0):
 @given(generators, counts, coefficients)
 def test_forces_are_those_of_bounded_least_squares(rng, count, friction):
     tangents, forces, load = random_contacts(rng, count)
-    closure = check_force_closure(tangents, forces, load, friction)
+    closure = balance_by_friction(tangents, forces, load, friction)
     assert (np.abs(closure.friction_forces) <= friction * forces * (1.0 + 1e-12)).all()
     matrix = wrenches(tangents, forces).T
     bound = np.full(count, max(friction, 1e-12))
@@ -98,7 +98,7 @@ def test_margin_is_the_shortest_way_out_of_all_directions(rng, count, friction):
     shares = rng.uniform(-friction, friction, count)
     arms = rng.uniform(0.3, 1.5, count)
     load = -wrenches(tangents, forces, arms).T @ shares
-    margin = check_force_closure(tangents, forces, load, friction, arms).margin
+    margin = balance_by_friction(tangents, forces, load, friction, arms).margin
     assert margin >= -1e-9
     directions = rng.normal(size=(40, 3))
     directions /= np.linalg.norm(directions, axis=1)[:, None]
@@ -121,11 +121,11 @@ def test_margin_is_the_shortest_way_out_of_all_directions(rng, count, friction):
 
 
 def test_no_contact_balances_nothing_but_nothing():
-    none = check_force_closure(np.zeros((0, 2)), np.zeros(0), np.zeros(3), 0.5)
+    none = balance_by_friction(np.zeros((0, 2)), np.zeros(0), np.zeros(3), 0.5)
     assert none.residual == none.required_friction == none.margin == 0.0
     assert none.friction_forces.shape == (0,)
     for friction in (0.0, 0.5, 100.0):
-        pushed = check_force_closure(
+        pushed = balance_by_friction(
             np.zeros((0, 2)), np.zeros(0), np.array([0.0, -3.0, 0.0]), friction
         )
         assert not pushed.closed
@@ -137,24 +137,24 @@ def test_no_contact_balances_nothing_but_nothing():
 def test_one_contact_balances_its_own_friction_only():
     tangents, forces = tangents_at(np.zeros(1)), np.array([2.0])
     fitting = -0.3 * wrenches(tangents, forces)[0]
-    closure = check_force_closure(tangents, forces, fitting, 0.5)
+    closure = balance_by_friction(tangents, forces, fitting, 0.5)
     assert closure.closed
     assert closure.required_friction == pytest.approx(0.3)
     assert closure.friction_forces == pytest.approx([0.6], rel=1e-6)
     assert closure.margin == 0.0
-    slips = check_force_closure(tangents, forces, fitting, 0.2)
+    slips = balance_by_friction(tangents, forces, fitting, 0.2)
     assert not slips.closed
     assert slips.required_friction == pytest.approx(0.3)
     assert slips.margin == pytest.approx(-0.1 * 2.0 * np.sqrt(2.0))
     # Its own normal force it cannot balance, however rough it is.
-    pressed = check_force_closure(tangents, forces, np.array([-2.0, 0.0, 0.0]), 50.0)
+    pressed = balance_by_friction(tangents, forces, np.array([-2.0, 0.0, 0.0]), 50.0)
     assert not pressed.closed
     assert pressed.required_friction == np.inf
 
 
 @pytest.mark.filterwarnings('error')
 def test_a_load_beyond_all_friction_is_not_balanced():
-    closure = check_force_closure(tangents_at(np.arange(5.0)), np.ones(5), np.full(3, 1e300), 0.5)
+    closure = balance_by_friction(tangents_at(np.arange(5.0)), np.ones(5), np.full(3, 1e300), 0.5)
     assert not closure.closed
     assert np.isfinite(closure.friction_forces).all()
 
@@ -167,7 +167,7 @@ def test_of_all_forces_that_balance_the_smallest_shares_are_found(rng, count, fr
     segments = wrenches(tangents, forces)
     # What is at bounds pushes there, the others are a combination of the three wrenches.
     load = segments.T @ rng.uniform(-friction, friction, count)
-    closure = check_force_closure(tangents, forces, load, friction)
+    closure = balance_by_friction(tangents, forces, load, friction)
     shares = closure.friction_forces / forces
     smallest = -np.linalg.pinv(segments.T) @ load
     if np.abs(smallest).max() < friction:
@@ -180,7 +180,7 @@ def test_tangents_that_are_nearly_parallel_balance_what_they_can(apart):
     # Their difference alone turns the load: small against the forces, and yet within friction.
     tangents, forces = tangents_at(np.array([0.0, apart])), np.array([10.0, 10.0])
     load = wrenches(tangents, forces).T @ [0.4, -0.4]
-    closure = check_force_closure(tangents, forces, load, 0.5)
+    closure = balance_by_friction(tangents, forces, load, 0.5)
     assert closure.required_friction == pytest.approx(0.4, rel=1e-3)
     assert closure.closed
     assert closure.residual <= closure.tolerance
@@ -190,7 +190,7 @@ def test_hundreds_of_contacts_are_answered():
     # All pairs of contacts, and the sum over all for each of them, would take gigabytes.
     angles = np.random.default_rng(0).uniform(0.0, 2.0 * np.pi, 800)
     forces, load = np.ones(800), np.array([100.0, 200.0, -50.0])
-    closure = check_force_closure(tangents_at(angles), forces, load, 0.5)
+    closure = balance_by_friction(tangents_at(angles), forces, load, 0.5)
     assert closure.closed
     expected = least_friction(tangents_at(angles), forces, load)
     assert closure.required_friction == pytest.approx(expected, rel=1e-6)
@@ -212,7 +212,7 @@ def test_required_friction_with_levers_is_that_of_a_linear_program(rng, count, f
     load = wrenches(tangents, forces, levers).T @ rng.uniform(-1.0, 1.0, count)
     expected = least_friction(tangents, forces, load, levers)
     forces, load = scale * forces, scale * load
-    closure = check_force_closure(tangents, forces, load, friction, levers)
+    closure = balance_by_friction(tangents, forces, load, friction, levers)
     assert closure.required_friction == pytest.approx(expected, rel=1e-5, abs=1e-6)
     left = load + np.column_stack([tangents, levers]).T @ closure.friction_forces
     assert closure.residual == pytest.approx(np.linalg.norm(left), abs=1e-9 * forces.sum())

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Force closure: whether friction within its limits balances the rest, equation (10).
+Closure by friction: friction within its limits balances the normal forces, equation (10).
 
 The wrenches that friction can bring about form a zonotope: a sum of segments, one for each
 contact. Its facets are planes spanned by pairs of segments, so that the smallest friction
@@ -16,7 +16,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 import functools
 
-from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.numerics.qp import find_nearest, solve_least_squares
 import numpy as np
@@ -38,7 +37,7 @@ PART = 4096
 
 
 @dataclass(frozen=True, eq=False)
-class Closure:
+class FrictionClosure:
     """
     How friction balances a wrench.
 
@@ -59,13 +58,13 @@ class Closure:
     margin: float
 
 
-def check_force_closure(
+def balance_by_friction(
     tangents: Array,
     normal_forces: Array,
     load: Array,
     friction: float,
     levers: Array,
-) -> Closure:
+) -> FrictionClosure:
     """
     Balance a load by friction forces with |F_i| <= mu N_i, equation (10).
 
@@ -85,41 +84,7 @@ def check_force_closure(
     shares, residual = _balance(segments, facets, load, friction)
     forces = np.zeros(len(normal_forces))
     forces[touching] = shares * normal_forces[touching]
-    return Closure(residual <= tolerance, residual, tolerance, forces, required, margin)
-
-
-def closure_margin_rates(
-    segments: Array,
-    segment_rates: Array,
-    load: Array,
-    load_rates: Array,
-    friction: tuple[float, Array],
-) -> tuple[Array, Array]:
-    """
-    Return how the margin of `Closure` changes with p parameters, (p,), and the wrench it is for.
-
-    :param segments: (k, 3) tangents and levers times normal forces, see `check_force_closure` [N].
-    :param segment_rates: (k, 3, p) of these.
-    :param load: (3,) resultant of all else on the object [N].
-    :param load_rates: (3, p) of that.
-    :param friction: mu, and (p,) how it changes.
-    :return: besides, (3,) the unit wrench of which friction balances the least more.
-    :raises GraspError: all segments are along one line.
-    """
-    pairs, normals, sizes = _planes(segments)
-    if not len(normals):
-        raise GraspError('friction is along one line: the closure margin has no derivatives')
-    support, need = np.abs(normals @ segments.T).sum(axis=1), normals @ load
-    nearest = int((friction[0] * support - np.abs(need)).argmin())
-    (i, j), normal, size = pairs[:, nearest], normals[nearest], sizes[nearest]
-    turned = np.cross(segment_rates[i], segments[j], axisa=0, axisc=0)
-    turned += np.cross(segments[i], segment_rates[j], axisb=0, axisc=0)
-    turned = (turned - np.outer(normal, normal @ turned)) / size
-    signs, side = np.sign(segments @ normal), np.sign(need[nearest])
-    signs[[i, j]] = 0.0  # both are in the facet
-    widened = signs @ (normal @ segment_rates + segments @ turned)
-    rates = friction[1] * support[nearest] + friction[0] * widened
-    return rates - side * (normal @ load_rates + load @ turned), side * normal
+    return FrictionClosure(residual <= tolerance, residual, tolerance, forces, required, margin)
 
 
 def _balance(
@@ -175,18 +140,13 @@ def _extremes(
     return required, min(margin, 0.0) if flat.any() else margin
 
 
-def _planes(segments: Array) -> tuple[Indices, Array, Array]:
-    """Return pairs (2, f) of segments, unit normals (f, 3) across them, and their areas (f,)."""
-    first, second = pairs = _pairs(len(segments))
+def _facets(segments: Array) -> tuple[Array, Array]:
+    """Return unit normals (f, 3) of the facets of a zonotope, and extents (f,) along them."""
+    first, second = _pairs(len(segments))
     normals = np.cross(segments[first], segments[second])
     sizes, reach = np.linalg.norm(normals, axis=1), np.linalg.norm(segments, axis=1)
     good = sizes > FACET_TOLERANCE * reach[first] * reach[second]
-    return pairs[:, good], normals[good] / sizes[good, None], sizes[good]
-
-
-def _facets(segments: Array) -> tuple[Array, Array]:
-    """Return unit normals (f, 3) of the facets of a zonotope, and extents (f,) along them."""
-    normals = _planes(segments)[1]
+    normals = normals[good] / sizes[good, None]
     # All pairs of hundreds of contacts, times all contacts, would take gigabytes at once.
     parts = np.array_split(normals, 1 + len(normals) // PART)
     support = np.concatenate([np.abs(part @ segments.T).sum(axis=1) for part in parts])

@@ -6,8 +6,8 @@
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from isotruss_ros.core import ConvexObject, Disc, Ellipse, load_robot, Polygon
+from isotruss_ros.core.kinematics.distances import collision_model, nearest_on_segment
 from isotruss_ros.core.manipulation.grip import members_at
-from isotruss_ros.core.safety.distances import collision_model, nearest_on_segment
 from isotruss_ros.core.safety.margins import object_distances
 import numpy as np
 import pytest

@@ -1,0 +1,35 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The unit that a value out of its range was probably written in."""
+
+from __future__ import annotations
+
+#: Other units of each SI unit, and their sizes in it.
+UNITS = {
+    'm': {'cm': 1e-2, 'mm': 1e-3},
+    'm/s': {'cm/s': 1e-2, 'mm/s': 1e-3},
+    'kg': {'g': 1e-3},
+    'kg/m': {'g/m': 1e-3},
+    'Pa': {'kPa': 1e3, 'psi': 6894.757, 'bar': 1e5},
+    'N': {'kN': 1e3},
+    'N m^2': {'N cm^2': 1e-4, 'N mm^2': 1e-6},
+}
+
+
+def likely_unit(value: float, unit: str, low: float, high: float) -> str:
+    """
+    Return a clause that names the units in which a value would be in its range.
+
+    :param value: as written, out of its range.
+    :param unit: the SI unit in which it was read; one without alternatives gives no clause.
+    :param low: least value of the range, in the SI unit.
+    :param high: largest value of the range, in the SI unit.
+    :return: such as `; in cm it would be 0.102 m`, or nothing where no unit explains the value.
+    """
+    fitting = [
+        f'in {name} it would be {value * size:.4g} {unit}'
+        for name, size in UNITS.get(unit, {}).items()
+        if low <= value * size <= high and value != 0.0
+    ]
+    return f'; {", ".join(fitting)}' if fitting else ''

@@ -1,0 +1,64 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The command line of a node: its help, and reasons why arguments are refused."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+import inspect
+import sys
+from typing import Any
+
+from isotruss_ros.nodes.framework.parameters import Spec
+
+#: Arguments from here on, to the second if there is one, are for ROS.
+ROS_ARGUMENTS, END_OF_ROS_ARGUMENTS = '--ros-args', '--'
+
+
+def refuse_arguments(kind: Any, arguments: Sequence[str]) -> None:
+    """
+    Print the help of a node where it is asked for, and refuse arguments that are none of ROS.
+
+    :param kind: class of the node.
+    :param arguments: command line, with the program first.
+    :raises SystemExit: in both cases; with code 0 after the help.
+    """
+    own, of_ros = [], False
+    for argument in arguments[1:]:
+        if argument in (ROS_ARGUMENTS, END_OF_ROS_ARGUMENTS):
+            of_ros = argument == ROS_ARGUMENTS
+        elif not of_ros:
+            own.append(argument)
+    parser = argparse.ArgumentParser(
+        prog=kind.node_name,
+        usage='%(prog)s [-h] [--ros-args -p PARAMETER:=VALUE ...]',
+        description=inspect.getdoc(inspect.getmodule(kind)),
+        epilog='\n'.join(['parameters:', *map(_describe, (*kind.base_specs, *kind.specs))]),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.parse_args(own)
+
+
+def explain_refusal(error: RuntimeError | UnicodeEncodeError) -> str:
+    """
+    Return why ROS does not start with its arguments, and what would be right.
+
+    :param error: raised by `rclpy.init`.
+    """
+    if isinstance(error, UnicodeEncodeError):
+        return (
+            f'argument {error.object!a}: no text in the encoding of this locale, '
+            f'{sys.getfilesystemencoding()}: set LC_ALL=C.UTF-8, or use names in ASCII'
+        )
+    # Behind the reason are lines of rcl's sources.
+    why = ' '.join(str(error).partition(', at /')[0].split())
+    if 'log directory' in why:
+        return f'{why}: set ROS_LOG_DIR to a folder that can be written'
+    return f'ROS arguments: {why}'
+
+
+def _describe(spec: Spec) -> str:
+    bounds = '' if spec.bounds is None else f', {spec.bounds[0]:g} to {spec.bounds[1]:g}'
+    return f'  {spec.name}: {spec.description} (default {spec.default!r}{bounds})'
