@@ -58,7 +58,7 @@ class SqueezeLoop:
         self.noise, self.rng = noise, np.random.default_rng(0)
         self.reference = np.array(self.plant.object_pose)
         self.statuses, self.errors, self.turned = [], [], []
-        #: What an estimator says of the covariance of the zeros before each cycle; None without one.
+        #: Covariance of the zeros by an estimator before each cycle; None without one.
         self.told = None
 
     def error(self):

@@ -208,7 +208,6 @@ class GripBelief:
             # The object stays where it was measured: its model was off by so much.
             self.bias = self.bias - self._even * change
             travel, change = travel - self._moved_zeros, np.zeros(3)
-            self._lag[0, 3] += rolled.squeeze - before.squeeze - self._pending[3]
         else:
             self._learn(before, rolled, travel, change, elapsed)
         self._time += elapsed
@@ -246,7 +245,7 @@ class GripBelief:
         :param pressures: (t,) gauge, by tube [Pa]; those of the robot file if None.
         :return: whether there is such an equilibrium.
         """
-        pose, squeeze = self.pose, self.squeeze
+        pose = self.pose
         unloaded = pose - self.grasp.response.pose @ self.load
         try:
             found = attach_model(config, grip.moved_to(unloaded), pressures)
@@ -257,7 +256,6 @@ class GripBelief:
         self.bias = np.zeros(3)
         self.bias = self._even * pose_difference(pose, self.pose)
         self._place_contacts()
-        self._lag[0, 3] += self.squeeze - squeeze
         return True
 
     def _place_contacts(self) -> None:
@@ -277,13 +275,15 @@ class GripBelief:
 
     def move_zeros(self, moved: Array) -> None:
         """
-        Correct zeros of the rollers: what is corrected did not roll, so the contacts stay.
+        Correct zeros of the rollers: the object did not roll, and stays where it was measured.
 
         :param moved: (r,) by which the positions of the rollers change [m].
         """
         grasp = self.grasp
         travel = travel_rates(grasp.config, grasp.contacts.members) @ moved
+        shifts = self._sensitivity[SHIFTS:, :-1] @ moved
         self._anchors = self._anchors + grasp.statics.sides * travel
+        self._anchors = self._anchors + shifts[grasp.contacts.owners]
         self._moved_zeros = self._moved_zeros + moved
 
     def _correct(self, off: Array, rates: Array, noise: Array) -> None:
@@ -317,7 +317,7 @@ class GripBelief:
         squeeze = moved[places.normal].sum() / len(grasp.members)
         self._anchors = self._anchors + shifts
         self._pending = self._pending + np.append(moved[:3], squeeze)
-        self._pending_forces = self._pending_forces + moved[places.normal.start :]
+        self._pending_forces = self._pending_forces + moved[-2 * len(shifts) :]
         self.load, self.bias = self.load + change[LOAD], self.bias + change[BIAS]
         given = moved[:3] + grasp.response.pose @ change[LOAD] + change[BIAS] / self._even
         pressed = squeeze + float(grasp.response.squeeze @ change[LOAD])

@@ -66,7 +66,7 @@ class SwingWatch:
         self._error = self._error + passed * (error - self._error)
         least = max(SWING, NOISES * noise)
         pairs = zip(self._swings, self._error.tolist(), strict=True)
-        return any([swings.update(value, elapsed, least) for swings, value in pairs])
+        return sum(swings.update(value, elapsed, least) for swings, value in pairs) > 0
 
 
 class _Swings:

@@ -35,6 +35,8 @@ import numpy as np
 REST_TIME = 1.0
 #: The squeeze changes no quicker than this [N/s].
 MAX_FORCE_RATE = 10.0
+#: Zeros that are corrected by more than this are beyond the first order [m].
+RESTART = 2e-3
 #: Stamps of poses that differ by no more are the same [s].
 SAME_STAMP = 1e-3
 BELIEF = BeliefSettings()
@@ -78,6 +80,7 @@ class SqueezeControl:
         self._swings, self._rest = SwingWatch(), 0.0
         self._velocity, self._elapsed, self._slipped = np.zeros(3), 0.0, 0.0
         self._averaged, self._stamp = 0.0, -math.inf
+        self._corrected: Array | float = 0.0
 
     @property
     def grasp(self) -> HeldGrip | None:
@@ -114,6 +117,7 @@ class SqueezeControl:
             belief.take_zeros(covariance)
         if before is not None and not np.array_equal(offsets, before):
             belief.move_zeros(offsets - before)
+            self._corrected = self._corrected + offsets - before
 
     def note(self) -> str:
         """Return what is wrong with how the object is held; empty where nothing is."""
@@ -268,10 +272,12 @@ class SqueezeControl:
     def _average(
         self, belief: GripBelief, config: Configuration, grip: Grip, elapsed: float
     ) -> None:
-        """Attach anew to the mean of the first poses: one noisy pose is not enough."""
+        """Attach anew to the mean of the first poses, and where zeros were corrected by much."""
         before, self._averaged = self._averaged, self._averaged + elapsed
-        if before < self.gains.filter_time <= self._averaged:
+        first = before < self.gains.filter_time <= self._averaged
+        if first or np.abs(self._corrected).max() > RESTART:
             belief.attach(config, grip, self._pressures)
+            self._corrected = 0.0
 
     def _choose_gains(self, grasp: HeldGrip) -> None:
         """Let the gains follow from the frequency."""

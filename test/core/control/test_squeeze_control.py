@@ -24,7 +24,6 @@ from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
-from isotruss_ros.core.manipulation.status import RollerCommand
 from nightly import some_now
 import numpy as np
 import pytest
