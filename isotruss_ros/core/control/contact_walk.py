@@ -18,7 +18,7 @@ SPANS = (0.2, 0.6, 1.5, 3.0)
 #: [m] at once.
 SURE, JUMP_LENGTH = 5.0, 0.02
 #: Shorter sums are no slip, however little noise there is [m].
-LEAST_WALK = 0.005
+LEAST_WALK = 0.008
 
 
 class _Sum(NamedTuple):

@@ -14,7 +14,7 @@ stiffness, which are considered only:
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 import math
 from typing import NamedTuple
 
@@ -22,7 +22,8 @@ from isotruss_ros.core.control.contact_walk import ContactWalk
 from isotruss_ros.core.control.inputs import Timeline
 from isotruss_ros.core.control.laid_grip import laid_grip
 from isotruss_ros.core.control.loop_gains import LoopGains
-from isotruss_ros.core.control.pose_noise import PoseNoise
+from isotruss_ros.core.control.pose_noise import PoseNoise, UNKNOWN_NOISE
+from isotruss_ros.core.control.state_estimate import EstimatorSettings
 from isotruss_ros.core.control.usage_limits import UsageLimits
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_forces import slip_conditions
@@ -44,10 +45,11 @@ POSE_WALK, CONTACT_SLIP, WALK_LENGTH = 0.03, 0.02, 0.1
 POSE_DEVIATION, CONTACT_DEVIATION = 0.005, 0.001
 #: Prior deviation of the delay of the poses beyond their stamps, and the largest one [s].
 DELAY_DEVIATION, MAX_DELAY = 0.03, 0.15
-#: The load stays about the same for this time [s].
-LOAD_TIME = 0.3
 #: A larger squared innovation of three degrees of freedom is a jump, once in 60000.
 JUMP = 25.0
+#: After so many poses the object is attached anew to their mean, and where zeros were corrected by
+#: more than this [m].
+FIRST_POSES, MAX_CORRECTION = 15, 2e-3
 #: Derivatives by rollers and stiffness serve for this travel of any roller [m].
 RATE_TRAVEL = 3e-3
 #: Poses of so long tell how fast the object is [s], and older ones than this are not used [s].
@@ -56,25 +58,6 @@ SPEED_TIME, OLDEST = 0.05, 1.0
 Pressures = tuple[float, ...] | None
 #: Parts of the state: load, unexplained pose, delay; then the contacts' shifts by member.
 LOAD, BIAS, DELAY, SHIFTS = slice(0, 3), slice(3, 6), 6, 7
-
-
-@dataclass(frozen=True, eq=False)
-class BeliefSettings:
-    """
-    Standard deviations of what is known of robot and load before anything is measured.
-
-    :ivar load: of the wrench on the object, moments over its arm [N].
-    :ivar zeros: of the rollers' zeros; 1 mm after homing with markers [m].
-    :ivar slip: of the share of its travel that a roller slips, over each 0.1 m anew [-].
-    :ivar stiffness: of the stiffness of robot and tubes against the model's [-].
-    :ivar squeeze_error: of the model of the squeeze, as a share of it [-].
-    """
-
-    load: float = 2.0
-    zeros: float = 0.01
-    slip: float = 0.02
-    stiffness: float = 0.05
-    squeeze_error: float = 0.04
 
 
 class _Rates(NamedTuple):
@@ -108,12 +91,18 @@ class GripBelief:
     :param grip: its object is where it was measured.
     :param settings: what is known before.
     :param zeros: (r, r) covariance of the rollers' zeros [m^2]; by the settings if None.
+    :param noise: (3,) standard deviations of the poses until they are known [m, rad].
     """
 
     def __init__(
-        self, grasp: HeldGrip, grip: Grip, settings: BeliefSettings, zeros: Array | None = None
+        self,
+        grasp: HeldGrip,
+        grip: Grip,
+        settings: EstimatorSettings,
+        zeros: Array | None = None,
+        noise: Array = UNKNOWN_NOISE,
     ) -> None:
-        self.settings, self._friction = settings, grip.friction
+        self.settings, self._given, self._friction = settings, grip, grip.friction
         self._even = np.array([1.0, 1.0, grasp.arm])
         count, shifts = len(grasp.config.roller_positions), len(grasp.members)
         variances = np.zeros(SHIFTS + shifts)
@@ -128,8 +117,9 @@ class GripBelief:
         self.innovation = self.jump = 0.0
         self.bias = self._even * pose_difference(grip.body.pose, grasp.pose)
         self.drift, self.usage = np.zeros(4), UsageLimits(grasp)
-        self.walk, self.noise = ContactWalk(), PoseNoise(grasp.arm)
-        self._time, self._way = 0.0, Timeline()
+        self.walk, self.noise = ContactWalk(), PoseNoise(self._even * noise)
+        self._time, self._way, self._poses = 0.0, Timeline(), 0
+        self._corrected = np.zeros(count)
         self._travelled = np.array(grasp.pose)  # by what the rollers did alone
         self._way.add(0.0, self._travelled)
         self._lag = np.zeros((2, 4))  # of pose and squeeze behind each low-pass
@@ -158,6 +148,22 @@ class GripBelief:
         return math.sqrt(variance + (self.settings.squeeze_error * self.squeeze) ** 2)
 
     @property
+    def pose_covariance(self) -> Array:
+        """Return the covariance (3, 3) of the pose [m^2, m rad, rad^2]."""
+        own, rates = self._rates.pose / self._even[:, None], self._considered_rates.pose
+        by_considered = rates / self._even[:, None] + own @ self._sensitivity
+        spread = own @ self._covariance @ own.T
+        return spread + by_considered @ self._considered @ by_considered.T
+
+    def joint_rates(self) -> Array:
+        """Return the derivatives (2j, r) of the joints by the zeros, the object where it is."""
+        found, grasp = self._gradient, self._differentiated
+        count, owners = len(self._corrected), grasp.contacts.owners
+        travel = travel_rates(grasp.config, grasp.contacts.members)
+        along = grasp.statics.sides[:, None] * travel + self._sensitivity[SHIFTS:, :-1][owners]
+        return found.joints[:, :count] + found.joints[:, count + 4 :] @ along
+
+    @property
     def regulated_pose(self) -> Array:
         """Return the pose that a loop regulates: corrections behind two low-passes (3,)."""
         return self.pose - self._lag[:, :3].sum(axis=0)
@@ -182,7 +188,6 @@ class GripBelief:
         config: Configuration,
         elapsed: float,
         pressures: Pressures,
-        gains: LoopGains,
     ) -> HoldStatus:
         """
         Roll to where the robot is; return whether the object is still held, or why not.
@@ -190,7 +195,6 @@ class GripBelief:
         :param config: where the robot is.
         :param elapsed: since the last call [s].
         :param pressures: (t,) gauge, by tube [Pa]; those of the robot file if None.
-        :param gains: of the loop, whose low-passes corrections are behind.
         """
         before = self.grasp
         given = replace(with_pressures(before, pressures), anchors=self._anchors)
@@ -216,7 +220,10 @@ class GripBelief:
         self._way.discard_before(self._time - OLDEST)
         self._take(rolled)
         self._predict(elapsed, self._even * change, np.abs(travel))
-        self._pass_lag(elapsed, gains)
+        # One noisy pose is not enough, and large corrections are beyond the first order.
+        if self._poses == FIRST_POSES or np.abs(self._corrected).max() > MAX_CORRECTION:
+            self._poses += 1
+            self.attach(config, pressures)
         return hold
 
     def observe(self, pose: Pose, age: float) -> None:
@@ -226,6 +233,7 @@ class GripBelief:
         :param pose: of the object.
         :param age: of the pose before the configuration of the last `follow`, by its stamp [s].
         """
+        self._poses += self._poses != FIRST_POSES
         then = self._time - age - self.delay
         there, speed = self._way.at(then), self._way.at(then) - self._way.at(then - SPEED_TIME)
         expected = self.pose - pose_difference(self._travelled, there)
@@ -236,23 +244,23 @@ class GripBelief:
         noise = np.diag(self.noise.variances)
         self._correct(off, rates, noise)
 
-    def attach(self, config: Configuration, grip: Grip, pressures: Pressures) -> bool:
+    def attach(self, config: Configuration, pressures: Pressures) -> bool:
         """
         Attach the object anew where it is believed to be; the contacts' history is forgotten.
 
         :param config: where the robot is.
-        :param grip: members and object.
         :param pressures: (t,) gauge, by tube [Pa]; those of the robot file if None.
         :return: whether there is such an equilibrium.
         """
         pose = self.pose
         unloaded = pose - self.grasp.response.pose @ self.load
         try:
-            found = attach_model(config, grip.moved_to(unloaded), pressures)
+            found = attach_model(config, self._given.moved_to(unloaded), pressures)
         except NotHeldError:
             return False
         self._take(found)
         self.usage, self.walk, self.drift = UsageLimits(found), ContactWalk(), np.zeros(4)
+        self._corrected = np.zeros_like(self._corrected)
         self.bias = np.zeros(3)
         self.bias = self._even * pose_difference(pose, self.pose)
         self._place_contacts()
@@ -285,6 +293,7 @@ class GripBelief:
         self._anchors = self._anchors + grasp.statics.sides * travel
         self._anchors = self._anchors + shifts[grasp.contacts.owners]
         self._moved_zeros = self._moved_zeros + moved
+        self._corrected = self._corrected + moved
 
     def _correct(self, off: Array, rates: Array, noise: Array) -> None:
         """Update the belief by an innovation (3,) of the pose [m]."""
@@ -325,7 +334,8 @@ class GripBelief:
 
     def _predict(self, elapsed: float, moved: Array, travel: Array) -> None:
         """Propagate the covariance by process noise."""
-        given, left = self.settings, math.exp(-elapsed / LOAD_TIME)
+        given = self.settings
+        left = math.exp(-elapsed / given.load_time)
         more, kept = np.zeros(len(self._covariance)), np.ones(len(self._covariance))
         kept[LOAD] = left
         more[BIAS] = POSE_WALK**2 * WALK_LENGTH * math.hypot(*moved)
@@ -339,8 +349,13 @@ class GripBelief:
         self._lag[0] += np.append(response.pose @ decayed, response.squeeze @ decayed)
         self.load = self.load + decayed
 
-    def _pass_lag(self, elapsed: float, gains: LoopGains) -> None:
-        """Let corrections through the two low-passes."""
+    def pass_corrections(self, elapsed: float, gains: LoopGains) -> None:
+        """
+        Let corrections through the two low-passes of a loop.
+
+        :param elapsed: since the last call [s].
+        :param gains: of the loop.
+        """
         left = math.exp(-elapsed / gains.filter_time)
         self._lag[1] += (1.0 - left) * self._lag[0]
         self._lag[0] *= left
@@ -393,7 +408,7 @@ class GripBelief:
             given[:, :count] + given[:, anchors] @ along, given[:, [count + 3]], axis=1
         )
         self._considered_rates = _Rates(considered[:3], considered[3])
-        self._differentiated = grasp
+        self._gradient, self._differentiated = found, grasp
 
     def _margin(self, grasp: HeldGrip, more: Array) -> float:
         """Return the slip margin where forces (2k,) come to those of an equilibrium [N]."""

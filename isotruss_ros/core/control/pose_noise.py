@@ -9,7 +9,7 @@ from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
 #: Deviations until it is known: of a coordinate [m] and of the angle [rad].
-UNKNOWN = np.array([1e-3, 1e-3, 0.009])
+UNKNOWN_NOISE = np.array([1e-3, 1e-3, 0.009])
 #: Error of the model that is left between poses, turns times the arm [m].
 MODEL_ERROR = 1e-4
 #: Number of poses over which it is averaged, and of those that the first guess counts for.
@@ -23,11 +23,11 @@ class PoseNoise:
     Estimates the noise, which changes from pose to pose; what an object does is slower.
 
     :ivar variances: (3,) of x, y and the angle times the arm, the model's included [m^2].
-    :param arm: of the object [m].
+    :param deviations: (3,) of these, until they are known [m].
     """
 
-    def __init__(self, arm: float) -> None:
-        self.variances = (UNKNOWN * (1.0, 1.0, arm)) ** 2
+    def __init__(self, deviations: Array) -> None:
+        self.variances = deviations**2
         self._last: Array | None = None
         self._count = GUESS
 

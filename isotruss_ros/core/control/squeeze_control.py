@@ -17,11 +17,12 @@ from dataclasses import replace
 import math
 
 from isotruss_ros.core.control.contact_walk import JUMP_LENGTH
-from isotruss_ros.core.control.grip_belief import attach_model, BeliefSettings, GripBelief
+from isotruss_ros.core.control.grip_belief import attach_model, GripBelief
 from isotruss_ros.core.control.grip_faults import GripFault, SwingWatch
 from isotruss_ros.core.control.inputs import steady_pressures
 from isotruss_ros.core.control.loop_gains import choose_gain, gains_of, LoopGains, SLOW
 from isotruss_ros.core.control.squeeze_target import SqueezeSettings
+from isotruss_ros.core.control.state_estimate import EstimatorSettings
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, LEFT_MARGIN, NotHeldError
 from isotruss_ros.core.holding.loaded_frame import lowest_frequency
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -35,11 +36,9 @@ import numpy as np
 REST_TIME = 1.0
 #: The squeeze changes no quicker than this [N/s].
 MAX_FORCE_RATE = 10.0
-#: Zeros that are corrected by more than this are beyond the first order [m].
-RESTART = 2e-3
 #: Stamps of poses that differ by no more are the same [s].
 SAME_STAMP = 1e-3
-BELIEF = BeliefSettings()
+KNOWN = EstimatorSettings()
 
 #: Solves the program for a twist (3,) and a rate of the grip's opening [m/s].
 Solve = Callable[[Array, float], RollerCommand]
@@ -79,8 +78,7 @@ class SqueezeControl:
         self.gains: LoopGains = gains_of(SLOW)
         self._swings, self._rest = SwingWatch(), 0.0
         self._velocity, self._elapsed, self._slipped = np.zeros(3), 0.0, 0.0
-        self._averaged, self._stamp = 0.0, -math.inf
-        self._corrected: Array | float = 0.0
+        self._stamp = -math.inf
 
     @property
     def grasp(self) -> HeldGrip | None:
@@ -117,7 +115,6 @@ class SqueezeControl:
             belief.take_zeros(covariance)
         if before is not None and not np.array_equal(offsets, before):
             belief.move_zeros(offsets - before)
-            self._corrected = self._corrected + offsets - before
 
     def note(self) -> str:
         """Return what is wrong with how the object is held; empty where nothing is."""
@@ -163,16 +160,16 @@ class SqueezeControl:
             self.reference = self.reference + elapsed * self._velocity
         if belief is None:
             return self._start(config, grip)
-        hold = belief.follow(config, elapsed, self._pressures, self.gains)
-        if hold is not HoldStatus.HELD and not belief.attach(config, grip, self._pressures):
+        hold = belief.follow(config, elapsed, self._pressures)
+        if hold is not HoldStatus.HELD and not belief.attach(config, self._pressures):
             again = self._start(config, grip)
             if self.fault is None and again is not HoldStatus.HELD:
                 self._fail(GripFault.NOT_HELD, f'not held: {hold.value}')
             return again
         self._choose_gains(belief.grasp)
+        belief.pass_corrections(elapsed, self.gains)
         pose, age = sample or (grip.body.pose, 0.0)
         self._observe(belief, pose, age, elapsed)
-        self._average(belief, config, grip, elapsed)
         self._look_for_swings(belief, elapsed)
         return HoldStatus.HELD
 
@@ -241,9 +238,9 @@ class SqueezeControl:
         except NotHeldError as error:
             return error.hold
         self._choose_gains(found)
-        settings = replace(BELIEF, load=self.settings.load or BELIEF.load)
+        settings = replace(KNOWN, load=self.settings.load or KNOWN.load)
         self.belief = GripBelief(found, grip, settings, self._zeros)
-        self._swings, self._averaged = SwingWatch(self.frequency), 0.0
+        self._swings = SwingWatch(self.frequency)
         return found.hold(grip.friction)
 
     def _observe(self, belief: GripBelief, pose: Pose, age: float, elapsed: float) -> None:
@@ -268,16 +265,6 @@ class SqueezeControl:
     def _fail(self, fault: GripFault, why: str) -> None:
         """Latch a fault."""
         self.fault, self._why = fault, why
-
-    def _average(
-        self, belief: GripBelief, config: Configuration, grip: Grip, elapsed: float
-    ) -> None:
-        """Attach anew to the mean of the first poses, and where zeros were corrected by much."""
-        before, self._averaged = self._averaged, self._averaged + elapsed
-        first = before < self.gains.filter_time <= self._averaged
-        if first or np.abs(self._corrected).max() > RESTART:
-            belief.attach(config, grip, self._pressures)
-            self._corrected = 0.0
 
     def _choose_gains(self, grasp: HeldGrip) -> None:
         """Let the gains follow from the frequency."""

@@ -21,7 +21,7 @@ class SqueezeSettings:
         the masses [rad/s].
     :ivar max_utilisation: of the moment at which tubes wrinkle; commands that lead toward it are
         slowed, and beyond it only those that lead away are carried out [-].
-    :ivar load: standard deviation of the loads on the object; 0 for that of `BeliefSettings` [N].
+    :ivar load: standard deviation of loads on the object; 0 for that of `EstimatorSettings` [N].
     """
 
     force: float

@@ -24,7 +24,9 @@ class EstimatorSettings:
     :ivar load: of the wrench on a held object, moments over its arm [N].
     :ivar load_time: for so long the wrench stays about the same [s].
     :ivar stiffness: of the stiffness of robot and tubes against the model's [-].
-    :ivar joint_error: of the model of the joints, and of where markers are mounted [m].
+    :ivar joint_error: of the model of the joints, and of where each marker is mounted [m].
+    :ivar marker_shift: of the common shift of all markers [m].
+    :ivar marker_turn: of their common turn [rad].
     :ivar pose_error: of the model of the object's pose, turns times its arm [m].
     :ivar squeeze_error: of the model of the squeeze, as a share of it [-].
     """
@@ -37,6 +39,8 @@ class EstimatorSettings:
     load_time: float = 0.3
     stiffness: float = 0.05
     joint_error: float = 5e-4
+    marker_shift: float = 3e-3
+    marker_turn: float = 3e-3
     pose_error: float = 5e-4
     squeeze_error: float = 0.04
 
@@ -59,7 +63,9 @@ class StateEstimate:
     :ivar squeeze_deviation: its standard deviation, that of the stiffness included [N].
     :ivar used: names of the joints whose last markers count, sorted.
     :ivar left_out: of those whose last markers do not fit, sorted.
+    :ivar swapped: names of two joints whose markers seem to be swapped; empty if none are.
     :ivar slipping: names of the rollers that seem to slip, in `Robot.roller_names` order.
+    :ivar delay: of the poses beyond their stamps [s].
     """
 
     time: float
@@ -74,7 +80,9 @@ class StateEstimate:
     squeeze_deviation: float = math.nan
     used: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
+    swapped: tuple[str, ...] = ()
     slipping: tuple[str, ...] = ()
+    delay: float = 0.0
 
 
 class EstimatedTravel(NamedTuple):

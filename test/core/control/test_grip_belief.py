@@ -6,9 +6,10 @@
 from grips import gripped
 from isotruss_ros.core import Grip, HoldStatus, Pose
 from isotruss_ros.core.control.contact_walk import ContactWalk
-from isotruss_ros.core.control.grip_belief import attach_model, BeliefSettings, GripBelief
+from isotruss_ros.core.control.grip_belief import attach_model, GripBelief
 from isotruss_ros.core.control.loop_gains import gains_of
 from isotruss_ros.core.control.pose_noise import PoseNoise
+from isotruss_ros.core.control.state_estimate import EstimatorSettings
 from isotruss_ros.core.holding.roll_grip import roll_grip
 import numpy as np
 import pytest
@@ -24,7 +25,7 @@ TRAVEL = np.array([8e-3, -5e-3, 4e-3, -6e-3, 3e-3, -7e-3])
 
 def believed(**settings):
     """Return a belief that begins at the equilibrium."""
-    return GripBelief(MODEL, GRIP.moved_to(MODEL.pose), BeliefSettings(**settings))
+    return GripBelief(MODEL, GRIP.moved_to(MODEL.pose), EstimatorSettings(**settings))
 
 
 def carry(belief, duration, noise=0.0, speed=0.0, late=0.0, away=lambda t: np.zeros(3), seed=0):
@@ -34,7 +35,7 @@ def carry(belief, duration, noise=0.0, speed=0.0, late=0.0, away=lambda t: np.ze
         # There and back, faster and slower.
         way = np.sin(2.0 * np.pi * k * PERIOD) * speed * TRAVEL
         grasp = roll_grip(grasp, CONFIG.moved_to(CONFIG.roller_positions + way))
-        assert belief.follow(grasp.config, PERIOD, None, GAINS) is HoldStatus.HELD
+        assert belief.follow(grasp.config, PERIOD, None) is HoldStatus.HELD
         poses[k] = np.array(grasp.pose) + away(k * PERIOD) / ARM
         seen = poses.get(k - round(late / PERIOD), poses[1])
         belief.observe(Pose(*seen + noise * rng.normal(size=3) / ARM), 0.0)
@@ -55,7 +56,7 @@ def test_the_squeeze_of_zeros_that_are_off_is_within_its_stated_deviations():
     for seed in range(12):
         off = 0.005 * np.random.default_rng(seed).normal(size=6)
         model = attach_model(CONFIG.moved_to(CONFIG.roller_positions + off), GRIP)
-        belief = GripBelief(model, GRIP, BeliefSettings(zeros=0.005))
+        belief = GripBelief(model, GRIP, EstimatorSettings(zeros=0.005))
         surprises.append((belief.squeeze - MODEL.squeeze) / belief.squeeze_deviation)
     assert np.abs(surprises).max() < 3.0
     assert 0.3 < np.sqrt(np.mean(np.square(surprises))) < 1.5
@@ -87,7 +88,8 @@ def test_corrections_reach_the_loop_behind_two_low_passes():
     assert belief.pose[0] - still[0] > 5e-4
     assert belief.regulated_pose == pytest.approx(still, abs=1e-9)
     for _ in range(60):
-        belief.follow(CONFIG, PERIOD, None, GAINS)
+        belief.follow(CONFIG, PERIOD, None)
+        belief.pass_corrections(PERIOD, GAINS)
         belief.observe(off, 0.0)
     assert belief.regulated_pose == pytest.approx(belief.pose, abs=3e-4)
 
@@ -103,7 +105,7 @@ def test_a_walk_beyond_its_covariance_is_a_slip_and_one_within_it_is_none():
 
 @pytest.mark.parametrize('deviation', [3e-4, 2e-3])
 def test_noise_of_poses_is_estimated_from_their_steps(deviation):
-    noise, rng = PoseNoise(0.1), np.random.default_rng(0)
+    noise, rng = PoseNoise(np.full(3, 1e-3)), np.random.default_rng(0)
     for k in range(300):
         noise.add(np.array([1e-4 * k, 0.0, 0.0]) + deviation * rng.normal(size=3))
     assert np.sqrt(noise.variances) == pytest.approx(deviation, rel=0.35)
