@@ -17,14 +17,15 @@ setup(
     maintainer_email='maintainers@example.org',
     license='Apache-2.0',
     python_requires='>=3.10',
-    # The presets live at the top, where ROS users look for them; as data of a sub-package they are
-    # also there after a plain `pip install .`, which knows no share folder.
+    # The presets live at the top, where ROS users look for them; by a link they are data of a
+    # sub-package too, for a plain `pip install .`, which knows no share folder.
     packages=[
         *find_packages(include=[package_name, f'{package_name}.*']),
         f'{package_name}.config',
     ],
-    package_dir={f'{package_name}.config': 'config'},
-    package_data={f'{package_name}.config': ['*.yaml', '*.json']},
+    # By name, so that an editable install is a path, which type checkers follow, and not a hook.
+    package_dir={'': '.'},
+    package_data={package_name: ['py.typed'], f'{package_name}.config': ['*.yaml', '*.json']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
         (f'share/{package_name}', ['package.xml']),
@@ -44,7 +45,14 @@ setup(
         'viewer': ['viser', 'mcap', 'rosbags'],
         'mujoco': ['mujoco>=3.11,<4'],
         # colcon runs pytest where it finds it here.
-        'test': ['pytest', 'pytest-timeout', 'hypothesis', 'psutil', 'PyNiteFEA'],
+        'test': [
+            'pytest',
+            'pytest-timeout',
+            'hypothesis',
+            'psutil',
+            'PyNiteFEA',
+            'openseespylinux',
+        ],
     },
     zip_safe=False,
     entry_points={
@@ -55,7 +63,6 @@ setup(
             'path_follower = isotruss_ros.executables:path_follower',
             'grasp_planner = isotruss_ros.executables:grasp_planner',
             'pick_and_place = isotruss_ros.executables:pick_and_place',
-            'teleop = isotruss_ros.executables:teleop',
             'viewer = isotruss_ros.executables:viewer',
             'record = isotruss_ros.executables:record',
             'pluck = isotruss_ros.executables:pluck',

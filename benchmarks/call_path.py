@@ -27,10 +27,10 @@ from types import FrameType
 
 import isotruss_ros
 from isotruss_ros import core
-from isotruss_ros.core.control.grasp_monitor import GraspMonitor
-from isotruss_ros.core.control.grasp_report import GraspCode, GraspQuery
 from isotruss_ros.core.control.inputs import RollerState, StampedInput
 from isotruss_ros.core.safety.roller_failure import FailureCriterion, FailureDetector
+from isotruss_ros.nodes.grasp.grasp_monitor import GraspMonitor
+from isotruss_ros.nodes.grasp.grasp_report import GraspCode, GraspQuery
 from measuring import print_table
 import numpy as np
 

@@ -23,7 +23,6 @@ from playwright.sync_api import sync_playwright
 import psutil
 import rclpy
 
-PORT = 8433
 #: Between samples [s].
 PERIOD = 1.0
 #: Start-up that does not count [s].
@@ -54,7 +53,7 @@ def main() -> None:
         ('simulator', common | {'plant': 'elastic', 'indentation': 0.01}),
         ('manipulation', common),
         ('grasp_analysis', {**common, 'rate': 20.0}),
-        ('viewer', shown | {'port': PORT}),
+        ('viewer', shown | {'port': 0}),
     ]
     rclpy.init()
     with (

@@ -20,6 +20,7 @@ import sys
 from types import FrameType
 
 from isotruss_ros.nodes import NO_MESSAGES
+from isotruss_ros.nodes.framework import BRING_UP
 
 NODES = (
     'simulator',
@@ -28,14 +29,10 @@ NODES = (
     'path_follower',
     'grasp_planner',
     'pick_and_place',
-    'teleop',
     'viewer',
     'record',
-    'pluck',
-    'calibration',
-    'check_rollers',
-    'preflight',
     'state_estimator',
+    *BRING_UP,
 )
 
 

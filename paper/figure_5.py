@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Fig. 5: how stiff the triangle is in three shapes, and where its tubes give way."""
+"""Fig. 5: how stiff the triangle is in three shapes, and what load its tubes bear."""
 
 from __future__ import annotations
 
@@ -9,26 +9,26 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 import math
 
-from isotruss_ros.core import Configuration, deform, load_robot, Robot
+from isotruss_ros.core import Configuration, load_robot, Robot
 from isotruss_ros.core.kinematics.depths import member_lines
-from isotruss_ros.core.statics.structure import Deformation
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.statics.frame import Frame
+from isotruss_ros.core.statics.load_path import follow_loads
+from isotruss_ros.core.statics.structure import structure_of
 from isotruss_ros.core.statics.tube_stiffness import tube_stiffness
+from isotruss_ros.core.statics.wrinkling import find_utilisation
 import numpy as np
 from paper.item import Advance
 from paper.parameters import EDGES, PRESSURE
-from paper.wrinkling import (
-    COLLAPSE,
-    column_load,
-    load_factor,
-    ONSET,
-    pressure_force,
-    wrinkling_moment,
-)
 
-#: Where the top is pushed, down; and what the file of the robot leaves free and the test holds.
-PUSHED, HELD = ('T', 1), (('R', 0), ('R', 1))
+#: What is held: both base modules at A, and the top on its track; what is pushed, down.
+PINNED, PUSHED = (('L', 0), ('L', 1), ('R', 0), ('R', 1), ('T', 0)), 'T'
 #: Each makes an error in the edges at least six times smaller.
 PASSES = 6
+#: Larger than what any of the triangles bears [N].
+MOST = 500.0
+#: The curves end where they are drawn no farther: a tenth of a side [m].
+FARTHEST = 0.1
 
 
 @dataclass(frozen=True)
@@ -39,15 +39,14 @@ class Shape:
     :ivar config: its configuration.
     :ivar edges: the two equal members and the third, pinch to pinch [m].
     :ivar angle: of the legs with the ground [rad].
-    :ivar stiffness: force over displacement of the top [N/m].
+    :ivar stiffness: force over displacement of the top, small ones [N/m].
     :ivar truss: the same of two bars along the legs with their axial stiffness [N/m].
     :ivar stretching: share of the strain energy that is axial, not bending or shear.
-    :ivar geometry: secant over tangent stiffness of the two bars at `onset`.
-    :ivar axial: compression of a leg over the force on the top.
-    :ivar moment: largest bending moment in a leg over the force on the top [m].
-    :ivar bare: displacement at which that moment is M_w, compression left aside [m].
-    :ivar onset: displacement at which a tube begins to wrinkle [m].
-    :ivar collapse: displacement at which a tube folds [m].
+    :ivar axial: compression of a leg over a small force on the top.
+    :ivar moment: largest bending moment in a leg over a small force on the top [m].
+    :ivar displacements: (s,) of the top, down, up to the limit load [m].
+    :ivar forces: (s,) on the top there [N].
+    :ivar onset: displacement and force at which a tube begins to wrinkle [m, N].
     """
 
     config: Configuration
@@ -56,12 +55,11 @@ class Shape:
     stiffness: float
     truss: float
     stretching: float
-    geometry: float
     axial: float
     moment: float
-    bare: float
-    onset: float
-    collapse: float
+    displacements: Array
+    forces: Array
+    onset: tuple[float, float]
 
 
 def compute(advance: Advance) -> Mapping[str, Shape]:
@@ -75,10 +73,7 @@ def compute(advance: Advance) -> Mapping[str, Shape]:
 
 def triangle(edges: tuple[float, float]) -> Robot:
     """
-    Return the preset `triangle` with other edges, its top on a vertical track.
-
-    A robot file grounds three coordinates. Here these are those of the left base module and the
-    track; those of the right base module are held by the loads in `push`.
+    Return the preset `triangle` with other edges.
 
     :param edges: the two equal ones and the third, joint to joint [m].
     """
@@ -86,8 +81,7 @@ def triangle(edges: tuple[float, float]) -> Robot:
     height = math.sqrt(leg**2 - 0.25 * base**2)
     file = load_robot('triangle').description
     joints = {'L': (0.0, 0.0), 'R': (base, 0.0), 'T': (0.5 * base, height)}
-    supports = {'L': ('x', 'y'), 'T': ('x',)}
-    return Robot(replace(file, joints=joints, supports=supports, pressures={'main': PRESSURE}))
+    return Robot(replace(file, joints=joints, pressures={'main': PRESSURE}))
 
 
 def between_joints(edges: tuple[float, float]) -> tuple[float, float]:
@@ -105,73 +99,57 @@ def between_joints(edges: tuple[float, float]) -> tuple[float, float]:
     return tuple(found.tolist())
 
 
-def push(config: Configuration) -> tuple[float, Deformation]:
+def pinned_frame(config: Configuration) -> Frame:
     """
-    Push the top down by 1 N, both base modules pinned.
+    Return the frame of a triangle as the test holds it, more than a robot file may.
 
-    :return: the displacement of the top, down [m], and all of the deformation.
+    :param config: its configuration.
     """
-    places = (PUSHED, *HELD)
-    compliance = np.zeros((3, 3))
-    for column, (joint, axis) in enumerate(places):
-        state = deform(config, {joint: np.eye(2)[axis]})
-        compliance[:, column] = [state.displacement(name)[along] for name, along in places]
-    # What the pins must do so that they do not move.
-    pins = np.linalg.solve(compliance[1:, 1:], compliance[1:, 0])
-    state = deform(config, {PUSHED[0]: (0.0, -1.0), HELD[0][0]: pins})
-    return -float(state.displacement(PUSHED[0])[PUSHED[1]]), state
+    structure = structure_of(config)
+    held = np.zeros((len(structure.node_names), 3), dtype=bool)
+    for joint, axis in PINNED:
+        held[structure.node(joint), axis] = True
+    free = structure.frame
+    return Frame(free.points, free.members, held, structure.node_names, free.rows)
 
 
 def shape(edges: tuple[float, float]) -> Shape:
     """
-    Return one triangle with its stiffness and its limits.
+    Return one triangle with its stiffness, and its curve up to the limit load.
 
     :param edges: the two equal members and the third, pinch to pinch [m].
     """
     robot = triangle(between_joints(edges))
-    config, file = robot.home, robot.description
-    give, state = push(config)
-    radius = 0.5 * file.tube_diameter
-    tube = tube_stiffness(file).section_stiffness(config.member_lengths, PRESSURE)
-    columns = column_load(tube.flexural, tube.shear, config.member_lengths)
-    forces = state.state.end_forces[state.structure.pieces[2]].reshape(-1, 2, 3)
-    compression, moment = forces[:, 0, 0], np.abs(forces[:, :, 2]).max(axis=1)
-    pull = pressure_force(PRESSURE, radius)
-    onset, collapse = (
-        give * float(load_factor(moment, compression, columns, pull, radius, stage).min())
-        for stage in (ONSET, COLLAPSE)
-    )
+    config, structure = robot.home, structure_of(robot.home)
+    frame, top = pinned_frame(config), structure.node(PUSHED)
+    loads = np.zeros((len(frame.points), 3))
+    loads[top, 1] = -1.0
+    small = frame.solve(loads)
+    give = -float(small.displacements[top, 1])
+    tube = tube_stiffness(robot.description).section_stiffness(config.member_lengths, PRESSURE)
+    ends = small.end_forces[structure.pieces[2]].reshape(-1, 2, 3)
     leg = robot.member_names.index('main/R-T')
     stiffness = float(tube.axial[leg] / config.member_lengths[leg])
     start, end = member_lines(config)[leg]
     angle = math.asin(abs((end - start).imag) / abs(end - start))
+    path = follow_loads(frame, loads, MOST, FARTHEST)
+    sunk = np.array([-each.displacements[top, 1] for each in path.tangents])
+    forces = np.array(path.factors)
+    used = [
+        find_utilisation(structure, frame, frame.state(tangent, force * loads))[0].max()
+        for tangent, force in zip(path.tangents, path.factors, strict=True)
+    ]
+    onset = float(np.interp(1.0, used, sunk)), float(np.interp(1.0, used, forces))
     return Shape(
         config,
         edges,
         angle,
         1.0 / give,
         2.0 * stiffness * math.sin(angle) ** 2,
-        _axial_energy(state) / (0.5 * give),
-        _secant(edges[0], angle, onset),
-        float(compression[leg]),
-        float(moment[leg]),
-        give * wrinkling_moment(PRESSURE, radius) / float(moment.max()),
+        float((small.end_forces[:, 3] ** 2 * frame.length / frame.members.axial).sum()) / give,
+        float(ends[leg, 0, 0]),
+        float(np.abs(ends[leg, :, 2]).max()),
+        sunk,
+        forces,
         onset,
-        collapse,
     )
-
-
-def _axial_energy(state: Deformation) -> float:
-    """Return the energy of the members' axial strain [J]."""
-    frame = state.structure.frame
-    span = frame.points[frame.members.end] - frame.points[frame.members.start]
-    pull = state.state.end_forces[:, 3]
-    return float(0.5 * (pull**2 * np.abs(span) / frame.members.axial).sum())
-
-
-def _secant(leg: float, angle: float, displacement: float) -> float:
-    """Return secant over tangent stiffness of two bars whose tip has moved down."""
-    height = leg * math.sin(angle)
-    short = math.hypot(leg * math.cos(angle), height - displacement)
-    force = (leg - short) * (height - displacement) / short
-    return force / displacement / math.sin(angle) ** 2

@@ -75,14 +75,14 @@ def _draw_curves(axes: Axes, shapes: Mapping[str, Shape]) -> None:
     for (name, shape), color, marker, side in zip(
         shapes.items(), COLORS, MARKERS, BESIDE, strict=True
     ):
-        for ends, line in (((0.0, shape.onset), '-'), ((shape.onset, shape.collapse), ':')):
-            x = np.array(ends)
-            axes.plot(1e3 * x, shape.stiffness * x, line, color=color)
-        for x, face in ((shape.onset, color), (shape.collapse, 'white')):
-            axes.plot(1e3 * x, shape.stiffness * x, marker, color=color, mfc=face, ms=4.5)
+        x, y = 1e3 * shape.displacements, shape.forces
+        wrinkles, force = shape.onset
+        axes.plot(x, y, '-', color=color)
+        axes.plot(1e3 * wrinkles, force, marker, color=color, ms=4.5)
+        axes.plot(x[-1], y[-1], marker, color=color, mfc='white', ms=4.5)
         axes.annotate(
             name,
-            (1e3 * shape.collapse, shape.stiffness * shape.collapse),
+            (x[-1], y[-1]),
             (5 if side == 'left' else -5, 0),
             textcoords='offset points',
             ha=side,
@@ -93,12 +93,11 @@ def _draw_curves(axes: Axes, shapes: Mapping[str, Shape]) -> None:
     style = {'color': 'black', 'marker': 'o', 'ms': 4.5, 'ls': ''}
     handles = [
         Line2D([], [], color='black', label='model'),
-        Line2D([], [], label='a tube wrinkles (estimate)', **style),
-        Line2D([], [], color='black', ls=':', label='model, no longer to be trusted'),
-        Line2D([], [], label='a tube folds (estimate)', **style | {'mfc': 'white'}),
+        Line2D([], [], label='a tube wrinkles', **style),
+        Line2D([], [], label='largest load', **style | {'mfc': 'white'}),
     ]
     axes.legend(handles=handles, loc='lower right')
-    axes.set_xlim(0.0, 1.3e3 * max(shape.collapse for shape in shapes.values()))
+    axes.set_xlim(0.0, 1.3e3 * max(shape.displacements[-1] for shape in shapes.values()))
     axes.set_ylim(bottom=0.0)
     axes.set_xlabel('displacement of the top y [mm]')
     axes.set_ylabel('force F [N]')

@@ -12,9 +12,9 @@ from pathlib import Path
 from isotruss_ros.calibration.beam_fit import end_stiffness
 from isotruss_ros.calibration.measurements import COLUMNS, MODES, TRIAL
 from isotruss_ros.core.statics.section import TubeStiffness
+from isotruss_ros.core.statics.wrinkling import wrinkling_moment
 import numpy as np
 from paper.parameters import LENGTHS, PRESSURES, TRIALS, TUBE_DIAMETER
-from paper.wrinkling import pressure_force, wrinkling_moment
 
 #: Points of each trial.
 COUNT = 12
@@ -62,6 +62,6 @@ def largest_load(mode: str, pressure: float, length: float) -> float:
     """Return the load of the last point [N], rotary [N m]: where theory has the tube wrinkle."""
     radius = 0.5 * TUBE_DIAMETER
     if mode == 'axial':
-        return PUSH * pressure_force(pressure, radius)
+        return PUSH * pressure * np.pi * radius**2
     moment = wrinkling_moment(pressure, radius)
     return moment if mode == 'rotary' else 2.0 * moment / length

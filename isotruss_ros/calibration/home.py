@@ -14,6 +14,7 @@ from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint
 from isotruss_ros.core.model.description import RobotDescription
 from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.numerics.records import Record
 import numpy as np
 import scipy
 
@@ -33,8 +34,8 @@ class Posture:
     joints: Mapping[str, tuple[float, float]]  #: (x, y) by the name of the joint, robot frame [m]
 
 
-@dataclass(frozen=True, eq=False)
-class HomeCalibration:
+@dataclass(frozen=True, eq=False, repr=False)
+class HomeCalibration(Record, headline=('zeros', 'deviations', 'residuals')):
     """Zeros of the rollers, and the robot whose home is where the encoders read zero."""
 
     zeros: Array  #: (r,) travel since the home of the robot file where encoders read zero [m]

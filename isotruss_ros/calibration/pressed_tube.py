@@ -14,7 +14,8 @@ from isotruss_ros.core.contact.refinement import measure_contact
 from isotruss_ros.core.contact.surfaces import surface_of
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.statics.beam import Beams, local_stiffness
+from isotruss_ros.core.statics.beam import Beams
+from isotruss_ros.core.statics.beam_column import local_stiffness
 from isotruss_ros.core.statics.section import TubeStiffness
 import numpy as np
 

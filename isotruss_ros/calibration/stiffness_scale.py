@@ -12,11 +12,13 @@ from typing import NamedTuple
 from isotruss_ros.calibration.home import GATE
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.statics.structure import deform
+from isotruss_ros.core.statics.deform import deform
 import numpy as np
 
 #: A scale that is less sure than this share of itself is none.
 LARGEST_SHARE = 0.3
+#: Each leaves a twentieth of the error of the scale at most, of pulls that leave tubes unwrinkled.
+PASSES = 5
 
 
 class StiffnessCalibration(NamedTuple):
@@ -36,8 +38,9 @@ def calibrate_stiffness(
     """
     Fit one scale to the displacements of joints under a known pull (least squares).
 
-    They are those of (4) over the scale. No geometry of a held object tells the scale: loads,
-    stiffness and forces times any factor move nothing. So the robot is empty.
+    A robot that is softer by a factor bends as its model does under so much more load. No geometry
+    of a held object tells the scale: loads, stiffness and forces times any factor move nothing. So
+    the robot is empty.
 
     :param config: where the robot is; its rollers do not turn.
     :param pull: (fx, fy) by joint, robot frame [N].
@@ -53,12 +56,16 @@ def calibrate_stiffness(
             f'joints {", ".join(sorted(under)) or "none"} under the pull, '
             f'{", ".join(sorted(before)) or "none"} before: must be the same'
         )
-    loaded = deform(config, pull)
-    names = list(before)
-    model = np.array([loaded.displacement(name)[:2] for name in names])
+    names, give = list(before), 1.0
     moved = np.array([np.subtract(under[name], before[name]) for name in names])
-    size = float((model**2).sum())
-    give = float((model * moved).sum()) / size if size > 0.0 else 0.0
+    for _ in range(PASSES):
+        # A robot that gives more bends as this one does under more load.
+        loaded = deform(config, {joint: give * np.asarray(pull[joint]) for joint in pull})
+        model = np.array([loaded.displacement(name)[:2] for name in names]) / give
+        size = float((model**2).sum())
+        give = float((model * moved).sum()) / size if size > 0.0 else 0.0
+        if not give > 0.0:
+            break
     # A displacement is a difference of two measured places.
     spread = math.sqrt(2.0) * deviation
     if not give > 0.0 or spread / math.sqrt(size) > LARGEST_SHARE * give:

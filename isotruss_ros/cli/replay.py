@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Sequence
+import contextlib
+import math
 from pathlib import Path
 import sys
 import time
@@ -14,6 +16,7 @@ from typing import TYPE_CHECKING
 
 from isotruss_ros.core import IsotrussError, load_robot
 from isotruss_ros.core.errors import ConfigurationError
+from isotruss_ros.viewer.message_checks import PictureError
 from isotruss_ros.viewer.names import LOCAL, MissingPackageError
 from isotruss_ros.viewer.picture import Picture
 
@@ -24,9 +27,9 @@ if TYPE_CHECKING:
 RATE = 20.0
 
 
-def replay(view: View, path: Path, speed: float, wait: Callable[[float], None]) -> int:
+def replay(view: View, path: Path, speed: float, wait: Callable[[float], None]) -> str:
     """
-    Show a recording once and return the number of messages.
+    Show a recording once, and return where it breaks off, in words; empty where it does not.
 
     :param view: shows it.
     :param path: of the MCAP file.
@@ -35,22 +38,26 @@ def replay(view: View, path: Path, speed: float, wait: Callable[[float], None]) 
         first on [s].
     :raises RecordingError: the file cannot be read, or holds no complete message.
     """
-    from isotruss_ros.viewer.recording import read_recording, show_message
+    from isotruss_ros.viewer.recording import BrokenRecordingError, read_recording, show_message
 
-    count, shown = 0, -1.0
-    first = None
-    for now, topic, message in read_recording(path):
-        first = now if first is None else first
-        try:
-            show_message(view.picture, topic, message, now)
-        except ConfigurationError as error:
-            print(f'{topic}: {error}', file=sys.stderr)
-        count += 1
-        if now - shown >= speed / RATE:
-            view.update(now)
-            shown = now
-            wait((now - first) / speed)
-    return count
+    shown, first = -math.inf, None
+    faults: set[str] = set()
+    try:
+        for now, topic, message in read_recording(path):
+            first = now if first is None else first
+            try:
+                show_message(view.picture, topic, message, now)
+            except (ConfigurationError, PictureError) as error:
+                if topic not in faults:
+                    print(f'replay: {topic}: {error}', file=sys.stderr)
+                faults.add(topic)
+            if now - shown >= speed / RATE:
+                view.update(now)
+                shown = now
+                wait((now - first) / speed)
+    except BrokenRecordingError as error:
+        return str(error)
+    return ''
 
 
 def _wait_on_the_wall() -> Callable[[float], None]:
@@ -68,8 +75,23 @@ def _write_page(view: View, path: Path, speed: float, page: Path) -> None:
         scene.insert_sleep(end - written)
         written = end
 
-    replay(view, path, speed, keep)
+    end = replay(view, path, speed, keep)
+    if end:
+        print(f'replay: {end}', file=sys.stderr)
     page.write_text(scene.as_html(), encoding='utf-8')
+
+
+def _repeat(view: View, options: argparse.Namespace) -> None:
+    """Show a recording until Ctrl-C, or once; print once where it breaks off."""
+    printed = ''
+    while True:
+        end = replay(view, options.file, options.speed, _wait_on_the_wall())
+        if end != printed:
+            print(f'replay: {end}', file=sys.stderr)
+            printed = end
+        if options.once:
+            return
+        view.picture.samples.clear()
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -92,24 +114,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser.error(f'--speed {options.speed}: must be positive')
     try:
         try:
-            from isotruss_ros.viewer.recording import is_finished
+            import isotruss_ros.viewer.recording  # noqa: F401 - needs packages, too
             from isotruss_ros.viewer.view import View
         except ModuleNotFoundError as error:
             raise MissingPackageError(error) from error
         robot = load_robot(options.robot)
-        if not is_finished(options.file):
-            print(f'replay: {options.file} breaks off: what is complete is shown', file=sys.stderr)
-        view = View(Picture(robot, options.diameter), LOCAL, options.port)
-        if options.page is not None:
-            _write_page(view, options.file, options.speed, options.page)
-            print(f'written: {options.page}')
-        else:
-            print(f'replay: {view.address}', flush=True)
-            while (
-                replay(view, options.file, options.speed, _wait_on_the_wall()) and not options.once
-            ):
-                view.picture.samples.clear()
-        view.close()
+        # What is written needs no port of its own; any does for the time of writing.
+        port = options.port if options.page is None else 0
+        with contextlib.closing(View(Picture(robot, options.diameter), LOCAL, port)) as view:
+            if options.page is not None:
+                _write_page(view, options.file, options.speed, options.page)
+                print(f'written: {options.page}')
+            else:
+                print(f'replay: {view.address}', flush=True)
+                _repeat(view, options)
     except (IsotrussError, OSError) as error:
         print(f'replay failed: {error}', file=sys.stderr)
         return 1

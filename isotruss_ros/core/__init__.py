@@ -41,7 +41,7 @@ from isotruss_ros.core.safety.shape_guard import ShapeGuard
 from isotruss_ros.core.simulation.elastic_object import ElasticObject
 from isotruss_ros.core.simulation.rigid_object import RigidObject
 from isotruss_ros.core.simulation.simulated_robot import RollerFaults, SimulatedRobot
-from isotruss_ros.core.statics.structure import deform
+from isotruss_ros.core.statics.deform import deform
 
 __all__ = [
     'Configuration',

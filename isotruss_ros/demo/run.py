@@ -12,7 +12,6 @@ import signal
 
 from isotruss_msgs.action import PlanGrasp
 from isotruss_ros.core import IsotrussError, load_robot, Status
-from isotruss_ros.core.control.grasp_report import GraspCode
 from isotruss_ros.core.model.presets import find_robot_file
 from isotruss_ros.demo.client import ARM, DemoClient
 from isotruss_ros.demo.figures import animate, draw_panels
@@ -25,6 +24,7 @@ from isotruss_ros.demo.sensors import PERFECT, REAL, REAL_SENSORS, truth_table
 from isotruss_ros.demo.tables import contact_table, grasp_table, motion_table, plan_table
 from isotruss_ros.mujoco_plant.options import ROUND
 from isotruss_ros.mujoco_plant.rendering import require_egl
+from isotruss_ros.nodes.grasp.grasp_report import GraspCode
 from isotruss_ros.viewer.names import ELASTIC, MUJOCO
 import numpy as np
 import rclpy

@@ -16,6 +16,7 @@ import math
 from types import ModuleType
 
 from isotruss_ros.core.errors import IsotrussError
+from isotruss_ros.core.model.convex_object import DEFAULT_FRICTION
 import numpy as np
 
 #: Value of `local_stiffness` in the file of a robot whose tubes stay round where they are touched,
@@ -68,7 +69,7 @@ class PlantOptions:
     :raises PlantError: a value is not usable.
     """
 
-    friction: float = 0.5  #: coefficient between tube and object
+    friction: float = DEFAULT_FRICTION  #: coefficient between tube and object
     object_mass: float = 0.5  #: of each object [kg]
     module_mass: float = 1.0  #: of each roller module [kg]
     gravity: tuple[float, float] = (0.0, 0.0)  #: (x, y) in the plane of the robot [m/s^2]

@@ -13,8 +13,6 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import WrenchStamped
 from isotruss_msgs.msg import GraspState
 from isotruss_msgs.srv import AnalyzeGrasp
-from isotruss_ros.core.control.grasp_monitor import GraspMonitor
-from isotruss_ros.core.control.grasp_report import GraspCode, GraspQuery, GraspReport
 from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.shapes import Disc
@@ -33,6 +31,8 @@ from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import Spec
 from isotruss_ros.nodes.framework.topics import RELIABLE
+from isotruss_ros.nodes.grasp.grasp_monitor import GraspMonitor
+from isotruss_ros.nodes.grasp.grasp_report import GraspCode, GraspQuery, GraspReport
 from std_msgs.msg import Bool
 from visualization_msgs.msg import MarkerArray
 

@@ -5,10 +5,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 import math
 import time
-from typing import TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
 from geometry_msgs.msg import PoseStamped, Twist, WrenchStamped
 from isotruss_msgs.msg import GraspState, ManipulationStatus
@@ -36,6 +37,7 @@ from isotruss_ros.nodes.framework.runner import StoppableNode
 from isotruss_ros.nodes.framework.topics import LATCHED, RELIABLE, subscribe_newest
 from isotruss_ros.viewer.control import ZERO
 from isotruss_ros.viewer.drag import LEVER, PATIENCE, place_on_circle
+from isotruss_ros.viewer.message_checks import PictureError
 from isotruss_ros.viewer.names import (
     DRAGGED,
     LOCAL,
@@ -64,7 +66,13 @@ SPECS = (
     ROBOT,
     *common.OBJECT_SPECS,
     FixedSpec('host', LOCAL, 'Address that is served: only this machine, unless another'),
-    FixedSpec('port', 8080, 'Port of the server', (1, 65535)),
+    FixedSpec('port', 8080, 'Port of the server; 0: any that is free', (0, 65535)),
+    FixedSpec(
+        'browser_timeout',
+        0.5,
+        'Control ends where the page that has it gives no sign of life for so long [s]',
+        (0.2, 60.0),
+    ),
     FixedSpec('rate', 20.0, 'Pictures per second [Hz]', (5.0, 60.0)),
     Spec('max_speed', 0.05, 'Largest speed of what is dragged [m/s]', (0.001, 1.0)),
 )
@@ -92,7 +100,7 @@ class Viewer(StoppableNode):
             self.picture.shape = described.shape
         self._view: View | None = None
         self._controls: Controls | None = None
-        self._moving = self._pulling = False
+        self._moving = self._pulling = self._stopped = False
         self._subscribe()
         self._twists = self.create_publisher(Twist, 'cmd_vel', RELIABLE)
         self._wrenches = self.create_publisher(WrenchStamped, 'external_wrench', RELIABLE)
@@ -119,12 +127,19 @@ class Viewer(StoppableNode):
         except ModuleNotFoundError as error:
             raise MissingPackageError(error) from error
         host = self.values.host
-        if host != LOCAL:
-            self.get_logger().warning(
-                f'host {host}: whoever reaches this address can watch the robot and command it'
-            )
         self._view = View(self.picture, host, self.values.port)
-        self._controls = Controls(self._view.server, self.picture, self.values.friction)
+        if 'token=' in self._view.address:
+            self.get_logger().warning(
+                f'host {host}: whoever has the address with its token can watch the robot and '
+                'command it; the network can read it on its way'
+            )
+        self._controls = Controls(
+            self._view.server,
+            self.picture,
+            self.values.friction,
+            self.values.browser_timeout,
+            self._report_refusal,
+        )
         print(f'viewer: {self._view.address}', flush=True)
         create_steady_timer(self, 1.0 / self.values.rate, self._step)
 
@@ -139,30 +154,31 @@ class Viewer(StoppableNode):
         picture = self.picture
         self._frame = RobotFrame.heard_by(self, picture.robot)
         for kind, topic, receive in (
-            (JointState, 'joint_states', self._receive_joint_states),
+            (JointState, 'joint_states', picture.receive_joint_states),
             (PoseStamped, 'object_pose', self._receive_object_pose),
             (GraspState, 'grasp/state', picture.receive_state),
             (ManipulationStatus, 'manipulation/status', picture.receive_status),
             (MarkerArray, 'grasp/markers', picture.receive_markers),
         ):
-            subscribe_newest(
-                self, kind, topic, lambda message, to=receive: to(message, time.monotonic())
-            )
+            subscribe_newest(self, kind, topic, partial(self._receive, topic, receive))
+        # One that was latched before is in the status.
+        self.create_subscription(Bool, 'emergency_stop', self._receive_stop, RELIABLE)
+
+    def _receive(self, topic: str, receive: Callable[[Any, float], None], message: Any) -> None:
+        try:
+            receive(message, time.monotonic())
+        except (PictureError, MessageError, ConfigurationError) as error:
+            self.warn(topic, str(error))
 
     def _receive_object_pose(self, message: PoseStamped, now: float) -> None:
-        try:
-            self.picture.take_pose(self._frame.read_pose(message), now)
-        except MessageError as error:
-            self.warn('object_pose', str(error))
+        self.picture.take_pose(self._frame.read_pose(message), now)
 
-    def _receive_joint_states(self, message: JointState, now: float) -> None:
-        try:
-            self.picture.receive_joint_states(message, now)
-        except ConfigurationError as error:
-            self.warn('joint_states', str(error))
+    def _receive_stop(self, message: Bool) -> None:
+        self._stopped = message.data
 
     def _step(self) -> None:
         controls, now = self._controls, time.monotonic()
+        controls.control.latch(self._stopped or self.picture.is_stopped(now))
         for name, value in controls.take(now):
             self._carry_out(name, value)
         control, pose = controls.control, self._dragged_pose(now)
@@ -252,6 +268,10 @@ class Viewer(StoppableNode):
                 self.picture.diameter = value
             for node in nodes:
                 self._send_parameters(node, {parameter: value})
+
+    def _report_refusal(self, words: str) -> None:
+        self.picture.goal_report = words
+        self.warn('browser', words)
 
     def _report_goal(self, words: str) -> None:
         self.picture.goal_report = words

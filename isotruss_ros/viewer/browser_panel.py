@@ -6,37 +6,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 
 from isotruss_ros.viewer.control import Control
-from isotruss_ros.viewer.names import DRAGGED, OBJECT, PICK, PLACE, PLANT, PLANTS, RELEASE, RESET
+from isotruss_ros.viewer.heartbeat import Heartbeat
+from isotruss_ros.viewer.names import DRAGGED, PICK, PLACE, PLANT, RELEASE, RESET
+from isotruss_ros.viewer.requests import Setting, SETTINGS, WRENCH
 import viser
-
-#: The plant that runs, of which the view knows nothing.
-AS_STARTED = 'as started'
-
-
-@dataclass(frozen=True)
-class Setting:
-    """A slider."""
-
-    name: str  #: of the request that it leaves
-    label: str  #: as it is shown
-    bounds: tuple[float, float]  #: smallest and largest value
-    step: float  #: between values
-
-
-SETTINGS = (
-    Setting('friction', 'friction', (0.05, 1.5), 0.05),
-    Setting('diameter', 'diameter [m]', (0.05, 0.6), 0.01),
-    Setting('squeeze', 'squeeze [N]', (0.0, 60.0), 1.0),
-)
-WRENCH = (
-    Setting('fx', 'force x [N]', (-20.0, 20.0), 0.5),
-    Setting('fy', 'force y [N]', (-20.0, 20.0), 0.5),
-    Setting('m', 'moment [N m]', (-2.0, 2.0), 0.05),
-)
-
 
 #: Of the switch and the commands, between the stop and what is measured.
 ORDER = -9.0
@@ -47,28 +22,56 @@ class BrowserPanel:
     The switch of the control, and commands, which are there only while this browser has control.
 
     :param client: the browser.
-    :param joints: names of what can be dragged besides the object.
+    :param choices: what can be chosen, by the name of the request.
     :param leave: called from a thread of the server with the name and the value of a request.
     """
 
     def __init__(
         self,
         client: viser.ClientHandle,
-        joints: Sequence[str],
+        choices: Mapping[str, Sequence[str]],
         leave: Callable[[str, float | str], None],
     ) -> None:
-        self._number, self._gui = client.client_id, client.gui
-        self._joints, self._leave = joints, leave
+        self._client, self._gui = client, client.gui
+        self._choices, self._pass_on = choices, leave
         self._words = client.gui.add_markdown('', order=ORDER)
         self._switch = client.gui.add_checkbox(
             'control', False, hint='Commands are sent while on', order=ORDER + 1.0
         )
         self._commands: viser.GuiFolderHandle | None = None
+        self._heartbeat: Heartbeat | None = None
 
     @property
     def wish(self) -> bool:
         """Return whether this browser wants control."""
-        return self._switch.value
+        return self._switch.value is True
+
+    def leave(self, name: str, value: object) -> None:
+        """
+        Leave a request, which is a sign of life.
+
+        :param name: of the request.
+        :param value: as it came.
+        """
+        heartbeat = self._heartbeat
+        if heartbeat is not None:
+            heartbeat.note()
+        self._pass_on(name, value)
+
+    def is_silent(self, now: float, timeout: float) -> bool:
+        """
+        Return whether this browser has control, and its page gave no sign of life for long.
+
+        :param now: on the monotonic clock [s].
+        :param timeout: how long [s].
+        """
+        return self._heartbeat is not None and now - self._heartbeat.last > timeout
+
+    def close(self) -> None:
+        """Ask for no more signs of life."""
+        if self._heartbeat is not None:
+            self._heartbeat.end()
+            self._heartbeat = None
 
     def show(self, control: Control, wish: bool, values: Mapping[str, float | str]) -> None:
         """
@@ -78,33 +81,35 @@ class BrowserPanel:
         :param wish: of this browser, of which that knew.
         :param values: of the settings, by the names of their requests.
         """
-        mine = control.browser == self._number
+        mine = control.browser == self._client.client_id
         # Only a wish that was refused: another one may have come since.
         if wish and not mine:
             self._switch.value = False
         self._switch.disabled = not mine and control.browser is not None
-        self._words.content = control.describe(self._number)
+        self._words.content = control.describe(self._client.client_id)
         if mine and self._commands is None:
             self._commands = self._add_commands(values)
+            self._heartbeat = Heartbeat(self._client)
         elif not mine and self._commands is not None:
             self._commands.remove()
             self._commands = None
+            self.close()
 
     def _add_commands(self, values: Mapping[str, float | str]) -> viser.GuiFolderHandle:
         gui = self._gui
         with gui.add_folder(None, order=ORDER + 2.0) as commands:
-            self._add_choice('drag', DRAGGED, (OBJECT, *self._joints), values)
+            self._add_choice('drag', DRAGGED, values)
             for label, name in (
                 ('pick', PICK),
                 ('place', PLACE),
                 ('release the stop', RELEASE),
                 ('reset', RESET),
             ):
-                gui.add_button(label).on_click(lambda _, name=name: self._leave(name, 0.0))
+                gui.add_button(label).on_click(lambda _, name=name: self.leave(name, 0.0))
             with gui.add_folder('assumed by the analysis', expand_by_default=False):
                 for setting in SETTINGS:
                     self._add_slider(setting, values[setting.name])
-            self._add_choice('plant', PLANT, (AS_STARTED, *PLANTS), values)
+            self._add_choice('plant', PLANT, values)
             with gui.add_folder('external wrench', expand_by_default=False):
                 for setting in WRENCH:
                     self._add_slider(setting, 0.0)
@@ -112,10 +117,8 @@ class BrowserPanel:
 
     def _add_slider(self, setting: Setting, value: float) -> None:
         slider = self._gui.add_slider(setting.label, *setting.bounds, setting.step, value)
-        slider.on_update(lambda _: self._leave(setting.name, slider.value))
+        slider.on_update(lambda _: self.leave(setting.name, slider.value))
 
-    def _add_choice(
-        self, label: str, name: str, options: Sequence[str], values: Mapping[str, float | str]
-    ) -> None:
-        choice = self._gui.add_dropdown(label, options, initial_value=values[name])
-        choice.on_update(lambda _: self._leave(name, choice.value))
+    def _add_choice(self, label: str, name: str, values: Mapping[str, float | str]) -> None:
+        choice = self._gui.add_dropdown(label, self._choices[name], initial_value=values[name])
+        choice.on_update(lambda _: self.leave(name, choice.value))

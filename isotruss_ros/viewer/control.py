@@ -20,6 +20,7 @@ class Control:
     browser: int | None = None  #: number of the one in control; None while nobody has it
     drag: Drag | None = None  #: under way; None while nothing is to be moved
     wrench: tuple[float, float, float] = ZERO  #: (fx, fy, m) on the object [N, N m]
+    stopped: bool = False  #: an emergency stop is latched: drags do not count
 
     def pass_on(self, wishes: Mapping[int, bool]) -> None:
         """
@@ -36,6 +37,16 @@ class Control:
         """Leave control to nobody, and drop what was commanded."""
         self.browser, self.drag, self.wrench = None, None, ZERO
 
+    def latch(self, stopped: bool) -> None:
+        """
+        Drop a drag under an emergency stop, and take none until its release.
+
+        :param stopped: whether a stop is latched.
+        """
+        self.stopped = stopped
+        if stopped:
+            self.drag = None
+
     def drag_to(
         self, target: tuple[float, float], begins: bool, now: float, turns: bool = False
     ) -> None:
@@ -47,6 +58,8 @@ class Control:
         :param now: time [s].
         :param turns: whether the handle is the one that turns the object.
         """
+        if self.stopped:
+            return
         if begins:
             self.drag = Drag(target, now, turns)
         elif self.drag is not None and turns == self.drag.turns:

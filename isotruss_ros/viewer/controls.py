@@ -10,12 +10,13 @@ the owner of the view takes in its own thread.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 import math
 import queue
 
 from isotruss_ros.core import Pose
-from isotruss_ros.viewer.browser_panel import AS_STARTED, BrowserPanel, WRENCH
+from isotruss_ros.viewer.browser_panel import BrowserPanel
 from isotruss_ros.viewer.control import Control
 from isotruss_ros.viewer.drag import LEVER, place_on_circle
 from isotruss_ros.viewer.names import (
@@ -30,6 +31,13 @@ from isotruss_ros.viewer.names import (
     TURN,
 )
 from isotruss_ros.viewer.picture import Picture
+from isotruss_ros.viewer.requests import (
+    AS_STARTED,
+    check_request,
+    list_choices,
+    RequestError,
+    WRENCH,
+)
 import viser
 
 #: Radius of the handles [m], and their colours.
@@ -51,9 +59,18 @@ class Controls:
     :param server: of the view.
     :param picture: of the first view.
     :param friction: initial value of its slider.
+    :param timeout: control ends where a page gives no sign of life for so long [s].
+    :param report: called with what is refused, in words.
     """
 
-    def __init__(self, server: viser.ViserServer, picture: Picture, friction: float) -> None:
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        picture: Picture,
+        friction: float,
+        timeout: float,
+        report: Callable[[str], None],
+    ) -> None:
         self.control = Control()
         self._server = server
         self._requests: queue.SimpleQueue[tuple[int, str, object]] = queue.SimpleQueue()
@@ -65,7 +82,10 @@ class Controls:
             'diameter': picture.diameter,
             'squeeze': 0.0,
         }
-        self._joints = picture.robot.node_names[: len(picture.robot.topology.joint_names)]
+        self._choices = list_choices(
+            picture.robot.node_names[: len(picture.robot.topology.joint_names)]
+        )
+        self._timeout, self._report = timeout, report
         self._at: Pose | None = None
         self._grip = (0.0, 0.0)
         self._twisted = self._way = 0.0
@@ -93,21 +113,39 @@ class Controls:
         :param now: time [s].
         :return: name and value of each.
         """
-        clients = self._server.get_clients()
-        self._panels = {
-            number: self._panels.get(number) or self._add_panel(client)
-            for number, client in clients.items()
-        }
+        self._meet_browsers()
         wishes = {number: panel.wish for number, panel in self._panels.items()}
-        self.control.pass_on(wishes)
+        alive = dict(wishes)
+        holder = self._panels.get(self.control.browser)
+        if holder is not None and holder.is_silent(now, self._timeout):
+            alive[self.control.browser] = False
+            self._report(
+                f'control ended: browser {self.control.browser} gave no sign of life for '
+                f'{self._timeout:g} s'
+            )
+        self.control.pass_on(alive)
         taken = []
         while not self._requests.empty():
             number, name, value = self._requests.get()
-            if name == STOP or number == self.control.browser:
+            if name != STOP and number != self.control.browser:
+                continue
+            try:
+                check_request(name, value, self._choices)
+            except RequestError as error:
+                self._report(str(error))
+            else:
                 taken += self._sort(name, value, now)
         for number, panel in self._panels.items():
             panel.show(self.control, wishes[number], self._values)
         return taken
+
+    def _meet_browsers(self) -> None:
+        """Give each new browser a panel, and drop those of browsers that have gone."""
+        clients = self._server.get_clients()
+        for number in self._panels.keys() - clients.keys():
+            self._panels.pop(number).close()
+        for number in clients.keys() - self._panels.keys():
+            self._panels[number] = self._add_panel(clients[number])
 
     def update(self, pose: Pose | None) -> None:
         """
@@ -131,7 +169,7 @@ class Controls:
     def _add_panel(self, client: viser.ClientHandle) -> BrowserPanel:
         number = client.client_id
         return BrowserPanel(
-            client, self._joints, lambda name, value: self._requests.put((number, name, value))
+            client, self._choices, lambda name, value: self._requests.put((number, name, value))
         )
 
     def _sort(self, name: str, value: object, now: float) -> list[tuple[str, float | str]]:
@@ -159,7 +197,9 @@ class Controls:
         """Leave a request; in the loop of the server, which keeps the order of the events."""
         begins = event.phase == 'start'
         drag = (begins, event.start_position[:2], event.end_position[:2])
-        self._requests.put((event.client_id, name, drag))
+        panel = self._panels.get(event.client_id)
+        if panel is not None:
+            panel.leave(name, drag)
 
     def _move_handle(
         self, begins: bool, grabbed: tuple[float, float], pointer: tuple[float, float], now: float

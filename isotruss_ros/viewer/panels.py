@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from isotruss_ros.core.control.grasp_report import GraspCode
+from isotruss_ros.viewer.message_checks import NO_RESULT
 from isotruss_ros.viewer.picture import HISTORY, NOTHING, Picture, trim_start
 import numpy as np
 import viser
@@ -83,8 +83,8 @@ def describe(picture: Picture, now: float) -> str:
     state = picture.state
     if not picture.is_fresh('state', now):
         parts.append('**no grasp analysis**')
-    elif state.code >= 10:
-        parts.append(f'**no result**: {GraspCode(state.code)}: {state.message}')
+    elif state.code >= NO_RESULT:
+        parts.append(f'**no result**: {state.message}')
     else:
         held = '**held**' if state.held else f'**not held**: {state.hold_message}'
         closed = 'yes' if state.force_closure else 'no'

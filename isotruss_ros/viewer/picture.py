@@ -19,6 +19,17 @@ from isotruss_ros.core import Pose, Robot, Status
 from isotruss_ros.core.kinematics.configuration import ConfigurationTracker
 from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.viewer.message_checks import (
+    check_pose,
+    check_state,
+    check_status,
+    DEFORMED,
+    GROUPS,
+    NO_RESULT,
+    read_line,
+    read_pose,
+    read_travel,
+)
 import numpy as np
 
 #: What is older than this is not shown as if it were present [s].
@@ -29,9 +40,6 @@ HISTORY = 20.0
 SAMPLES = 400
 #: Actions of markers that delete one, as in older recordings, or all.
 DELETE, DELETEALL = 2, 3
-#: Namespaces of the markers of grasp_analysis that are drawn.
-DEFORMED, REGIONS, FORCES = 'deformed', 'contact_regions', 'contact_forces'
-
 #: A plot without a curve.
 NOTHING = (np.array([-1.0, 0.0]), np.array([np.nan, np.nan]))
 
@@ -68,6 +76,8 @@ class Picture:
         self.config = self.robot.home
         self._tracker = ConfigurationTracker(self.robot.home)
         self._received: dict[str, float] = {}
+        #: Travel of each roller, and when it was received.
+        self._travel: dict[str, tuple[float, float]] = {}
 
     def is_fresh(self, name: str, now: float) -> bool:
         """
@@ -82,14 +92,17 @@ class Picture:
         """
         Find the configuration of the measured roller positions.
 
-        :param message: sensor_msgs/JointState.
+        :param message: sensor_msgs/JointState of some or all rollers, or of other joints.
         :param now: time of arrival [s].
+        :raises PictureError: the message cannot be used.
         :raises ConfigurationError: no configuration of the robot fits.
         """
-        positions = dict(zip(message.name, message.position, strict=True))
         names = self.robot.roller_names
-        if all(name in positions and math.isfinite(positions[name]) for name in names):
-            self.config = self._tracker.configuration([positions[name] for name in names])
+        travel = read_travel(message, names)
+        self._travel |= {name: (value, now) for name, value in travel.items()}
+        known = [self._travel.get(name, (0.0, -math.inf)) for name in names]
+        if travel and all(now - received < TIMEOUT for _, received in known):
+            self.config = self._tracker.configuration([value for value, _ in known])
             self._received['joint_states'] = now
 
     def receive_object_pose(self, message: Any, now: float) -> None:
@@ -98,20 +111,21 @@ class Picture:
 
         :param message: geometry_msgs/PoseStamped in the robot's frame.
         :param now: time of arrival [s].
+        :raises PictureError: the message has no pose.
         """
-        position, q = message.pose.position, message.pose.orientation
-        self.take_pose(Pose(position.x, position.y, 2.0 * math.atan2(q.z, q.w)), now)
+        self.take_pose(read_pose(message), now)
 
     def take_pose(self, pose: Pose, now: float) -> None:
         """
-        Keep the pose of the object, unless it is none.
+        Keep the pose of the object.
 
         :param pose: in the robot's frame.
         :param now: time of arrival [s].
+        :raises PictureError: it is none.
         """
-        if all(map(math.isfinite, pose)):
-            self.pose = pose
-            self._received['object_pose'] = now
+        check_pose(pose)
+        self.pose = pose
+        self._received['object_pose'] = now
 
     def receive_state(self, message: Any, now: float) -> None:
         """
@@ -119,7 +133,9 @@ class Picture:
 
         :param message: isotruss_msgs/GraspState.
         :param now: time of arrival [s].
+        :raises PictureError: the message cannot be used.
         """
+        check_state(message, len(self.robot.member_names))
         self.state = message
         self._received['state'] = now
 
@@ -129,7 +145,9 @@ class Picture:
 
         :param message: isotruss_msgs/ManipulationStatus.
         :param now: time of arrival [s].
+        :raises PictureError: the message cannot be used.
         """
+        check_status(message)
         self.status = message
         self._received['status'] = now
 
@@ -139,6 +157,7 @@ class Picture:
 
         :param message: visualization_msgs/MarkerArray of grasp_analysis.
         :param now: time of arrival [s].
+        :raises PictureError: a marker cannot be used; those before it are kept.
         """
         for marker in message.markers:
             key = (marker.ns, marker.id)
@@ -146,8 +165,8 @@ class Picture:
                 self.lines.clear()
             elif marker.action == DELETE:
                 self.lines.pop(key, None)
-            elif marker.ns in (DEFORMED, REGIONS, FORCES):
-                self.lines[key] = np.array([(p.x, p.y, p.z) for p in marker.points])
+            elif marker.ns in GROUPS:
+                self.lines[key] = read_line(marker)
                 if marker.ns == DEFORMED:
                     self._received['markers'] = now
 
@@ -168,9 +187,17 @@ class Picture:
 
         :param now: as above [s].
         """
-        if not self.is_fresh('state', now) or self.state.code >= 10:
+        if not self.is_fresh('state', now) or self.state.code >= NO_RESULT:
             return None
         return bool(self.state.held)
+
+    def is_stopped(self, now: float) -> bool:
+        """
+        Return whether the manipulation says that an emergency stop is latched.
+
+        :param now: as above [s].
+        """
+        return self.is_fresh('status', now) and self.status.code == Status.HALT_EMERGENCY_STOP
 
     def describe_manipulation(self, now: float) -> str:
         """

@@ -6,104 +6,110 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-import contextlib
-import os
 from pathlib import Path
-import struct
-from typing import Any, BinaryIO
+from typing import Any
 
 from isotruss_ros.core import IsotrussError
+from isotruss_ros.viewer.message_checks import PictureError
 from isotruss_ros.viewer.picture import Picture
-from mcap.exceptions import EndOfFile, McapError
-from mcap.reader import make_reader, NonSeekingReader
-from mcap.writer import MCAP0_MAGIC
+from mcap.reader import NonSeekingReader
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 
 #: Between the definitions in a schema, and what stands before the name of one.
 SEPARATOR, NAME = '=' * 80 + '\n', 'MSG: '
-#: By the end of a topic's name: what the picture does with a message.
+#: By the end of a topic's name: its type, and what the picture does with a message.
 RECEIVERS = {
-    'joint_states': Picture.receive_joint_states,
-    'object_pose': Picture.receive_object_pose,
-    'grasp/state': Picture.receive_state,
-    'grasp/markers': Picture.receive_markers,
-    'manipulation/status': Picture.receive_status,
+    'joint_states': ('sensor_msgs/msg/JointState', Picture.receive_joint_states),
+    'object_pose': ('geometry_msgs/msg/PoseStamped', Picture.receive_object_pose),
+    'grasp/state': ('isotruss_msgs/msg/GraspState', Picture.receive_state),
+    'grasp/markers': ('visualization_msgs/msg/MarkerArray', Picture.receive_markers),
+    'manipulation/status': ('isotruss_msgs/msg/ManipulationStatus', Picture.receive_status),
 }
+#: More than any message or chunk that is recorded [bytes]; a damaged length may say more.
+LARGEST_RECORD = 2**30
 
 
 class RecordingError(IsotrussError, ValueError):
-    """A recording cannot be read."""
+    """A recording holds nothing to show."""
+
+
+class BrokenRecordingError(RecordingError):
+    """A recording cannot be read to its end; what comes before was read."""
 
 
 def read_recording(path: Path) -> Iterator[tuple[float, str, Any]]:
     """
-    Yield (time [s], topic, message) of an MCAP file in the order of time.
+    Yield (time [s], topic, message) of an MCAP file, as they were recorded, of what a view shows.
 
-    Of a file whose writer was killed, or had no room, it yields what is complete, in the order in
-    which it was recorded.
+    A file whose writer was killed or had no room, or that a disk has damaged since, is read up to
+    there. Its index, which is at its end, is not used.
 
     :param path: of the file.
-    :raises RecordingError: it cannot be read, has messages of another encoding than CDR, or none.
+    :raises RecordingError: it is no MCAP file, or holds no message that a view shows.
+    :raises BrokenRecordingError: after what is complete, where the rest cannot be read.
     """
     types = get_typestore(Stores.EMPTY)
     known: set[int] = set()
-    finished = is_finished(path)
+    count, first, last = 0, 0.0, 0.0
+    fault = None
     try:
         with path.open('rb') as stream:
-            for schema, channel, message in _read_messages(stream, finished):
-                if schema is None or channel.message_encoding != 'cdr':
-                    raise RecordingError(f'{path}: topic {channel.topic} holds no ROS messages')
+            reader = NonSeekingReader(stream, True, record_size_limit=LARGEST_RECORD)
+            for schema, channel, record in reader.iter_messages(log_time_order=False):
+                if not _is_shown(channel.topic, schema, channel.message_encoding):
+                    continue
                 if schema.id not in known:
                     _register(types, schema.name, schema.data.decode())
                     known.add(schema.id)
-                content = types.deserialize_cdr(message.data, schema.name)
-                yield 1e-9 * message.log_time, channel.topic, content
-    except (OSError, McapError) as error:
-        raise RecordingError(f'{path}: {error}') from error
-    if not known:
-        raise RecordingError(f'{path}: holds no complete message')
-
-
-def is_finished(path: Path) -> bool:
-    """
-    Return whether the writer of an MCAP file finished it.
-
-    :param path: of the file.
-    :raises RecordingError: it cannot be read.
-    """
-    try:
-        with path.open('rb') as stream:
-            size = stream.seek(0, os.SEEK_END)
-            stream.seek(max(0, size - len(MCAP0_MAGIC)))
-            # A file that holds only its first bytes ends as a finished one does.
-            return size > len(MCAP0_MAGIC) and stream.read() == MCAP0_MAGIC
-    except OSError as error:
-        raise RecordingError(f'{path}: {error.strerror}') from error
-
-
-def _read_messages(stream: BinaryIO, finished: bool) -> Iterator[tuple[Any, Any, Any]]:
-    """Yield (schema, channel, message) of a file, up to where it breaks off."""
-    if finished:
-        yield from make_reader(stream).iter_messages()
-        return
-    # Sorting by time would read all of it at first.
-    with contextlib.suppress(EndOfFile, struct.error):
-        yield from NonSeekingReader(stream).iter_messages(log_time_order=False)
+                message = types.deserialize_cdr(record.data, schema.name)
+                last = 1e-9 * record.log_time
+                first = last if not count else first
+                count += 1
+                yield last, channel.topic, message
+    # Whatever the decoders of records, compressions and messages raise of damaged bytes.
+    except Exception as error:  # noqa: BLE001
+        fault = f'{type(error).__name__}: {error}'
+    if not count:
+        raise RecordingError(
+            f'{path}: holds no complete message that a view shows'
+            + (f' ({fault})' if fault else '')
+        )
+    if fault is not None:
+        raise BrokenRecordingError(
+            f'{path} ends after {last - first:.1f} s and {count} messages: the rest cannot be '
+            f'read ({fault})'
+        )
 
 
 def show_message(picture: Picture, topic: str, message: Any, now: float) -> None:
     """
-    Put a message into a picture; topics that the view does not show are ignored.
+    Put a message into a picture.
 
     :param picture: receives it.
     :param topic: with or without namespace.
     :param message: with the fields of the ROS message.
     :param now: time of the message [s].
+    :raises PictureError: the message cannot be used.
     :raises ConfigurationError: no configuration of the robot fits the joint states.
     """
-    for name, receive in RECEIVERS.items():
-        if topic == name or topic.endswith(f'/{name}'):
-            receive(picture, message, now)
+    _, receive = RECEIVERS[_find_name(topic)]
+    try:
+        receive(picture, message, now)
+    except AttributeError as error:  # a definition of another time
+        raise PictureError(f'message without the field {error.name}') from error
+
+
+def _find_name(topic: str) -> str | None:
+    """Return by which name a view shows a topic; None where it does not."""
+    names = (name for name in RECEIVERS if topic == name or topic.endswith(f'/{name}'))
+    return next(names, None)
+
+
+def _is_shown(topic: str, schema: Any, encoding: str) -> bool:
+    name = _find_name(topic)
+    if name is None or schema is None or encoding != 'cdr':
+        return False
+    return schema.name == RECEIVERS[name][0]
 
 
 def _register(types: Any, name: str, text: str) -> None:

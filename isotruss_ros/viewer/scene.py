@@ -11,7 +11,8 @@ import math
 from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.viewer.meshes import color_of, prism, tube_faces, tube_vertices
-from isotruss_ros.viewer.picture import DEFORMED, FORCES, Picture, REGIONS
+from isotruss_ros.viewer.message_checks import DEFORMED, FORCES, REGIONS
+from isotruss_ros.viewer.picture import Picture
 import numpy as np
 import viser
 

@@ -5,15 +5,13 @@
 
 from __future__ import annotations
 
-from isotruss_ros.core import IsotrussError
+import contextlib
+import io
+
 from isotruss_ros.viewer.panels import Panels
 from isotruss_ros.viewer.picture import Picture
 from isotruss_ros.viewer.scene import Scene
-import viser
-
-
-class ViewError(IsotrussError, RuntimeError):
-    """The view cannot be served."""
+from isotruss_ros.viewer.server import open_server
 
 
 class View:
@@ -25,19 +23,16 @@ class View:
     :ivar address: for a browser.
     :param picture: what is shown.
     :param host: address to which the server is bound.
-    :param port: of the server; the next that is free if it is taken.
+    :param port: of the server; any that is free if 0.
+    :raises ViewError: the address cannot be served.
     """
 
     def __init__(self, picture: Picture, host: str, port: int) -> None:
         self.picture = picture
-        try:
-            self.server = viser.ViserServer(host=host, port=port, verbose=False)
-        except OSError as error:
-            raise ViewError(f'no server at {host}:{port}: {error}') from error
+        self.server, self.address = open_server(host, port)
         # Beside the scene, so that the robot is not under it.
         self.server.gui.main_panel.dock_right()
         self.server.gui.configure_theme(show_logo=False, show_share_button=False)
-        self.address = f'http://{host}:{self.server.get_port()}'
         self._scene = Scene(self.server, picture)
         self._panels = Panels(self.server)
 
@@ -53,4 +48,6 @@ class View:
 
     def close(self) -> None:
         """End the server."""
-        self.server.stop()
+        # viser prints that it stopped.
+        with contextlib.redirect_stdout(io.StringIO()):
+            self.server.stop()

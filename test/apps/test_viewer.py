@@ -3,14 +3,11 @@
 
 """The live view without a browser: meshes, drags, recordings."""
 
-import contextlib
-import importlib.util
 import math
 
-from builtin_interfaces.msg import Time
-from isotruss_msgs.msg import GraspState, ManipulationStatus
+from geometry_msgs.msg import Point
+from isotruss_msgs.msg import GraspState
 from isotruss_ros.core import load_robot, Polygon
-from isotruss_ros.nodes.conversions.message_text import schema_text, type_name
 from isotruss_ros.viewer.control import Control, ZERO
 from isotruss_ros.viewer.drag import (
     Drag,
@@ -28,9 +25,6 @@ from sensor_msgs.msg import JointState
 from visualization_msgs.msg import Marker, MarkerArray
 
 ROBOT = load_robot('nine_member')
-#: With which MCAP files begin and end.
-MAGIC = b'\x89MCAP0\r\n'
-RECORDS = all(map(importlib.util.find_spec, ('mcap', 'rosbags')))
 
 
 def test_a_tube_is_closed_around_its_line_and_as_wide_as_its_diameter():
@@ -164,7 +158,7 @@ def test_a_drag_that_was_given_up_comes_back_only_with_a_new_one():
 def test_what_is_old_is_not_shown_as_held():
     picture = Picture(ROBOT, 0.3)
     assert picture.is_held(0.0) is None
-    picture.receive_state(GraspState(code=0, held=True), 1.0)
+    picture.receive_state(GraspState(code=0, held=True, utilisation=[0.1] * 9), 1.0)
     assert picture.is_held(1.0) is True
     assert picture.is_held(1.0 + TIMEOUT) is None
     picture.receive_state(GraspState(code=21, held=False), 2.0)
@@ -180,8 +174,13 @@ def test_joint_states_move_the_picture_as_they_move_the_robot():
     assert picture.config.nodes == pytest.approx(ROBOT.configuration(positions).nodes, abs=1e-9)
 
 
+def line(number):
+    """Return a marker of a bent tube."""
+    return Marker(ns='deformed', id=number, points=[Point(), Point(x=1.0)])
+
+
 def test_what_the_analysis_deletes_is_drawn_no_more():
-    picture, shown = Picture(ROBOT, 0.3), [Marker(ns='deformed', id=i) for i in range(2)]
+    picture, shown = Picture(ROBOT, 0.3), [line(i) for i in range(2)]
     picture.receive_markers(MarkerArray(markers=shown), 0.0)
     deletions = (
         Marker(ns='deformed', id=1, action=Marker.DELETE),
@@ -190,100 +189,6 @@ def test_what_the_analysis_deletes_is_drawn_no_more():
     for left, deletion in zip((1, 0), deletions, strict=True):
         picture.receive_markers(MarkerArray(markers=[deletion]), 0.0)
         assert len(picture.select_lines('deformed', 0.0)) == left
-
-
-@pytest.mark.skipif(not RECORDS, reason='needs mcap and rosbags')
-def test_a_recording_is_read_without_ros(tmp_path):
-    from isotruss_ros.viewer.recording import read_recording, show_message
-    from mcap.writer import Writer
-    from rosbags.typesys import get_types_from_msg, get_typestore, Stores
-
-    for kind in (JointState, GraspState, ManipulationStatus, MarkerArray):
-        first = schema_text(kind).split('=' * 80)[0]
-        name = type_name(kind)
-        fields = get_types_from_msg(first, name)[name][1]
-        assert [field for field, _ in fields] == list(kind.get_fields_and_field_types())
-    types = get_typestore(Stores.ROS2_JAZZY).types
-    header = types['std_msgs/msg/Header'](types['builtin_interfaces/msg/Time'](1, 2), 'truss')
-    positions = np.array([0.02, -0.01, 0.0, 0.01, 0.0, 0.015])
-    nothing = np.zeros(0)
-    joints = types['sensor_msgs/msg/JointState'](
-        header, list(ROBOT.roller_names), positions, nothing, nothing
-    )
-    packed = get_typestore(Stores.ROS2_JAZZY).serialize_cdr(joints, 'sensor_msgs/msg/JointState')
-    path = tmp_path / 'joints.mcap'
-    with path.open('wb') as stream:
-        writer = Writer(stream)
-        writer.start('ros2')
-        schema = writer.register_schema(
-            type_name(JointState), 'ros2msg', schema_text(JointState).encode()
-        )
-        channel = writer.register_channel('/joint_states', 'cdr', schema)
-        writer.add_message(channel, 5_000_000_000, bytes(packed), 5_000_000_000)
-        writer.finish()
-    ((time, topic, message),) = read_recording(path)
-    assert (time, topic) == (5.0, '/joint_states')
-    assert (message.header.stamp.sec, message.header.stamp.nanosec) == (1, 2)
-    assert Time.get_fields_and_field_types().keys() == {'sec', 'nanosec'}
-    picture = Picture(ROBOT, 0.3)
-    show_message(picture, topic, message, time)
-    assert picture.config.nodes == pytest.approx(ROBOT.configuration(positions).nodes, abs=1e-9)
-
-
-@pytest.mark.skipif(not RECORDS, reason='needs mcap and rosbags')
-def test_what_is_complete_of_a_recording_that_breaks_off_is_read(tmp_path):
-    """Wherever its writer was killed: all messages up to there, or one sentence that says none."""
-    from isotruss_ros.viewer.recording import read_recording, RecordingError
-    from mcap.writer import Writer
-
-    path = tmp_path / 'whole.mcap'
-    with path.open('wb') as stream:
-        writer = Writer(stream)
-        writer.start('ros2')
-        schema = writer.register_schema('std_msgs/msg/Byte', 'ros2msg', b'byte data')
-        channel = writer.register_channel('/bytes', 'cdr', schema)
-        ends = []
-        for k in range(5):
-            writer.add_message(channel, 10**9 * k, bytes([0, 1, 0, 0, k]), 0)
-            writer.flush()
-            ends.append(stream.tell())
-        writer.finish()
-    whole = path.read_bytes()
-    near = {end + step for end in ends for step in (-1, 0, 1)}
-    for size in sorted({*range(0, len(whole), 7), *near, len(whole)}):
-        path.write_bytes(whole[:size])
-        complete = sum(end <= size for end in ends)
-        times = []
-        with contextlib.nullcontext() if complete else contextlib.suppress(RecordingError):
-            times += (time for time, _, _ in read_recording(path))
-        # The index of a chunk follows it.
-        assert times in (list(range(complete)), list(range(complete + 1))), size
-
-
-@pytest.mark.skipif(
-    not (RECORDS and importlib.util.find_spec('viser')), reason='needs viser, mcap and rosbags'
-)
-def test_replay_says_once_that_a_recording_breaks_off_or_holds_nothing(tmp_path, capsys):
-    from isotruss_ros.cli import replay
-
-    path = tmp_path / 'short.mcap'
-    path.write_bytes(MAGIC)
-    assert replay.main([str(path), '--once', '--port', '0']) == 1
-    assert capsys.readouterr().err.splitlines() == [
-        f'replay: {path} breaks off: what is complete is shown',
-        f'replay failed: {path}: holds no complete message',
-    ]
-
-
-@pytest.mark.skipif(not RECORDS, reason='needs mcap and rosbags')
-@pytest.mark.parametrize('content', [b'', MAGIC[:3], MAGIC, 2 * MAGIC[:4], MAGIC + b'\1'])
-def test_a_recording_without_a_message_is_refused(tmp_path, content):
-    from isotruss_ros.viewer.recording import read_recording, RecordingError
-
-    path = tmp_path / 'short.mcap'
-    path.write_bytes(content)
-    with pytest.raises(RecordingError, match=r'short\.mcap: '):
-        list(read_recording(path))
 
 
 def test_a_curve_begins_where_it_is_known():

@@ -45,7 +45,7 @@ def test_a_pull_becomes_a_stiffness_of_the_robot(tmp_path):
     nodes, output = ROBOT.home.nodes.copy(), tmp_path / 'mine.yaml'
     before = table(tmp_path, nodes)
     for number, name in enumerate(NAMES):
-        nodes[number] += deform(ROBOT.home, {'Z': (10.0, 0.0)}).displacement(name)[:2] / 0.7
+        nodes[number] += deform(ROBOT.home, {'Z': (10.0 / 0.7, 0.0)}).displacement(name)[:2]
     under = table(tmp_path, nodes, name='under.csv')
     pull = ['--joint', 'Z', '--force', '10', '0', '--deviation', '1e-4']
     assert calibrate.stiffness([str(before), str(under), *pull, '--output', str(output)]) == 0

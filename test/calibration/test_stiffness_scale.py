@@ -33,10 +33,10 @@ def joints(nodes, noise=0.0, seed=0):
 
 def pulled(scale, pull=PULL):
     """Return the joints of a robot so many times as stiff as its model, under a pull."""
-    loaded = deform(ROBOT.home, pull)
+    loaded = deform(ROBOT.home, {joint: np.array(force) / scale for joint, force in pull.items()})
     return joints(
         [
-            node + loaded.displacement(name)[:2] / scale
+            node + loaded.displacement(name)[:2]
             for name, node in zip(NAMES, ROBOT.home.nodes, strict=False)
         ]
     )
@@ -52,8 +52,10 @@ def test_the_scale_of_the_file_is_taken_in():
     softer = Robot(replace(ROBOT.description, stiffness_scale=0.5))
     found = calibrate_stiffness(softer.home, PULL, joints(ROBOT.home.nodes), pulled(0.5), 1e-4)
     assert found.scale == pytest.approx(0.5, rel=1e-3)
+    twice = {joint: 2.0 * np.array(force) for joint, force in PULL.items()}
+    # The modules are as hard as before.
     assert deform(softer.home, PULL).displacement('Z') == pytest.approx(
-        2.0 * deform(ROBOT.home, PULL).displacement('Z'), rel=0.02
+        deform(ROBOT.home, twice).displacement('Z'), rel=0.02
     )
 
 

@@ -51,10 +51,11 @@ def linear_rows(matrix):
     return LinearRows(matrix.shape[0], matrix.row, matrix.col, matrix.data)
 
 
-def dense(rows, n_nodes):
-    """Return constraints of a frame as a matrix."""
-    matrix = np.zeros((rows.count, 3 * n_nodes))
-    np.add.at(matrix, (rows.row, rows.column), rows.value)
+def dense(rows, points):
+    """Return constraints of a frame without loads as a matrix."""
+    matrix = np.zeros((rows.count, 3 * len(points)))
+    values, *_ = rows.linearize(points, np.zeros((len(points), 3)), np.zeros(rows.count))
+    np.add.at(matrix, (rows.row, rows.column), values)
     return matrix
 
 

@@ -15,8 +15,6 @@ import time
 import warnings
 
 from isotruss_ros import core
-from isotruss_ros.core.control.grasp_monitor import GraspMonitor
-from isotruss_ros.core.control.grasp_report import GraspQuery
 from isotruss_ros.core.control.inputs import RollerState, StampedInput
 from isotruss_ros.core.control.path_tracking import TrackingSettings
 from isotruss_ros.core.control.roller_trajectory import RollerTrajectory
@@ -28,6 +26,8 @@ from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 from isotruss_ros.core.model.presets import preset_names
 from isotruss_ros.core.planning import release
 from isotruss_ros.core.safety.margins import shape_margins
+from isotruss_ros.nodes.grasp.grasp_monitor import GraspMonitor
+from isotruss_ros.nodes.grasp.grasp_report import GraspQuery
 import numpy as np
 import robots
 import shapes

@@ -10,8 +10,8 @@ import sys
 
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.core import load_robot
-from isotruss_ros.nodes.check_rollers import CheckRollers
-from isotruss_ros.nodes.preflight import Preflight
+from isotruss_ros.nodes.bring_up.check_rollers import CheckRollers
+from isotruss_ros.nodes.bring_up.preflight import Preflight
 from isotruss_ros.nodes.simulator import Simulator
 from manual_world import world
 from mujoco_worlds import needs_mujoco

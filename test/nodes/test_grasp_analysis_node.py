@@ -17,11 +17,11 @@ from isotruss_ros.core import (
     settle_grasp,
     tangent_center,
 )
-from isotruss_ros.core.control.grasp_report import GraspCode
 from isotruss_ros.nodes.conversions import markers
 from isotruss_ros.nodes.conversions.grasp_messages import read_query, to_wrench_message
 from isotruss_ros.nodes.conversions.messages import MessageError, read_stamp, to_pose_message
 from isotruss_ros.nodes.conversions.object_messages import to_object_message
+from isotruss_ros.nodes.grasp.grasp_report import GraspCode
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from manual_world import world
 import numpy as np

@@ -5,8 +5,8 @@
 
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.calibration.oscillation import fit_oscillation
+from isotruss_ros.nodes.bring_up.pluck import Pluck
 from isotruss_ros.nodes.manipulation import Manipulation
-from isotruss_ros.nodes.pluck import Pluck
 from isotruss_ros.nodes.simulator import Simulator
 from manual_world import world
 from mujoco_worlds import needs_mujoco

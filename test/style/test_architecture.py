@@ -27,7 +27,14 @@ CORE = [
     ['core.simulation'],
     ['core'],
 ]
-NODES = [['nodes.framework'], ['nodes.conversions'], ['nodes.components'], ['nodes']]
+NODES = [
+    ['nodes.grasp'],
+    ['nodes.framework'],
+    ['nodes.conversions'],
+    ['nodes.components'],
+    ['nodes.bring_up'],
+    ['nodes'],
+]
 REST = [
     ['mujoco_plant'],
     ['calibration'],

@@ -58,12 +58,12 @@ def test_rviz_shows_topics_of_the_nodes_in_any_namespace():
 
 def test_notes_must_be_those_of_the_declared_names():
     with pytest.raises(ValueError, match='cmd_vel'):
-        node_tables('teleop', {})
+        node_tables('pluck', {})
+    notes = {'cmd_vel': 'twists', 'manipulation/status': 'read'}
     with pytest.raises(ValueError, match='sound'):
-        node_tables('teleop', {'cmd_vel': 'twists', 'sound': 'none'})
-    tables = node_tables('teleop', {'cmd_vel': 'twists'})
+        node_tables('pluck', notes | {'sound': 'none'})
+    tables = node_tables('pluck', notes)
     assert '`geometry_msgs/Twist` or `geometry_msgs/TwistStamped`' in tables
-    assert '| `key_timeout` | `0.6` | 0.01 to 5 | any time |' in tables
 
 
 def test_every_promise_has_tests_that_are_there():

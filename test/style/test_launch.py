@@ -61,9 +61,9 @@ def stand_in(monkeypatch):
     sys.modules.pop('isotruss_ros.nodes.components.launching', None)
 
 
-@pytest.fixture(params=sorted(FOLDER.glob('*.launch.py')), ids=lambda path: path.name)
+@pytest.fixture(params=sorted(FOLDER.glob('*tion.launch.py')), ids=lambda path: path.name)
 def path(request):
-    """Return each launch file."""
+    """Return each launch file of our nodes."""
     return request.param
 
 
@@ -134,6 +134,21 @@ def test_nodes_that_are_optional_have_an_argument_of_their_name(entities, nodes)
         started = switches[node.executable].default_value
         assert started == ('true' if OPTIONAL[node.executable] else 'false')
         assert node.parameters[1].keys() <= specs_of(node.executable).keys() | {'use_sim_time'}
+
+
+def test_a_gamepad_publishes_twists_of_the_object_in_the_namespace(stand_in):
+    said = runpy.run_path(str(FOLDER / 'gamepad.launch.py'))
+    (found,) = said['generate_launch_description']().args
+    joy, teleop = (entity for entity in found if entity.kind == 'Node')
+    assert (joy.package, teleop.package) == ('joy', 'teleop_twist_joy')
+    for node in (joy, teleop):
+        assert node.namespace.args == ('namespace',)
+        assert node.on_exit.kind == 'Shutdown'
+    (values,) = teleop.parameters
+    axes = {name.rpartition('.')[2] for name in values if name.startswith('axis_')}
+    assert axes == {'x', 'y', 'yaw'}
+    assert values['require_enable_button'] is True
+    assert values['publish_stamped_twist'].args[0].args == ('use_stamped_twist',)
 
 
 def test_all_nodes_shut_down_when_one_ends(nodes):

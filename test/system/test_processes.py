@@ -5,13 +5,11 @@
 
 import os
 from pathlib import Path
-import pty
 import signal
 import subprocess
 import sys
 import time
 
-from geometry_msgs.msg import Twist
 from isotruss_ros.demo.processes import NodeError, NodeProcess, running_nodes
 from isotruss_ros.nodes.framework.runner import catch_signals, STOP_SIGNALS
 import numpy as np
@@ -157,47 +155,3 @@ def test_a_path_in_another_encoding_is_refused_in_one_line(environment):
 
 def test_an_argument_that_ros_does_not_take_is_refused():
     assert 'unrecognized arguments: --plant mujoco' in start_simulator('--plant', 'mujoco')
-
-
-def test_teleop_turns_keys_into_twists_and_restores_the_terminal(w):
-    w.probe.listen(Twist, 'twist', 'cmd_vel')
-    ours, theirs = pty.openpty()
-    process = subprocess.Popen(
-        [sys.executable, '-m', 'isotruss_ros.executables', 'teleop'],
-        stdin=theirs,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-    )
-    try:
-        w.until(lambda: w.probe.last('twist') is not None)
-
-        def press(key, done):
-            w.until(lambda: done(w.probe.last('twist')), lambda: os.write(ours, key))
-
-        press(b'w', lambda twist: twist.linear.y > 0.0)
-        press(b'a', lambda twist: twist.linear.x < 0.0 and twist.linear.y == 0.0)
-        press(b'e', lambda twist: twist.angular.z < 0.0 and twist.linear.x == 0.0)
-        press(b' ', lambda twist: twist == Twist())
-        press(b'd', lambda twist: twist.linear.x > 0.0)
-        # Let go: it stops by itself.
-        w.until(lambda: w.probe.last('twist') == Twist())
-        process.send_signal(signal.SIGINT)
-        _, errors = process.communicate(timeout=DEADLINE)
-        assert process.returncode == 0
-        assert b'Traceback' not in errors
-    finally:
-        process.kill()
-        os.close(ours)
-        os.close(theirs)
-
-
-def test_teleop_without_a_terminal_prints_why_it_ends():
-    done = subprocess.run(
-        [sys.executable, '-m', 'isotruss_ros.executables', 'teleop'],
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        timeout=DEADLINE,
-        check=False,
-    )
-    assert done.returncode == 1
-    assert b'not a terminal' in done.stderr

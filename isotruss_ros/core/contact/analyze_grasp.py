@@ -39,8 +39,6 @@ from scipy.linalg import lapack
 SPACINGS = (1e-4, 0.1)
 #: Contact points that are spent in any case on an object that is no disc.
 BUDGET = 80
-#: Coefficient of friction where nothing is known of it.
-FRICTION = 0.5
 
 
 @single_threaded
@@ -155,9 +153,7 @@ def check_load(
     :param external_wrench: (fx, fy, m) about the origin of the object's frame [N, N m].
     :raises GraspError: one of them is not usable.
     """
-    if friction is None:
-        friction = FRICTION if body.friction is None else body.friction
-    (mu,) = finite_array([friction], 1, 'friction', GraspError).tolist()
+    (mu,) = finite_array([body.friction_or(friction)], 1, 'friction', GraspError).tolist()
     if mu < 0.0:
         raise GraspError(f'friction {friction!r}: must not be negative')
     return mu, finite_array(external_wrench, 3, 'the external wrench (fx, fy, m)', GraspError)

@@ -5,11 +5,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from isotruss_ros.core.contact.contact_points import ContactPoints, ContactState
 from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.numerics.records import Record
 from isotruss_ros.core.statics.structure import Structure
 
 
@@ -32,8 +33,17 @@ class SolvedContact(NamedTuple):
     kept: Indices
 
 
-@dataclass(frozen=True, eq=False)
-class GraspAnalysis:
+@dataclass(frozen=True, eq=False, repr=False)
+class GraspAnalysis(
+    Record,
+    headline=(
+        'closed_by_friction',
+        'required_friction',
+        'closure_margin',
+        'contact_forces',
+        'utilisation',
+    ),
+):
     """
     What holds an object, and how well; k contact points.
 
@@ -100,5 +110,5 @@ class GraspAnalysis:
     utilisation: dict[str, float]
     utilisation_places: dict[str, float]
     stiffness: Array
-    structure: Structure
-    solved: SolvedContact
+    structure: Structure = field(repr=False)
+    solved: SolvedContact = field(repr=False)

@@ -10,6 +10,7 @@ import math
 from typing import NamedTuple
 
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.records import Record
 
 
 @dataclass(frozen=True)
@@ -45,8 +46,8 @@ class EstimatorSettings:
     squeeze_error: float = 0.04
 
 
-@dataclass(frozen=True, eq=False)
-class StateEstimate:
+@dataclass(frozen=True, eq=False, repr=False)
+class StateEstimate(Record, headline=('travel', 'pose', 'squeeze', 'left_out', 'slipping')):
     """
     Where robot and object are, how hard it squeezes, and how sure that is.
 

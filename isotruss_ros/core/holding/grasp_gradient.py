@@ -27,11 +27,15 @@ from isotruss_ros.core.holding.loaded_tubes import (
 from isotruss_ros.core.holding.settled_grasp import SettledGrasp
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
+from isotruss_ros.core.numerics.records import Record
 import numpy as np
 
 
-@dataclass(frozen=True, eq=False)
-class GraspGradient:
+@dataclass(frozen=True, eq=False, repr=False)
+class GraspGradient(
+    Record,
+    headline=('parameters', 'gives_way', 'slip_margin', 'most_used', 'needs_most'),
+):
     """
     The derivatives of a `SettledGrasp` by p parameters; contacts stay those that there are.
 

@@ -13,11 +13,15 @@ import math
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.records import Record
 import numpy as np
 
 
-@dataclass(frozen=True, eq=False)
-class SettledGrasp:
+@dataclass(frozen=True, eq=False, repr=False)
+class SettledGrasp(
+    Record,
+    headline=('hold', 'normal_forces', 'friction_forces', 'required_friction', 'slip_margin'),
+):
     """
     The equilibrium of a free object between two or three members, friction loading the tubes.
 

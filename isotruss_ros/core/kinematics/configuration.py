@@ -13,6 +13,7 @@ from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.factorization import Factor, factorize
+from isotruss_ros.core.numerics.records import Record
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -27,7 +28,7 @@ MAX_STEPS = 50
 FIRST_ORDER = 3e-3
 
 
-class Configuration:
+class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')):
     """
     The shape of a robot; made by `Robot.configuration`, never changed afterwards.
 
@@ -51,6 +52,15 @@ class Configuration:
         self._nearby = nearby
         roller_positions.flags.writeable = False
         points.flags.writeable = False
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether the other one is the same shape of an equal robot."""
+        same = super().__eq__(other) is True
+        return same and self.robot == other.robot  # type: ignore[attr-defined]
+
+    def __hash__(self) -> int:
+        """Return the hash of the robot and its roller travel."""
+        return hash((self.robot, self.roller_positions.tobytes()))
 
     def __reduce__(self) -> tuple:
         """Return what another process makes it of, without what can be computed again."""

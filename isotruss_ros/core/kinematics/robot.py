@@ -17,11 +17,17 @@ from isotruss_ros.core.kinematics.home import place_home, require_determinate
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.model.description import RobotDescription
 from isotruss_ros.core.model.robot_file import read_robot_file
+from isotruss_ros.core.numerics.records import Record
 import numpy as np
 from numpy.typing import ArrayLike
 
 
-class Robot(Mechanism):
+class Robot(
+    Mechanism,
+    Record,
+    headline=('name', 'frame', 'member_names', 'roller_names'),
+    data=('name', 'frame', 'node_names', 'member_names', 'roller_names', 'description'),
+):
     """
     An isoperimetric truss robot; never changed after it is made.
 
@@ -33,6 +39,7 @@ class Robot(Mechanism):
 
     def __init__(self, description: RobotDescription) -> None:
         super().__init__(description)
+        self._hash = hash((description.name, tuple(description.joints.items())))
         points = place_home(description, self.topology, self.constraints)
         require_determinate(description.source, self.topology, self.constraints.matrix(points))
         self.home_targets = Targets(
@@ -40,6 +47,10 @@ class Robot(Mechanism):
         )
         self.home = Configuration(self, np.zeros(len(self.topology.driven)), points)
         _refuse_collision(self)
+
+    def __hash__(self) -> int:
+        """Return the hash of the name and the home of the robot."""
+        return self._hash
 
     def __reduce__(self) -> tuple:
         """Return what another process makes it of, there once for all copies."""

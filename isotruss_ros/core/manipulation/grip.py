@@ -38,18 +38,19 @@ class Grip:
 
     :ivar members: names `t/j-k` of two members, or three.
     :ivar body: the object in its place in the robot frame.
-    :ivar friction: coefficient between tubes and object; that of the object if it has one.
+    :ivar friction: coefficient between tubes and object; if left out the object's own, or
+        `DEFAULT_FRICTION` where it has none.
     :raises GraspError: not two or three different names, no such object, or no such coefficient.
     """
 
     members: tuple[str, ...]
     body: ConvexObject
-    friction: float = 0.5
+    friction: float = None  # type: ignore[assignment]  # a number from the start on
 
     def __post_init__(self) -> None:
         """Check the number of members; their names are checked against a robot when used."""
         try:
-            own = self.body.friction
+            friction = self.body.friction_or(self.friction)
         except AttributeError:
             raise GraspError(f'object {self.body!r}: must be a ConvexObject') from None
         names = (self.members,) if isinstance(self.members, str) else tuple(self.members)
@@ -60,7 +61,6 @@ class Grip:
                 'members'
             )
         object.__setattr__(self, 'members', names)
-        friction = self.friction if own is None else own
         if not 0.0 <= friction < math.inf:
             raise GraspError(f'friction {friction!r}: must be a finite number, not negative')
         object.__setattr__(self, 'friction', friction)
@@ -84,7 +84,7 @@ class Grip:
 
     @classmethod
     def at_module(
-        cls, robot: Robot, module: str, body: ConvexObject, friction: float = 0.5
+        cls, robot: Robot, module: str, body: ConvexObject, friction: float | None = None
     ) -> Grip:
         """
         Return the grip by the two members that meet at a module, as the paper's.
@@ -92,11 +92,10 @@ class Grip:
         :param robot: the robot.
         :param module: name `t/j` of the module.
         :param body: the object in its place in the robot frame.
-        :param friction: coefficient between tubes and object; of an object that has its own, that
-            one.
+        :param friction: coefficient between tubes and object; see `Grip`.
         :raises GraspError: the robot has no such module, or see `Grip`.
         """
-        return cls(members_at(robot, module), body, friction)
+        return cls(members_at(robot, module), body, friction)  # type: ignore[arg-type]
 
 
 def members_at(robot: Robot, module: str) -> tuple[str, str]:

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class JointCommand(RollerCommand):
     """
     Roller velocities, and the motion of the joints that follows from them; see `RollerCommand`.

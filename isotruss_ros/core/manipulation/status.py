@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import enum
 
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.records import Record
 
 
 class Status(enum.IntEnum):
@@ -60,8 +61,10 @@ class Status(enum.IntEnum):
         return self.name.lower().replace('_', ' ')
 
 
-@dataclass(frozen=True, eq=False)
-class RollerCommand:
+@dataclass(frozen=True, eq=False, repr=False)
+class RollerCommand(
+    Record, headline=('status', 'roller_velocities', 'achieved_twist', 'scale', 'limiting')
+):
     """
     Roller velocities, and the motion of the object that follows from them.
 

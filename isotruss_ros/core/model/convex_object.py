@@ -19,6 +19,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 ORIGIN = Pose(0.0, 0.0, 0.0)
+#: Coefficient of friction between a tube and an object of which nothing is known, assumed [-].
+DEFAULT_FRICTION = 0.5
 #: Segments shorter than this are points [m].
 TINY = 1e-12
 
@@ -94,6 +96,16 @@ class ConvexObject:
         """
         x, y = finite_array(center, 2, "the object's centre [m]", GraspError)
         return cls(Disc(diameter), Pose(float(x), float(y), 0.0), friction=friction)
+
+    def friction_or(self, given: float | None) -> float:
+        """
+        Return the coefficient of friction of a grasp: a given one, or the object's own.
+
+        :param given: None for that of the object, or `DEFAULT_FRICTION` where it has none.
+        """
+        if given is not None:
+            return given
+        return DEFAULT_FRICTION if self.friction is None else self.friction
 
     def moved_to(self, pose: ArrayLike) -> ConvexObject:
         """

@@ -11,10 +11,8 @@ from isotruss_ros.core.errors import RobotFileError
 
 
 def config_directory() -> Path:
-    """Return the folder of the presets, installed with the package or beside it in a checkout."""
-    package = Path(__file__).resolve().parents[2]
-    installed = package / 'config'
-    return installed if installed.is_dir() else package.parent / 'config'
+    """Return the folder of the presets, that of the package."""
+    return Path(__file__).resolve().parents[2] / 'config'
 
 
 def preset_names() -> list[str]:

@@ -10,7 +10,7 @@ from typing import Any
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 from scipy.linalg import lapack
-from scipy.sparse import csc_matrix
+from scipy.sparse import bmat, csc_matrix, identity
 from scipy.sparse.linalg import LinearOperator, onenormest, splu
 
 
@@ -113,3 +113,32 @@ def factorize_with_condition(matrix: Array | csc_matrix) -> tuple[Factor | None,
     with np.errstate(over='ignore', invalid='ignore'):
         condition = norm * float(onenormest(inverse))
     return factor, condition if np.isfinite(condition) else float('inf')
+
+
+#: Regularises constraints where pivots are counted, of a matrix that is scaled to 1.
+SOFTENED = 1e-7
+
+
+def count_negative_pivots(matrix: Array | csc_matrix, constraints: int) -> int:
+    """
+    Return the number of negative pivots of the factors L D L^T of a symmetric matrix.
+
+    :param matrix: (n, n), scaled to 1: a stiffness bordered by constraints.
+    :param constraints: the last rows, whose diagonal is zero.
+    """
+    if isinstance(matrix, np.ndarray):
+        factors, pivots, _ = lapack.dsytrf(matrix, lower=True)
+        # A block of two rows has one negative pivot.
+        single = pivots > 0
+        negative = (factors.diagonal() < 0.0) & single
+        return int(np.count_nonzero(negative)) + int(np.count_nonzero(~single)) // 2
+    # SuperLU does not exchange rows of a matrix that is quasi-definite: the constraints are made
+    # soft, and their stiffness is added to that of what they bind.
+    rows = matrix[-constraints:, :-constraints] if constraints else matrix[:0]
+    softened = SOFTENED * identity(constraints, format='csc')
+    stiff = matrix[: matrix.shape[0] - constraints, : matrix.shape[0] - constraints]
+    blocks = [[stiff + rows.T @ rows / SOFTENED**0.5, rows.T], [rows, -softened]]
+    whole = bmat(blocks, format='csc') if constraints else matrix
+    options = {'SymmetricMode': True}
+    factor = splu(whole, permc_spec='MMD_AT_PLUS_A', diag_pivot_thresh=0.0, options=options)
+    return int(np.count_nonzero(factor.U.diagonal() < 0.0))

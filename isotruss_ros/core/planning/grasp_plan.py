@@ -14,6 +14,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip, members_at
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.records import Record
 from isotruss_ros.core.planning.violations import Violation
 
 
@@ -33,8 +34,10 @@ class ClosedGrip(NamedTuple):
     slip_margin: float | None  #: of the free object [N], see above
 
 
-@dataclass(frozen=True, eq=False)
-class PlannedGrasp:
+@dataclass(frozen=True, eq=False, repr=False)
+class PlannedGrasp(
+    Record, headline=('members', 'squeeze', 'slip_margin', 'utilisation', 'roller_positions')
+):
     """
     A grasp that fulfils the requirements, and the path to it.
 
@@ -77,8 +80,12 @@ class PlannedGrasp:
         return self.path[-1]
 
 
-@dataclass(frozen=True, eq=False)
-class GraspPlan(Sequence[PlannedGrasp]):
+@dataclass(frozen=True, eq=False, repr=False)
+class GraspPlan(
+    Record,
+    Sequence[PlannedGrasp],
+    headline=('count', 'best', 'complete', 'closest_violation', 'computing_time'),
+):
     """The result of a search; as a sequence, its grasps."""
 
     grasps: tuple[PlannedGrasp, ...]  #: distinct ones, best first; empty where none was found
@@ -91,6 +98,16 @@ class GraspPlan(Sequence[PlannedGrasp]):
     def __getitem__(self, place: int | slice) -> PlannedGrasp | tuple[PlannedGrasp, ...]:
         """Return a grasp, or some of them."""
         return self.grasps[place]
+
+    @property
+    def count(self) -> int:
+        """Return how many grasps were found."""
+        return len(self.grasps)
+
+    @property
+    def best(self) -> tuple[str, ...] | None:
+        """Return the members of the best grasp; None where none was found."""
+        return self.grasps[0].members if self.grasps else None
 
     def __len__(self) -> int:
         """Return how many grasps were found."""

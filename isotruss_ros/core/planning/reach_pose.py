@@ -19,6 +19,7 @@ from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.model.pose import Pose, pose_difference
 from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
+from isotruss_ros.core.numerics.records import Record
 from isotruss_ros.core.safety.shape_guard import ShapeGuard
 import numpy as np
 from numpy.typing import ArrayLike
@@ -35,8 +36,8 @@ LEAST_SCALE = 0.05
 PATIENCE = 20
 
 
-@dataclass(frozen=True, eq=False)
-class ReachedPose:
+@dataclass(frozen=True, eq=False, repr=False)
+class ReachedPose(Record, headline=('status', 'why', 'share', 'pose', 'roller_positions')):
     """Where the robot brings a held object."""
 
     config: Configuration  #: of the robot at the end of the way

@@ -13,6 +13,7 @@ import math
 from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.errors import GraspError, quote
 from isotruss_ros.core.manipulation.grip import FEWEST, MOST
+from isotruss_ros.core.model.convex_object import DEFAULT_FRICTION
 from isotruss_ros.core.numerics.arrays import finite_array
 from isotruss_ros.core.planning.grasp_plan import ClosedGrip
 from isotruss_ros.core.planning.violations import RequirementError
@@ -45,7 +46,7 @@ class GraspRequirements:
     :raises GraspError: a value is not usable; says which and what would be right.
     """
 
-    friction: float = 0.5  #: coefficient between tube and object, not negative
+    friction: float = DEFAULT_FRICTION  #: coefficient between tube and object, not negative
     external_wrench: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: about its centre [N, N m]
     module: str | None = None  #: the module `t/j` whose two members are to grip; any if None
     members: tuple[str, ...] | None = None  #: the two or three `t/j-k` that are to grip, instead

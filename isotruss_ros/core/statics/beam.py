@@ -2,112 +2,18 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Two-node beams of the plane: the force-displacement relation (2) of a straight member.
+Straight beams between their ends: how sections inside them move.
 
-Ends move by (ux, uy, theta). EA, EI and GA are the section stiffness (Timoshenko; an infinite GA
-is an Euler-Bernoulli beam). All functions take arrays over members. What is inside of a beam is
-exact, so that a frame with loaded points anywhere needs no finer mesh.
+EA, EI and GA are the section stiffness (Timoshenko; an infinite GA is an Euler-Bernoulli beam).
+What is inside of a beam is exact, so that a frame with loaded points anywhere needs no finer mesh.
 """
 
 from __future__ import annotations
 
-from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
+from isotruss_ros.core.numerics.arrays import Array, Flags, Indices
 import numpy as np
 
 IDENTITY = np.eye(6)
-#: Which of 0, EA/L, -EA/L, the forces and moments across, with both signs, and the moments of a
-#: turned end, near and far, are the entries of (2).
-STIFFNESS = np.array(
-    [
-        [1, 0, 0, 2, 0, 0],
-        [0, 3, 5, 0, 4, 5],
-        [0, 5, 7, 0, 6, 8],
-        [2, 0, 0, 1, 0, 0],
-        [0, 4, 6, 0, 3, 6],
-        [0, 5, 8, 0, 6, 7],
-    ]
-)
-#: Which of 0, 1, x, y and -y of a direction are the entries of `directions`.
-TURN = np.array(
-    [
-        [2, 3, 0, 0, 0, 0],
-        [4, 2, 0, 0, 0, 0],
-        [0, 0, 1, 0, 0, 0],
-        [0, 0, 0, 2, 3, 0],
-        [0, 0, 0, 4, 2, 0],
-        [0, 0, 0, 0, 0, 1],
-    ]
-)
-
-
-def local_stiffness(
-    length: Array,
-    axial: Array,
-    flexural: Array,
-    shear: Array,
-    pins: tuple[Flags, Flags] | None = None,
-) -> Array:
-    """
-    Return (2): stiffness matrices in the members' own frames (x from start to end).
-
-    See Przemieniecki, Theory of Matrix Structural Analysis, section 5.6.
-
-    :param length: (k,) [m].
-    :param axial: (k,) EA [N].
-    :param flexural: (k,) EI [N m^2].
-    :param shear: (k,) GA [N], infinite for no shear deformation.
-    :param pins: (k,) whether the start, and the end, transmits no moment; None for fixed ends.
-    :return: (k, 6, 6), rows and columns (ux, uy, theta) at start and end; those of free rotations
-        are zero.
-    """
-    flexibility = 12.0 * flexural / (shear * length**2)
-    bend = flexural / ((1.0 + flexibility) * length)
-    force, moment = 12.0 * bend / length**2, 6.0 * bend / length
-    near, far = (4.0 + flexibility) * bend, (2.0 - flexibility) * bend
-    pull = axial / length
-    values = np.empty((*np.shape(length), 9))
-    parts = (0.0, pull, -pull, force, -force, moment, -moment, near, far)
-    for place, part in enumerate(parts):
-        values[..., place] = part
-    stiffness = values.take(STIFFNESS, axis=-1)
-    return stiffness if pins is None else _with_pins(stiffness, *pins)
-
-
-def _with_pins(matrix: Array, pinned_start: Flags, pinned_end: Flags) -> Array:
-    """Return stiffness matrices (k, 6, 6), overwritten, whose ends turn freely where pinned."""
-    for rotation, pinned in ((2, pinned_start), (5, pinned_end)):
-        if not pinned.any():
-            continue
-        places = np.flatnonzero(pinned)
-        freed = matrix[places]
-        column = freed[:, :, rotation]
-        # A member without bending stiffness has none against this rotation anyway.
-        pivot = column[:, rotation]
-        gain = np.divide(1.0, pivot, out=np.zeros_like(pivot), where=pivot > 0.0)
-        freed -= (gain[:, None] * column)[:, :, None] * column[:, None, :]
-        freed[:, rotation, :] = freed[:, :, rotation] = 0.0
-        matrix[places] = freed
-    # Exactly zero across a bar: what rounding leaves would hide a mechanism of bars.
-    bar = pinned_start & pinned_end
-    if not bar.any():
-        return matrix
-    for across in (1, 4):
-        matrix[bar, across, :] = 0.0
-        matrix[bar, :, across] = 0.0
-    return matrix
-
-
-def directions(direction: Points) -> Array:
-    """
-    Return the matrices that turn displacements of the plane into those along the members.
-
-    :param direction: (k,) unit vectors from start to end.
-    :return: (k, 6, 6), orthogonal.
-    """
-    values = np.zeros((len(direction), 5))
-    values[:, 1], values[:, 2], values[:, 3] = 1.0, direction.real, direction.imag
-    values[:, 4] = -direction.imag
-    return values.take(TURN, axis=1)
 
 
 class Beams:

@@ -16,8 +16,6 @@ from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.statics.frame import Frame, FrameState
 from isotruss_ros.core.statics.frame_pattern import Members
 from isotruss_ros.core.statics.structure import (
-    bisection_entries,
-    bisection_spans,
     frame_layout,
     Structure,
 )
@@ -47,7 +45,6 @@ class CutFrame(Frame):
     :ivar nodes: (c,) the nodes at the points.
     :ivar before: (c,) the parts that end at the points.
     :ivar behind: (c,) the parts that begin there.
-    :ivar whole: (k,) of which members of the frame these are parts.
     :param frame: to be cut.
     :param piece: (c,) numbers of the members with points inside.
     :param within: (c,) distances of these from the members' starts [m].
@@ -55,8 +52,8 @@ class CutFrame(Frame):
 
     def __init__(self, frame: Frame, piece: Indices, within: Array) -> None:
         count, parts = len(piece), len(frame.members.start)
-        self.whole = np.concatenate([np.arange(parts), piece])
-        members = Members(*(each[self.whole] for each in frame.members))
+        whole = np.concatenate([np.arange(parts), piece])
+        members = Members(*(each[whole] for each in frame.members))
         start, end, *_, pinned_start, pinned_end = members
         pinned_start[parts:] = pinned_end[parts:] = False
         self.nodes = len(frame.points) + np.arange(count)
@@ -76,8 +73,9 @@ class CutFrame(Frame):
             members,
             held,
             [*frame._names, *map(str, self.nodes)],
-            frame._rows,
+            frame.rows,
         )
+        self.whole = whole
 
     def rates(
         self, state: FrameState, rates: FrameRates, loads: Array, still: Array | None = None
@@ -90,8 +88,7 @@ class CutFrame(Frame):
         :param loads: (n, 3, p) of the loads.
         :param still: (k, 6, p) of the end forces besides, as the nodes stay; see `mixed_rates`.
         """
-        pattern, rows, count = self._pattern, self._rows, loads.shape[2]
-        factor, scale = self._system
+        pattern, rows, count = self._pattern, self.rows, loads.shape[2]
         spin, changed = self._still_rates(state, rates)
         if still is not None:
             changed += still
@@ -105,18 +102,14 @@ class CutFrame(Frame):
         left = loads.reshape(-1, count).copy()
         places = pattern.places.ravel()
         np.subtract.at(left, places, (self.turn.transpose(0, 2, 1) @ turned).reshape(-1, count))
-        right = np.zeros((len(scale), count))
         pushed = rates.rows * state.multipliers[rows.row][:, None]
         np.subtract.at(left, rows.column, pushed)
         moved = rates.rows * state.displacements.ravel()[rows.column][:, None]
-        free = len(pattern.solved)
-        right[:free] = left[pattern.solved]
-        np.subtract.at(right[free:], rows.row, moved)
-        found = scale[:, None] * factor.solve(scale[:, None] * right)
-        displacements = np.zeros_like(left)
-        displacements[pattern.solved] = found[:free]
+        opened = np.zeros((rows.count, count))
+        np.subtract.at(opened, rows.row, moved)
+        displacements, multipliers = self.rest.respond(left, opened)
         changed += self._local @ (self.turn @ displacements[pattern.places])
-        return displacements.reshape(-1, 3, count), changed, found[free:]
+        return displacements.reshape(-1, 3, count), changed, multipliers
 
     def mixed_rates(
         self, state: FrameState, changes: tuple[Array, Array], rates: FrameRates, cuts: Array
@@ -210,6 +203,12 @@ def structure_rates(structure: Structure, moved: Points, inflated: Array) -> Fra
     softer = np.zeros((3, 6, *longer.shape))
     softer[:, 3] = softer[:, 5] = of_tubes
     softer[:, 4] = of_tubes[:, topology.previous]
-    spans = bisection_spans(robot, frame.points)[:, :, None].conj()
-    turning = -1j * bisection_spans(robot, points).conj() / spans**2
-    return FrameRates(points, softer.reshape(3, -1, moved.shape[1]), bisection_entries(turning))
+    rows = frame.rows
+    parts = rows.share[:, None] * points[rows.node]
+    turning = np.zeros((len(rows.weight), parts.shape[1]), dtype=np.complex128)
+    np.add.at(turning, rows.span, parts)
+    spans = rows._spans(frame.points)[:, None].conj()
+    turning = -1j * turning.conj() / spans**2 * rows.weight[:, None]
+    entries = turning[rows.span] * rows.share[:, None]
+    entries = np.concatenate([entries.real, entries.imag])
+    return FrameRates(points, softer.reshape(3, -1, moved.shape[1]), entries)

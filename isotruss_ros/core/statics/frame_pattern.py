@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from isotruss_ros.core.numerics.arrays import Array, Flags, Indices
+from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
 import numpy as np
 
 
@@ -26,7 +26,100 @@ class LinearRows(NamedTuple):
     column: Indices
     value: Array
 
+    @property
+    def pairs(self) -> tuple[Indices, Indices]:
+        """Return which displacements the rows bind other than linearly: none."""
+        return NO_PAIRS
 
+    def linearize(
+        self, points: Points, displacements: Array, multipliers: Array
+    ) -> tuple[Array, Array, Array]:
+        """Return entries, gaps (c,) and curvature; see `TurnRows.linearize`."""
+        moved = displacements.ravel()[self.column] * self.value
+        return self.value, np.bincount(self.row, moved, minlength=self.count), NO_PAIRS[0]
+
+
+class TurnRows(NamedTuple):
+    """
+    Constraints on how much spans between nodes turn: sums of turns, each by a weight, are zero.
+
+    A span is a sum of nodes, each by a share; the shares of a span sum up to zero.
+
+    :ivar count: number of rows.
+    :ivar weight: (s,) of each span in its row.
+    :ivar span: (e,) to which span a share belongs, in order.
+    :ivar share: (e,) of a node in the span.
+    :ivar node: (e,) which node.
+    :ivar row: (2 e,) row of each entry: by x of all shares, then by y.
+    :ivar column: (2 e,) displacement of each entry.
+    :ivar pairs: two of (4 h,) displacements that are bound to each other: by x and x, x and y, y
+        and x, y and y of both nodes of each pair of shares.
+    :ivar paired: two of (h,) shares that are these pairs.
+    """
+
+    count: int
+    weight: Array
+    span: Indices
+    share: Array
+    node: Indices
+    row: Indices
+    column: Indices
+    pairs: tuple[Indices, Indices]
+    paired: tuple[Indices, Indices]
+
+    @classmethod
+    def of(
+        cls, row: Indices, weight: Array, span: Indices, share: Array, node: Indices
+    ) -> TurnRows:
+        """
+        Return the rows of some spans.
+
+        :param row: (s,) of each span.
+        :param weight: (s,) of it there.
+        :param span: (e,) to which span a share belongs, in order.
+        :param share: (e,) of a node in the span.
+        :param node: (e,) which node.
+        """
+        one, other = np.nonzero(span[:, None] == span)
+        x, count = 3 * node, int(row.max()) + 1
+        first = np.concatenate([x[one], x[one], x[one] + 1, x[one] + 1])
+        second = np.concatenate([x[other], x[other] + 1, x[other], x[other] + 1])
+        rows, columns = np.tile(row[span], 2), np.concatenate([x, x + 1])
+        return cls(count, weight, span, share, node, rows, columns, (first, second), (one, other))
+
+    def linearize(
+        self, points: Points, displacements: Array, multipliers: Array
+    ) -> tuple[Array, Array, Array]:
+        """
+        Return the rows about displacements.
+
+        :param points: (n,) nodes without loads, x + iy [m].
+        :param displacements: (n, 3) of these.
+        :param multipliers: (c,).
+        :return: entries (2 e,), gaps (c,), and what the turning of the spans adds to the stiffness
+            under the multipliers, by `pairs` (4 h,).
+        """
+        moved = points + displacements @ (1.0, 1j, 0.0)
+        before, spans = (self._spans(each) for each in (points, moved))
+        own, first = self.row[: len(self.span)], np.searchsorted(self.span, np.arange(len(spans)))
+        turned = self.weight * np.angle(spans / before)
+        gaps = np.bincount(own[first], turned, minlength=self.count)
+        slopes = (self.weight * 1j / spans.conj())[self.span] * self.share
+        bent = -(self.weight * multipliers[own[first]] / spans**2)[self.span]
+        one, other = self.paired
+        curved = bent[one] * self.share[one] * self.share[other]
+        pairs = np.concatenate([curved.imag, curved.real, curved.real, -curved.imag])
+        return np.concatenate([slopes.real, slopes.imag]), gaps, pairs
+
+    def _spans(self, points: Points) -> Points:
+        """Return the spans (s,) between nodes (n,), x + iy [m]."""
+        parts, count = self.share * points[self.node], len(self.weight)
+        return np.bincount(self.span, parts.real, count) + 1j * np.bincount(
+            self.span, parts.imag, count
+        )
+
+
+NO_PAIRS = np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp)
 NO_ROWS = LinearRows(0, np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros(0))
 
 
@@ -58,7 +151,7 @@ class FramePattern:
 
     :param members: what connects the nodes; their stiffness does not count.
     :param held: (n, 3) which of ux, uy, theta are held by supports.
-    :param rows: linear constraints on the displacements, whose values do not count.
+    :param rows: constraints on the displacements, whose values do not count.
     :ivar places: (k, 6) numbers of the displacements of each member's ends.
     :ivar unknowns: (3 n,) number of each displacement among the unknowns, -1 if it is none.
     :ivar ends: (k, 6) numbers of the unknowns of each member's ends, -1 if it is none.
@@ -67,11 +160,13 @@ class FramePattern:
     :ivar weights: (w,) which of the entries of the constraints are.
     :ivar bound: (w,) the unknowns of these entries.
     :ivar multiplier: (w,) the multipliers of these entries, among all unknowns of (4).
-    :ivar matrix_rows: (e + 2 w,) rows of all these in the matrix of (4).
-    :ivar matrix_columns: (e + 2 w,).
+    :ivar curved: (h,) which of the pairs of displacements that the rows bind are unknowns.
+    :ivar matrix_rows: (e + 2 w + h,) rows of all these in the matrix of (4).
+    :ivar matrix_columns: (e + 2 w + h,).
+    :ivar flat_places: (e + 2 w + h,) both in one, in a dense matrix.
     """
 
-    def __init__(self, members: Members, held: Flags, rows: LinearRows) -> None:
+    def __init__(self, members: Members, held: Flags, rows: LinearRows | TurnRows) -> None:
         ends = np.stack([members.start, members.end], axis=1)
         self.places = (3 * ends[:, :, None] + np.arange(3)).reshape(-1, 6)
         free = ~held.ravel()
@@ -91,5 +186,10 @@ class FramePattern:
         self.multiplier = len(self.solved) + rows.row[self.weights]
         first = by_member.repeat(6)[self.entries]
         second = by_member.repeat(6, axis=0).reshape(-1)[self.entries]
-        self.matrix_rows = np.concatenate([first, self.multiplier, self.bound])
-        self.matrix_columns = np.concatenate([second, self.bound, self.multiplier])
+        pairs = self.unknowns[np.stack(rows.pairs)]
+        self.curved = np.flatnonzero((pairs >= 0).all(axis=0))
+        one, other = pairs[:, self.curved]
+        self.matrix_rows = np.concatenate([first, self.multiplier, self.bound, one])
+        self.matrix_columns = np.concatenate([second, self.bound, self.multiplier, other])
+        size = len(self.solved) + rows.count
+        self.flat_places = self.matrix_rows * size + self.matrix_columns

@@ -12,23 +12,18 @@ across, and it runs through them along. Constraints come with multipliers, so th
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
 import functools
-from functools import cached_property
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.mechanism import Mechanism
-from isotruss_ros.core.numerics.arrays import Array, finite_array, Flags, Indices, Points
-from isotruss_ros.core.numerics.blas_threads import single_threaded
-from isotruss_ros.core.statics.frame import Frame, FrameState
-from isotruss_ros.core.statics.frame_pattern import FramePattern, LinearRows, Members
+from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
+from isotruss_ros.core.statics.frame import Frame
+from isotruss_ros.core.statics.frame_pattern import FramePattern, Members, TurnRows
 from isotruss_ros.core.statics.section import Pressure, tube_pressures, TubeStiffness
 from isotruss_ros.core.statics.tube_stiffness import tube_stiffness
 import numpy as np
-from numpy.typing import ArrayLike
 
 
 class Structure:
@@ -58,10 +53,9 @@ class Structure:
         sections = _section_values(config.robot, self.tube, pressures, config.member_lengths)
         axial, flexural, shear = sections
         members = layout.members._replace(axial=axial, flexural=flexural, shear=shear)
-        # The rod turns half as much as both arms.
-        turns = 1j / bisection_spans(config.robot, points).conj()
-        rows = layout.bisection._replace(value=bisection_entries(turns))
-        self.frame = Frame(points, members, layout.held, self.node_names, rows, layout.pattern)
+        self.frame = Frame(
+            points, members, layout.held, self.node_names, layout.bisection, layout.pattern
+        )
 
     def node(self, name: str) -> int:
         """
@@ -125,29 +119,6 @@ def _section_values(
     return values.reshape(3, -1)
 
 
-def bisection_spans(robot: Mechanism, points: Points) -> Points:
-    """
-    Return rod, arm BD and arm CE of each module, (3, m, ...) x + iy [m].
-
-    :param robot: the robot.
-    :param points: (n, ...) nodes of its frame, or their velocities.
-    """
-    a, b = robot.topology.joint, frame_layout(robot).b
-    rod = 0.5 * (points[b] + points[b + 1]) - points[a]
-    return np.stack([rod, points[b + 2] - points[b], points[b + 3] - points[b + 1]])
-
-
-def bisection_entries(turns: Points) -> Array:
-    """
-    Return the entries (10 m, ...) of A(x) of (4).
-
-    :param turns: (3, m, ...) gradients of the angles of `bisection_spans` by their ends [1/m].
-    """
-    turn, arm_b, arm_c = turns
-    gradients = np.concatenate([2.0 * turn, -arm_b - turn, -arm_c - turn, arm_b, arm_c])
-    return np.concatenate([gradients.real, gradients.imag])
-
-
 class FrameLayout(NamedTuple):
     """
     What does not change with the configuration of a robot.
@@ -170,7 +141,7 @@ class FrameLayout(NamedTuple):
     b: Indices
     members: Members
     held: Flags
-    bisection: LinearRows
+    bisection: TurnRows
     pattern: FramePattern
     pieces: Indices
     owners: Indices
@@ -192,9 +163,17 @@ def frame_layout(robot: Mechanism) -> FrameLayout:
     free, fixed = np.ones(m, dtype=bool), np.zeros(m, dtype=bool)
     held = np.zeros((len(names), 3), dtype=bool)
     held[np.divmod(topology.grounded, 2)] = True
-    nodes = np.concatenate([a, b, c, d, e])
-    places = np.concatenate([3 * nodes, 3 * nodes + 1])
-    bisection = LinearRows(m, np.tile(np.arange(m), 10), places, np.zeros(10 * m))
+    own = np.arange(m)
+    # The rod turns half as much as both arms: spans are rods, then arms BD, then arms CE.
+    bisection = TurnRows.of(
+        row=np.tile(own, 3),
+        weight=np.repeat([2.0, -1.0, -1.0], m),
+        span=np.concatenate([own.repeat(3), m + own.repeat(2), 2 * m + own.repeat(2)]),
+        share=np.concatenate([np.tile([-1.0, 0.5, 0.5], m), np.tile([-1.0, 1.0], 2 * m)]),
+        node=np.concatenate(
+            [np.stack(each, axis=1).ravel() for each in ((a, b, c), (b, d), (c, e))]
+        ),
+    )
     none = np.zeros(6 * m)
     members = Members(
         start=np.concatenate([a, a, b, b, c, d]),
@@ -205,7 +184,7 @@ def frame_layout(robot: Mechanism) -> FrameLayout:
         pinned_start=np.concatenate([free, free, fixed, free, free, fixed]),
         pinned_end=np.zeros(6 * m, dtype=bool),
     )
-    pieces, own = np.arange(3 * m, 6 * m).reshape(3, -1), np.arange(m)
+    pieces = np.arange(3 * m, 6 * m).reshape(3, -1)
     return FrameLayout(
         tube=tube_stiffness(robot.description),
         node_names=names,
@@ -233,62 +212,3 @@ def structure_of(config: Configuration, pressure: Pressure | None = None) -> Str
 
 #: Of Configuration and tube pressures.
 _structure = functools.lru_cache(maxsize=8)(Structure)
-
-
-@dataclass(frozen=True, eq=False)
-class Deformation:
-    """
-    The response of the robot to loads.
-
-    :ivar structure: the frame that was loaded.
-    :ivar state: displacements, reactions and member forces of all its nodes and members.
-    """
-
-    structure: Structure
-    state: FrameState
-
-    def displacement(self, node: str) -> Array:
-        """
-        Return (ux, uy, theta) of a node [m, rad]; theta of a joint is 0, all is pinned there.
-
-        :param node: a joint j, or t/j/B, t/j/C, t/j/D, t/j/E.
-        :raises StructureError: there is no such node.
-        """
-        return self.state.displacements[self.structure.node(node)]
-
-    @cached_property
-    def reactions(self) -> dict[str, tuple[float, float]]:
-        """Return the forces (rx, ry) of the supports on the robot by joint [N]."""
-        return {
-            joint: tuple(map(float, self.state.reactions[self.structure.node(joint), :2]))
-            for joint in self.structure.config.robot.description.supports
-        }
-
-
-@single_threaded
-def deform(
-    config: Configuration,
-    joint_loads: Mapping[str, ArrayLike],
-    pressure: Pressure | None = None,
-) -> Deformation:
-    """
-    Return the displacements and reactions under forces on joints: equation (4).
-
-    :param config: where the robot is; its rollers do not turn.
-    :param joint_loads: (fx, fy) by joint, robot frame [N].
-    :param pressure: gauge, measured [Pa]: one number for all tubes, one for each tube, or by tube
-        name; that of the robot file if None.
-    :raises StructureError: no such joint, loads that are not finite, a pressure that is not
-        usable, or a structure that cannot carry the loads, with the name of what moves.
-    """
-    structure = structure_of(config, pressure)
-    loads = np.zeros((len(structure.node_names), 3))
-    for joint, force in joint_loads.items():
-        if joint not in config.robot.topology.joint_names:
-            raise StructureError(
-                f'joint {joint!r}: robot {config.robot.name} has no such joint; '
-                f'its joints are {", ".join(config.robot.topology.joint_names)}'
-            )
-        what = f'the load (fx, fy) [N] on joint {joint}'
-        loads[structure.node(joint), :2] = finite_array(force, 2, what, StructureError)
-    return Deformation(structure, structure.frame.solve(loads))

@@ -15,11 +15,14 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+from isotruss_ros.core.statics.frame import Frame, FrameState
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 
 #: Tubes are to bear at most this share of the moment at which they wrinkle.
 MAX_UTILISATION = 0.8
+#: Keeps divisions by the wave of a moment defined where there is none [rad].
+TINY = 1e-9
 
 
 class SectionLoads(NamedTuple):
@@ -37,6 +40,16 @@ class SectionLoads(NamedTuple):
     compression: Array
     utilisation: Array
     place: Array
+
+
+def wrinkling_moment(pressure: float, radius: float) -> float:
+    """
+    Return M_w = p pi R^3 / 2 of a tube without axial force [N m].
+
+    :param pressure: p, gauge [Pa].
+    :param radius: R of the tube [m].
+    """
+    return 0.5 * np.pi * pressure * radius**3
 
 
 def load_sections(
@@ -89,6 +102,48 @@ def load_sections(
     last = find_most_used(used, members)
     larger = np.maximum(compression, compression + along)
     return SectionLoads(ahead * moment, larger, used[last], places[last])
+
+
+def find_utilisation(structure: Structure, frame: Frame, state: FrameState) -> tuple[Array, Array]:
+    """
+    Return how near to wrinkling loads bring the members of a robot, and where they are nearest.
+
+    Between loads the moment of a compressed piece is part of a sine, which may peak inside.
+
+    :param structure: of the robot.
+    :param frame: its frame, cut where tubes bear loads.
+    :param state: the response to the loads.
+    :return: (m,) largest |M| / M_w of each member, infinite where compression alone takes all of
+        the pull; and (m,) its distance from the member's start [m].
+    """
+    config = structure.config
+    topology, radius = config.robot.topology, 0.5 * config.robot.description.tube_diameter
+    first = structure.pieces[0, 0]
+    pieces = np.flatnonzero(frame.whole >= first)
+    member = structure.owners.ravel()[frame.whole[pieces] - first]
+    length, flexural, shear = frame.length[pieces], *(x[pieces] for x in frame.members[3:5])
+    ends, pull = state.end_forces[pieces], state.bowing[pieces]
+    begin, end = -ends[:, 2], ends[:, 5]
+    # M = begin cos(k x) + sine sin(k x); without compression the ends bear most.
+    wave = np.sqrt(np.maximum(-pull, 0.0) / flexural / (1.0 + pull / shear))
+    turned = np.maximum(wave * length, TINY)
+    sine = (end - begin * np.cos(turned)) / np.sin(turned)
+    crest = np.arctan2(sine, begin) % np.pi
+    inside = np.where((wave > 0.0) & (crest < turned), crest / turned * length, 0.0)
+    peak = np.where(inside > 0.0, np.hypot(begin, sine), np.abs(begin))
+    moments = np.concatenate([begin, end, peak])
+    start = config.points[topology.b[member]]
+    along = (config.points[topology.c[topology.following[member]]] - start).conj()
+    along /= np.abs(along)
+    origin = ((frame.points[frame.members.start[pieces]] - start) * along).real
+    ahead = (frame.axis[pieces] * along).real
+    places = np.concatenate([origin, origin + ahead * length, origin + ahead * inside])
+    wall = np.pi * radius**2 * np.array(structure.pressures)[topology.tube[member]]
+    left = np.concatenate([wall - ends[:, 0], wall + ends[:, 3], wall + ends[:, 3]])
+    used = np.full(len(moments), np.inf)
+    np.divide(2.0 * np.abs(moments), radius * left, out=used, where=left > 0.0)
+    last = find_most_used(used, np.tile(member, 3))
+    return used[last], places[last]
 
 
 def find_most_used(used: Array, member: Indices) -> Indices:

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from isotruss_ros.core import ConvexObject, Disc, read_object, Robot
 from isotruss_ros.core.control import inputs
 from isotruss_ros.core.manipulation.grip import find_members, Grip, members_at
+from isotruss_ros.core.model.convex_object import DEFAULT_FRICTION
 from isotruss_ros.nodes.framework.parameters import FixedSpec, Parameters, Spec, Value
 
 OBJECT_DIAMETER = Spec('object_diameter', 0.3, "The object's own diameter [m]", (0.001, 10.0))
@@ -29,7 +30,9 @@ GRIP = Spec(
     "Members t/j-k that hold the object, two or three, instead of the sides of grip_module; [''] "
     'for none',
 )
-FRICTION = Spec('friction', 0.5, 'Coefficient of friction between tube and object', (0.0, 10.0))
+FRICTION = Spec(
+    'friction', DEFAULT_FRICTION, 'Coefficient of friction between tube and object', (0.0, 10.0)
+)
 #: The object, where it may be held anywhere.
 OBJECT_SPECS = (OBJECT_DIAMETER, OBJECT, FRICTION)
 # Not below the rate of MemberLengthLimit, which keeps members in their limits in quicker loops.

@@ -118,7 +118,7 @@ def make_grip(robot: Robot, values: Parameters, described: ConvexObject | None) 
     if values.object_mass:
         body = replace(body, mass=values.object_mass)
     members = common.select_grip(robot, values.grip, values.grip_module)
-    return Grip(members, body, values.friction)
+    return Grip(members, body, values.friction if body.friction is None else body.friction)
 
 
 def apply_settings(servo: TwistServo, values: Parameters, described: ConvexObject | None) -> None:

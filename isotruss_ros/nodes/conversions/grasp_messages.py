@@ -13,7 +13,6 @@ from isotruss_msgs.msg import Contact, GraspState
 from isotruss_msgs.srv import AnalyzeGrasp
 from isotruss_ros.core import ConvexObject
 from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
-from isotruss_ros.core.control.grasp_report import GraspQuery, GraspReport
 from isotruss_ros.nodes.conversions.messages import (
     check_frame,
     make_header,
@@ -21,6 +20,7 @@ from isotruss_ros.nodes.conversions.messages import (
     name_object_frame,
 )
 from isotruss_ros.nodes.conversions.object_messages import describes_object, read_object_message
+from isotruss_ros.nodes.grasp.grasp_report import GraspQuery, GraspReport
 import numpy as np
 
 #: No wrench is larger [N, N m]; what is beyond is a broken sensor, not a load.

@@ -10,11 +10,11 @@ import itertools
 
 from geometry_msgs.msg import Point
 from isotruss_ros.core.contact.deformed_shape import deformed_lines, force_lines, region_lines
-from isotruss_ros.core.control.grasp_report import AnalyzedGrasp, GraspReport
 from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.numerics.arrays import Points
 from isotruss_ros.core.statics.wrinkling import MAX_UTILISATION
 from isotruss_ros.nodes.conversions.messages import make_header
+from isotruss_ros.nodes.grasp.grasp_report import AnalyzedGrasp, GraspReport
 import numpy as np
 from rclpy.duration import Duration
 from std_msgs.msg import ColorRGBA

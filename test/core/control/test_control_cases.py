@@ -18,12 +18,12 @@ from isotruss_ros.core import (
     TwistServo,
 )
 from isotruss_ros.core.control import twist_servo
-from isotruss_ros.core.control.grasp_monitor import GraspMonitor
-from isotruss_ros.core.control.grasp_report import GraspCode, GraspQuery
 from isotruss_ros.core.control.inputs import RejectedInput, RollerState, StampedInput
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.manipulation.status import RollerCommand
+from isotruss_ros.nodes.grasp.grasp_monitor import GraspMonitor
+from isotruss_ros.nodes.grasp.grasp_report import GraspCode, GraspQuery
 import numpy as np
 import pytest
 

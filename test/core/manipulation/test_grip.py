@@ -55,11 +55,12 @@ def test_the_object_is_a_convex_object():
     assert grip.body.arm == pytest.approx(shape.perimeter / (2.0 * np.pi))
 
 
-def test_friction_is_that_of_the_object_where_it_has_its_own():
+def test_friction_is_the_given_one_or_else_that_of_the_object():
     members = ['north/P-Z', 'north/Z-R']
     assert Grip(members, DISC).friction == 0.5
     assert Grip(members, ConvexObject(Disc(0.3)), 0.7).friction == 0.7
-    assert Grip(members, ConvexObject(Disc(0.3), friction=0.2), 0.7).friction == 0.2
+    assert Grip(members, ConvexObject(Disc(0.3), friction=0.2), 0.7).friction == 0.7
+    assert Grip(members, ConvexObject(Disc(0.3), friction=0.2)).friction == 0.2
     for wrong in (-0.1, np.inf, np.nan):
         with pytest.raises(GraspError, match='must be a finite number, not negative'):
             Grip(members, DISC, wrong)

@@ -5,7 +5,8 @@
 
 from frames import member_stiffness
 from hypothesis import given
-from isotruss_ros.core.statics.beam import directions, local_stiffness
+from isotruss_ros.core.statics.beam_column import local_stiffness
+from isotruss_ros.core.statics.frame import directions
 import numpy as np
 import pytest
 from robots import examples, generators

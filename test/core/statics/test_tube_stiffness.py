@@ -9,7 +9,7 @@ from hypothesis import given, strategies
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.model.robot_file import read_robot_file
 from isotruss_ros.core.model.stiffness_law import Law
-from isotruss_ros.core.statics.beam import local_stiffness
+from isotruss_ros.core.statics.beam_column import local_stiffness
 from isotruss_ros.core.statics.tube_stiffness import (
     InflatableBeam,
     PowerLaw,

@@ -15,12 +15,6 @@ from dataclasses import replace
 import time
 
 from isotruss_ros.core.contact.analyze_grasp import analyze_grasp
-from isotruss_ros.core.control.grasp_report import (
-    AnalyzedGrasp,
-    GraspCode,
-    GraspQuery,
-    GraspReport,
-)
 from isotruss_ros.core.control.inputs import (
     fresh_pressures,
     Input,
@@ -40,6 +34,12 @@ from isotruss_ros.core.kinematics.configuration import Configuration, Configurat
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.statics.wrinkling import MAX_UTILISATION
+from isotruss_ros.nodes.grasp.grasp_report import (
+    AnalyzedGrasp,
+    GraspCode,
+    GraspQuery,
+    GraspReport,
+)
 
 #: The code for each error of an analysis; the last is that of any other.
 ERRORS = (

@@ -15,14 +15,14 @@ from isotruss_ros.core import (
     settle_grasp,
     tangent_center,
 )
-from isotruss_ros.core.control.grasp_monitor import _judge, GraspMonitor
-from isotruss_ros.core.control.grasp_report import GraspCode, GraspQuery
 from isotruss_ros.core.control.inputs import (
     PRESSURE_TIMEOUT,
     RejectedInput,
     RollerState,
     StampedInput,
 )
+from isotruss_ros.nodes.grasp.grasp_monitor import _judge, GraspMonitor
+from isotruss_ros.nodes.grasp.grasp_report import GraspCode, GraspQuery
 import numpy as np
 import pytest
 
@@ -267,7 +267,7 @@ def test_no_configuration_no_answer():
     ],
 )
 def test_errors_of_the_analysis_have_their_codes(monkeypatch, error, code):
-    from isotruss_ros.core.control import grasp_monitor
+    from isotruss_ros.nodes.grasp import grasp_monitor
 
     def fail(*_arguments, **_options):
         raise getattr(errors, error)('so it is')

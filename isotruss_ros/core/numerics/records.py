@@ -1,0 +1,182 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Results as data: a short `repr`, a table for notebooks, plain Python, equality by value."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import dataclasses
+import enum
+from functools import cached_property
+import html
+from typing import Any, ClassVar
+
+import numpy as np
+
+#: An array of more numbers is shown by its shape, a text or a list is cut off [-].
+MAX_SHOWN_NUMBERS, MAX_SHOWN_CHARACTERS = 12, 90
+
+
+class Record:
+    """
+    Base of results.
+
+    The data of a result are its fields, but for those with `repr=False`, and its properties. A
+    class that names its `data` has these alone. The first ones are shown.
+
+    :cvar headline: names of the data that are shown, first what one looks for first.
+    :cvar data: names of all data, or none to take fields and properties.
+    """
+
+    headline: ClassVar[tuple[str, ...]] = ()
+    data: ClassVar[tuple[str, ...]] = ()
+    __hash__ = None  # type: ignore[assignment]
+
+    def __init_subclass__(
+        cls, headline: tuple[str, ...] = (), data: tuple[str, ...] = (), **rest: Any
+    ) -> None:
+        """Note the names; the methods of this class replace those that a dataclass would make."""
+        super().__init_subclass__(**rest)
+        cls.headline, cls.data = headline or cls.headline, data or cls.data
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the data as plain Python: numbers, texts, lists and dictionaries."""
+        return {name: as_plain(getattr(self, name)) for name in _names(type(self))}
+
+    def __repr__(self) -> str:
+        """Return the name of the class and a line for each of the first data."""
+        lines = [f'{name}: {_show(getattr(self, name))}' for name in _shown(type(self))]
+        return '\n  '.join([type(self).__name__, *lines])
+
+    def _repr_html_(self) -> str:
+        """Return the first data as tables: one of numbers, one with a row for each name."""
+        values = {name: getattr(self, name) for name in _shown(type(self))}
+        by_name = {name: each for name, each in values.items() if isinstance(each, Mapping)}
+        rows = [
+            f'<tr><th>{html.escape(name)}</th><td>{html.escape(_show(value))}</td></tr>'
+            for name, value in values.items()
+            if name not in by_name
+        ]
+        keys = list(dict.fromkeys(key for each in by_name.values() for key in each))
+        head = ''.join(f'<th>{html.escape(name)}</th>' for name in by_name)
+        lines = [
+            f'<tr><th>{html.escape(str(key))}</th>'
+            + ''.join(f'<td>{html.escape(_cell(each, key))}</td>' for each in by_name.values())
+            + '</tr>'
+            for key in keys
+        ]
+        title = f'<caption>{type(self).__name__}</caption>'
+        table = f'<table>{title}{"".join(rows)}</table>'
+        if keys:
+            table += f'<table><tr><th></th>{head}</tr>{"".join(lines)}</table>'
+        return table
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether the other one is of the same class and has equal data."""
+        if type(other) is not type(self):
+            return NotImplemented
+        names = _names(type(self))
+        return all(is_equal(getattr(self, name), getattr(other, name)) for name in names)
+
+
+def as_plain(value: Any) -> Any:
+    """
+    Return a value as numbers, texts, lists and dictionaries.
+
+    :param value: an array, of complex numbers as pairs; a result, an object, or plain Python.
+    :raises TypeError: it is of another kind.
+    """
+    if value is None or (
+        isinstance(value, (bool, int, float, str)) and not isinstance(value, enum.Enum)
+    ):
+        return value
+    if hasattr(value, 'to_dict'):
+        return value.to_dict()
+    if isinstance(value, enum.Enum):
+        return value.value if isinstance(value.value, str) else value.name
+    if isinstance(value, (complex, np.complexfloating)):
+        return [float(value.real), float(value.imag)]
+    if isinstance(value, slice):
+        return [value.start, value.stop]
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, np.ndarray):
+        return [as_plain(each) for each in value] if value.dtype.kind == 'c' else value.tolist()
+    if isinstance(value, Mapping):
+        return {key: as_plain(each) for key, each in value.items()}
+    if hasattr(value, '_asdict'):
+        return {key: as_plain(each) for key, each in value._asdict().items()}
+    if isinstance(value, (tuple, list, set, frozenset)):
+        return [as_plain(each) for each in value]
+    if dataclasses.is_dataclass(value):
+        fields = [field.name for field in dataclasses.fields(value) if field.repr]
+        return {name: as_plain(getattr(value, name)) for name in fields}
+    raise TypeError(f'{type(value).__name__}: must be numbers, texts, or made of them')
+
+
+def is_equal(value: Any, other: Any) -> bool:
+    """
+    Return whether two values are equal, arrays by their numbers; not a number equals itself.
+
+    :param value: one of them.
+    :param other: the other one.
+    """
+    if isinstance(value, np.ndarray) or isinstance(other, np.ndarray):
+        return np.array_equal(value, other, equal_nan=True)
+    if isinstance(value, Mapping) and isinstance(other, Mapping):
+        return value.keys() == other.keys() and all(
+            is_equal(each, other[key]) for key, each in value.items()
+        )
+    if isinstance(value, (tuple, list)) and isinstance(other, (tuple, list)):
+        return len(value) == len(other) and all(map(is_equal, value, other))
+    return bool(value == other) or (value != value and other != other)
+
+
+def _names(kind: type[Record]) -> tuple[str, ...]:
+    """Return the names of the data of a class: those that are shown come first."""
+    if kind.data:
+        return kind.data
+    fields = dataclasses.fields(kind) if dataclasses.is_dataclass(kind) else ()
+    found = [
+        *kind.headline,
+        *(field.name for field in fields if field.repr and field.name[0] != '_'),
+    ]
+    for each in reversed(kind.__mro__):
+        found += [
+            name
+            for name, member in vars(each).items()
+            if isinstance(member, (property, cached_property)) and not name.startswith('_')
+        ]
+    return tuple(dict.fromkeys(found))
+
+
+def _shown(kind: type[Record]) -> tuple[str, ...]:
+    return kind.headline or _names(kind)[:5]
+
+
+def _cell(values: Mapping[str, Any], key: str) -> str:
+    return _show(values[key]) if key in values else ''
+
+
+def _show(value: Any) -> str:
+    """Return a value in one line, numbers to four digits."""
+    if hasattr(value, 'to_dict'):
+        return type(value).__name__
+    if isinstance(value, np.ndarray) and value.size > MAX_SHOWN_NUMBERS:
+        return f'array of shape {value.shape}'
+    if isinstance(value, enum.Enum):
+        return str(as_plain(value))
+    if isinstance(value, np.ndarray):
+        return _show(value.tolist())
+    if isinstance(value, (float, np.floating)):
+        return f'{value:.4g}'
+    if isinstance(value, Mapping):
+        text = ', '.join(f'{key}: {_show(each)}' for key, each in value.items())
+    elif isinstance(value, (tuple, list)):
+        text = ', '.join(map(_show, value))
+        text = f'({text})'
+    else:
+        text = str(value)
+    text = text.replace('\n', ' ')
+    return text if len(text) <= MAX_SHOWN_CHARACTERS else f'{text[:MAX_SHOWN_CHARACTERS]}…'

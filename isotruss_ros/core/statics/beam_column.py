@@ -1,0 +1,165 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Beam-columns of the plane: (2) of a straight member, and its terms by the axial force.
+
+Of a member with the chord l, its ends turned by t = (t1, t2) against the chord, and the rest
+length l0, the axial force N makes the energy stationary,
+
+    U = N (l - l0) - N^2 l0 / (2 EA) + 1/4 (Ks (t1 + t2)^2 + Ka (t1 - t2)^2),
+    Ks = 6 EI / l0 / (1 + phi - y/15 + 2 y^2/315),   Ka = 2 EI / l0 (1 + y/3 - y^2/45),
+    phi = 12 EI / (GA l0^2),   y = N l0^2 / (4 EI (1 + N/GA)):
+
+the stability functions of a Timoshenko beam (Przemieniecki, Theory of Matrix Structural Analysis,
+chapter 15), expanded to N^2. For N = 0 this is (2). The term in N is the shortening of the chord
+by bending, and the stiffness of a pulled string. A pinned end bears no moment: its turn is
+condensed.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from isotruss_ros.core.numerics.arrays import Array, Flags
+import numpy as np
+
+#: Along and across a chord, and the turns of its ends, by the displacements of these.
+CHORD = np.array(
+    [[-1, 0, 0, 1, 0, 0], [0, -1, 0, 0, 1, 0], [0, 0, 1, 0, 0, 0], [0, 0, 0, 0, 0, 1]], dtype=float
+)
+
+
+class EndForces(NamedTuple):
+    """
+    The forces of k bent members, and how they change with l, t1 and t2.
+
+    :ivar pull: (k,) N [N].
+    :ivar moments: (k, 2) at start and end [N m].
+    :ivar stiffness: (k, 3, 3) of (N, M1, M2) by (l, t1, t2).
+    """
+
+    pull: Array
+    moments: Array
+    stiffness: Array
+
+
+class BeamColumns:
+    """
+    Members that bend, each straight when unloaded.
+
+    :ivar length: (k,) rest lengths l0 [m].
+    :ivar stretch: (k,) l0 / EA [m/N].
+    :ivar rotary: (3, k, 2, 2) moments of the ends by their turns, by powers of N.
+    :param length: (k,) [m].
+    :param axial: (k,) EA [N].
+    :param flexural: (k,) EI [N m^2]; zero for a bar.
+    :param shear: (k,) GA [N], infinite for no shear deformation.
+    :param pinned_start: (k,) whether the start transmits no moment.
+    :param pinned_end: (k,) whether the end transmits no moment.
+    """
+
+    def __init__(
+        self,
+        length: Array,
+        axial: Array,
+        flexural: Array,
+        shear: Array,
+        pinned_start: Flags,
+        pinned_end: Flags,
+    ) -> None:
+        self.length, self.stretch = length, length / axial
+        bar = (flexural == 0.0) | (pinned_start & pinned_end)
+        bend = np.where(bar, 1.0, flexural) / length
+        slide, arm = 1.0 / shear, 0.25 * length / bend
+        phi = 12.0 * bend * slide / length
+        skew = 1.0 + phi, -arm / 15.0, arm * (slide / 15.0 + 2.0 * arm / 315.0)
+        sway = 6.0 * bend * _reciprocal(*skew)
+        bow = (
+            2.0
+            * bend
+            * np.array([np.ones_like(arm), arm / 3.0, -arm * (slide / 3.0 + arm / 45.0)])
+        )
+        one_pin = 2.0 * _reciprocal(*(_reciprocal(*sway) + _reciprocal(*bow)))
+        own = np.where(pinned_start | pinned_end, one_pin, 0.5 * (sway + bow))
+        own = np.where(bar, 0.0, own)
+        both = np.where(bar | pinned_start | pinned_end, 0.0, 0.5 * (sway - bow))
+        self.rotary = np.stack(
+            [np.where(pinned_start, 0.0, own), both, both, np.where(pinned_end, 0.0, own)], axis=-1
+        ).reshape(3, -1, 2, 2)
+
+    def evaluate(self, longer: Array, turns: Array) -> EndForces:
+        """
+        Return the forces of bent members.
+
+        :param longer: (k,) l - l0 [m].
+        :param turns: (k, 2) of the ends against the chord [rad].
+        """
+        by_power = (self.rotary @ turns[:, :, None])[..., 0]
+        straight, first, second = by_power
+        _, bowed, hardened = (by_power * turns).sum(axis=-1)
+        give = self.stretch - hardened
+        pull = (longer + 0.5 * bowed) / give
+        moments = straight + pull[:, None] * (first + pull[:, None] * second)
+        slope = first + 2.0 * pull[:, None] * second
+        stiffness = np.empty((len(pull), 3, 3), dtype=pull.dtype)
+        stiffness[:, 0, 0] = 1.0 / give
+        stiffness[:, 0, 1:] = stiffness[:, 1:, 0] = slope / give[:, None]
+        power = pull[:, None, None]
+        stiffness[:, 1:, 1:] = self.rotary[0] + power * (self.rotary[1] + power * self.rotary[2])
+        stiffness[:, 1:, 1:] += slope[:, :, None] * stiffness[:, :1, 1:]
+        return EndForces(pull, moments, stiffness)
+
+
+def _reciprocal(constant: Array, first: Array, second: Array) -> Array:
+    """Return the first three terms (3, k) of one over a power series."""
+    return np.array(
+        [
+            1.0 / constant,
+            -first / constant**2,
+            (first**2 - constant * second) / constant**3,
+        ]
+    )
+
+
+def chord_stiffness(length: Array, forces: EndForces) -> Array:
+    """
+    Return the stiffness (k, 6, 6) of bent members along and across their chords.
+
+    :param length: (k,) of the chords [m].
+    :param forces: of the members.
+    """
+    # By stretch, sway across and turns: t = theta - sway / l.
+    turns = np.zeros((len(length), 3, 4))
+    turns[:, 0, 0] = turns[:, 1, 2] = turns[:, 2, 3] = 1.0
+    turns[:, 1, 1] = turns[:, 2, 1] = -1.0 / length
+    core = turns.transpose(0, 2, 1) @ forces.stiffness @ turns
+    twist = forces.moments.sum(axis=1) / length**2
+    core[:, 0, 1] += twist
+    core[:, 1, 0] += twist
+    core[:, 1, 1] += forces.pull / length
+    return CHORD.T @ core @ CHORD
+
+
+def local_stiffness(
+    length: Array,
+    axial: Array,
+    flexural: Array,
+    shear: Array,
+    pins: tuple[Flags, Flags] | None = None,
+) -> Array:
+    """
+    Return (2): stiffness matrices in the members' own frames (x from start to end).
+
+    :param length: (k,) [m].
+    :param axial: (k,) EA [N].
+    :param flexural: (k,) EI [N m^2].
+    :param shear: (k,) GA [N], infinite for no shear deformation.
+    :param pins: (k,) whether the start, and the end, transmits no moment; None for fixed ends.
+    :return: (k, 6, 6), rows and columns (ux, uy, theta) at start and end; those of free rotations
+        are zero.
+    """
+    fixed = np.zeros(np.shape(length), dtype=bool)
+    columns = BeamColumns(length, axial, flexural, shear, *(pins or (fixed, fixed)))
+    straight = np.zeros(np.shape(length))
+    return chord_stiffness(length, columns.evaluate(straight, np.stack([straight] * 2, axis=1)))

@@ -1,0 +1,187 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The deformed robot under loads: equations (1) and (4)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+from isotruss_ros.core.errors import StructureError
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.numerics.arrays import Array, finite_array
+from isotruss_ros.core.numerics.blas_threads import single_threaded
+from isotruss_ros.core.numerics.records import Record
+from isotruss_ros.core.statics.cut_frame import CutFrame
+from isotruss_ros.core.statics.frame import Frame, FrameState
+from isotruss_ros.core.statics.load_path import follow_loads
+from isotruss_ros.core.statics.section import Pressure
+from isotruss_ros.core.statics.structure import Structure, structure_of
+from isotruss_ros.core.statics.wrinkling import find_utilisation
+import numpy as np
+from numpy.typing import ArrayLike
+
+#: A limit load is looked for up to this many times the loads.
+MOST = 100.0
+#: Members that turn by more than this [rad] may have snapped: the load is followed step by step.
+MAX_TURN = 0.3
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Deformation(Record, headline=('reactions', 'displacements')):
+    """
+    The response of the robot to loads.
+
+    :ivar structure: of the robot.
+    :ivar frame: that was loaded: the structure's, cut where tubes bear loads.
+    :ivar loads: (n, 3) fx, fy [N], m [N m] on its nodes.
+    :ivar state: displacements, reactions and member forces of all its nodes and members.
+    """
+
+    structure: Structure = field(repr=False)
+    frame: Frame = field(repr=False)
+    loads: Array = field(repr=False)
+    state: FrameState = field(repr=False)
+
+    def displacement(self, node: str) -> Array:
+        """
+        Return (ux, uy, theta) of a node [m, rad]; theta of a joint is 0, all is pinned there.
+
+        :param node: a joint j, or t/j/B, t/j/C, t/j/D, t/j/E.
+        :raises StructureError: there is no such node.
+        """
+        return self.state.displacements[self.structure.node(node)]
+
+    @cached_property
+    def displacements(self) -> dict[str, tuple[float, float, float]]:
+        """Return (ux, uy, theta) by the name of the node [m, rad], see `displacement`."""
+        found = self.state.displacements.tolist()
+        return {
+            name: tuple(found[self.structure.node(name)]) for name in self.structure.node_names
+        }
+
+    @cached_property
+    def reactions(self) -> dict[str, tuple[float, float]]:
+        """Return the forces (rx, ry) of the supports on the robot by joint [N]."""
+        return {
+            joint: tuple(map(float, self.state.reactions[self.structure.node(joint), :2]))
+            for joint in self.structure.config.robot.description.supports
+        }
+
+    @cached_property
+    def utilisation(self) -> dict[str, float]:
+        """
+        Return the largest bending moment over the wrinkling moment, by member [-].
+
+        Moments inside a member count, with their growth by its compression. From 1 on a tube
+        wrinkles, and all numbers are outside of the model.
+        """
+        used, _ = find_utilisation(self.structure, self.frame, self.state)
+        return dict(zip(self.structure.config.robot.member_names, used.tolist(), strict=True))
+
+    @cached_property
+    def limit_factor(self) -> float:
+        """
+        Return by what the loads can be multiplied until the bent structure gives way [-].
+
+        Infinite if it bears more than 100 times the loads.
+        """
+        return follow_loads(self.frame, self.loads, MOST).limit
+
+
+@single_threaded
+def deform(
+    config: Configuration,
+    joint_loads: Mapping[str, ArrayLike],
+    pressure: Pressure | None = None,
+    *,
+    module_loads: Mapping[str, ArrayLike] | None = None,
+    tube_loads: Mapping[str, ArrayLike] | None = None,
+    paper_model: bool = False,
+) -> Deformation:
+    """
+    Return displacements and reactions under loads: equations (1) and (4), the structure bent.
+
+    :param config: where the robot is; its rollers do not turn.
+    :param joint_loads: (fx, fy) by joint, robot frame [N]; joints turn freely and bear no moment.
+    :param pressure: gauge, measured [Pa]: one number for all tubes, one for each tube, or by tube
+        name; that of the robot file if None.
+    :param module_loads: (fx, fy, m) by module, in the middle of its pinch points [N, N m].
+    :param tube_loads: (l, 4) by member, each (place, fx, fy, m) at a distance from the member's
+        start, between its ends [m, N, N m].
+    :param paper_model: whether the structure is linear about straight tubes, as in the paper.
+    :raises StructureError: no such joint, module or member, loads that are not finite, a place
+        beyond a member, a pressure that is not usable, a structure that cannot carry the loads,
+        with the name of what moves, or loads beyond the limit load, which is named.
+    """
+    structure = structure_of(config, pressure)
+    robot = config.robot
+    frame, loads = _load_tubes(structure, tube_loads or {})
+    for joint, force in joint_loads.items():
+        _check_name('joint', joint, robot.topology.joint_names, robot.name)
+        what = f'the load (fx, fy) [N] on joint {joint}'
+        loads[structure.node(joint), :2] += finite_array(force, 2, what, StructureError)
+    for module, load in (module_loads or {}).items():
+        _check_name('module', module, robot.module_names, robot.name)
+        what = f'the load (fx, fy, m) [N, N m] on module {module}'
+        half = 0.5 * finite_array(load, 3, what, StructureError)
+        for node in 'BC':
+            loads[structure.node(f'{module}/{node}')] += half
+    state = frame.solve(loads) if paper_model else _bend(frame, loads)
+    return Deformation(structure, frame, loads, state)
+
+
+def _load_tubes(structure: Structure, tube_loads: Mapping[str, ArrayLike]) -> tuple[Frame, Array]:
+    """Return the frame cut where tubes bear loads, and the loads (n, 3) on its nodes."""
+    config, rows, members = structure.config, [], []
+    names = config.robot.member_names
+    for member, given in tube_loads.items():
+        _check_name('member', member, names, config.robot.name)
+        number = names.index(member)
+        for load in np.reshape(np.asarray(given, dtype=float), (-1, 4)):
+            what = f'the load (place, fx, fy, m) [m, N, N m] on member {member}'
+            rows.append(finite_array(load, 4, what, StructureError))
+            length = float(config.member_lengths[number])
+            if not 0.0 < load[0] < length:
+                raise StructureError(
+                    f'a load at {load[0]:g} m of member {member}: must be between its ends, '
+                    f'0 and {length:.6g} m'
+                )
+            members.append(number)
+    if not rows:
+        return structure.frame, np.zeros((len(structure.node_names), 3))
+    place, *load = np.array(rows).T
+    pieces, within, _ = structure.locate(np.array(members), place)
+    cut = CutFrame(structure.frame, pieces, within)
+    loads = np.zeros((len(cut.points), 3))
+    loads[cut.nodes] = np.stack(load, axis=1)
+    return cut, loads
+
+
+def _bend(frame: Frame, loads: Array) -> FrameState:
+    """Return the bent frame in equilibrium with loads."""
+    linear = frame.solve(loads)
+    found = frame.bend(loads) if np.isfinite(linear.displacements).all() else None
+    if found is not None:
+        turned = np.abs(np.angle(found.axis / frame.axis)).max()
+        if turned < MAX_TURN and frame.is_stable(found):
+            return frame.state(found, loads)
+    path = follow_loads(frame, loads, 1.0)
+    if path.factors[-1] < 1.0:
+        limit = min(path.limit, path.factors[-1])
+        raise StructureError(
+            f'the loads are beyond the limit load: the structure gives way at {limit:.4g} '
+            'times these loads; must be smaller'
+        )
+    return frame.state(path.tangents[-1], loads)
+
+
+def _check_name(kind: str, name: object, known: Iterable[str], robot: str) -> None:
+    """Refuse the name of a part that a robot does not have."""
+    if name not in known:
+        raise StructureError(
+            f'{kind} {name!r}: robot {robot} has no such {kind}; '
+            f'its {kind}s are {", ".join(known)}'
+        )

@@ -1,0 +1,76 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+The equilibria of a frame under growing loads, up to the limit load.
+
+At the limit load the stiffness is singular, and beyond it there is no stable equilibrium nearby:
+the number of negative pivots of the factored stiffness tells it, since Newton's method can pass a
+limit point without noticing.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.statics.frame import Frame, Tangent
+import numpy as np
+
+#: Steps along the path move no node by more than this, by the linear response [m].
+MAX_STEP = 0.01
+#: What answers to a step by more than this many times the linear response is another branch [-].
+PATH_GROWTH = 1.5
+#: A limit load is found to this share of it.
+LIMIT_TOLERANCE = 1e-3
+#: Steps after which a path is given up.
+MAX_STEPS = 400
+
+
+class LoadPath(NamedTuple):
+    """
+    Stable equilibria under growing loads.
+
+    :ivar factors: (s,) shares of the given loads, rising from 0.
+    :ivar tangents: (s,) the frame there.
+    :ivar limit: factor of the limit load; infinite if the path ends before.
+    """
+
+    factors: list[float]
+    tangents: list[Tangent]
+    limit: float
+
+
+def follow_loads(frame: Frame, loads: Array, most: float, farthest: float = np.inf) -> LoadPath:
+    """
+    Follow the equilibria of a frame from rest, as its loads grow.
+
+    :param frame: the frame.
+    :param loads: (n, 3) fx, fy [N], m [N m] on the nodes.
+    :param most: factor of the loads at which the path ends, if no limit comes before.
+    :param farthest: displacement of any node beyond which it ends [m].
+    :raises StructureError: the frame is a mechanism.
+    """
+    path = LoadPath([0.0], [frame.rest], np.inf)
+    step = most
+    for _ in range(MAX_STEPS):
+        factor, tangent = path.factors[-1], path.tangents[-1]
+        if factor >= most or np.abs(tangent.displacements[:, :2]).max() > farthest:
+            return path
+        reach = np.abs(tangent.respond(loads.reshape(-1, 1))[0].reshape(-1, 3)[:, :2]).max()
+        step = min(2.0 * step, MAX_STEP / reach if reach > 0.0 else np.inf, most - factor)
+        found = _step(frame, tangent, (factor + step) * loads)
+        while found is None and step > LIMIT_TOLERANCE * factor:
+            step *= 0.5
+            found = _step(frame, tangent, (factor + step) * loads)
+        if found is None:
+            return path._replace(limit=factor + step)
+        path.factors.append(factor + step)
+        path.tangents.append(found)
+    return path
+
+
+def _step(frame: Frame, tangent: Tangent, loads: Array) -> Tangent | None:
+    """Return the next stable equilibrium on a path; None if it is not near."""
+    found = frame.bend(loads, tangent, PATH_GROWTH)
+    return found if found is not None and frame.is_stable(found) else None

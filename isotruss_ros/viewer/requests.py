@@ -1,0 +1,102 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The requests that a browser sends: settings with their bounds, and the check of each value."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+import math
+from numbers import Real
+
+from isotruss_ros.core import IsotrussError
+from isotruss_ros.core.errors import quote
+from isotruss_ros.viewer.names import (
+    DRAGGED,
+    OBJECT,
+    PICK,
+    PLACE,
+    PLANT,
+    PLANTS,
+    RELEASE,
+    RESET,
+    STOP,
+    TARGET,
+    TURN,
+)
+
+#: The plant that runs, of which the view knows nothing.
+AS_STARTED = 'as started'
+#: Beyond every robot [m].
+FAR = 100.0
+BUTTONS = (STOP, RELEASE, RESET, PICK, PLACE)
+
+
+class RequestError(IsotrussError, ValueError):
+    """A browser sent a value that none of its controls has."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A slider."""
+
+    name: str  #: of the request that it leaves
+    label: str  #: as it is shown
+    bounds: tuple[float, float]  #: smallest and largest value
+    step: float  #: between values
+
+
+SETTINGS = (
+    Setting('friction', 'friction', (0.05, 1.5), 0.05),
+    Setting('diameter', 'diameter [m]', (0.05, 0.6), 0.01),
+    Setting('squeeze', 'squeeze [N]', (0.0, 60.0), 1.0),
+)
+WRENCH = (
+    Setting('fx', 'force x [N]', (-20.0, 20.0), 0.5),
+    Setting('fy', 'force y [N]', (-20.0, 20.0), 0.5),
+    Setting('m', 'moment [N m]', (-2.0, 2.0), 0.05),
+)
+BOUNDS = {setting.name: setting.bounds for setting in (*SETTINGS, *WRENCH)}
+
+
+def check_request(name: str, value: object, choices: Mapping[str, Sequence[str]]) -> None:
+    """
+    Refuse a value that the control of a request cannot have.
+
+    :param name: of the request.
+    :param value: as it came.
+    :param choices: what can be chosen, by the name of the request.
+    :raises RequestError: the value is out of bounds, no choice, or no drag.
+    """
+    if name in BOUNDS:
+        low, high = BOUNDS[name]
+        if not (_is_finite(value) and low <= value <= high):
+            _refuse(name, value, f'from {low:g} to {high:g}')
+    elif name in choices:
+        if value not in choices[name]:
+            _refuse(name, value, f'one of {", ".join(choices[name])}')
+    elif name in (TARGET, TURN):
+        _, *places = value
+        for place in places:
+            if len(place) != 2 or not all(_is_finite(x) and abs(x) <= FAR for x in place):
+                _refuse(name, value, f'two coordinates of at most {FAR:g} m')
+    elif name not in BUTTONS:
+        _refuse(name, value, 'a request of the page')
+
+
+def list_choices(joints: Sequence[str]) -> dict[str, Sequence[str]]:
+    """
+    Return what can be chosen, by the name of the request.
+
+    :param joints: names of what can be dragged besides the object.
+    """
+    return {DRAGGED: (OBJECT, *joints), PLANT: (AS_STARTED, *PLANTS)}
+
+
+def _is_finite(value: object) -> bool:
+    return isinstance(value, Real) and math.isfinite(value)
+
+
+def _refuse(name: str, value: object, right: str) -> None:
+    raise RequestError(f'{name}: {quote(str(value))} from a browser: must be {right}')

@@ -1,0 +1,290 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Recordings, whole, broken off, damaged or made up: what is readable is played."""
+
+import contextlib
+import functools
+import importlib.util
+import io
+import struct
+
+from hypothesis import given
+from hypothesis import strategies as st
+from isotruss_msgs.msg import GraspState, ManipulationStatus
+from isotruss_ros.core import load_robot
+from isotruss_ros.core.errors import ConfigurationError
+from isotruss_ros.nodes.conversions.message_text import schema_text, type_name
+from isotruss_ros.viewer.message_checks import PictureError
+from isotruss_ros.viewer.picture import Picture
+import numpy as np
+import pytest
+from robots import examples
+from sensor_msgs.msg import JointState
+from visualization_msgs.msg import MarkerArray
+
+pytestmark = pytest.mark.skipif(
+    not all(map(importlib.util.find_spec, ('mcap', 'rosbags', 'viser'))),
+    reason='needs mcap, rosbags and viser',
+)
+ROBOT = load_robot('nine_member')
+#: With which MCAP files begin and end.
+MAGIC = b'\x89MCAP0\r\n'
+COUNT = 40
+few_examples = examples(100)
+COMPRESSIONS = ('NONE', 'LZ4', 'ZSTD')
+JOINT_STATE = 'sensor_msgs/msg/JointState'
+
+
+def pack_joints(number):
+    """Return joint states, in CDR, whose first position tells their number."""
+    from rosbags.typesys import get_typestore, Stores
+
+    store = get_typestore(Stores.ROS2_JAZZY)
+    header = store.types['std_msgs/msg/Header'](
+        store.types['builtin_interfaces/msg/Time'](1, 2), 'truss'
+    )
+    positions = np.array([1e-4 * number, -0.01, 0.0, 0.01, 0.0, 0.015])
+    message = store.types[JOINT_STATE](
+        header, list(ROBOT.roller_names), positions, np.zeros(0), np.zeros(0)
+    )
+    return bytes(store.serialize_cdr(message, JOINT_STATE))
+
+
+def write(records, compression='ZSTD', text=None, encoding='cdr', name=JOINT_STATE):
+    """Return a recording of messages in CDR, one each tenth of a second, in small chunks."""
+    from mcap.writer import CompressionType, Writer
+
+    stream = io.BytesIO()
+    writer = Writer(stream, chunk_size=1000, compression=CompressionType[compression])
+    writer.start('ros2')
+    text = schema_text(JointState) if text is None else text
+    schema = writer.register_schema(name, 'ros2msg', text.encode())
+    channel = writer.register_channel('/arm/joint_states', encoding, schema)
+    for number, record in enumerate(records):
+        writer.add_message(channel, 10**8 * number, record, 0)
+    writer.finish()
+    return stream.getvalue()
+
+
+@functools.cache
+def whole(compression):
+    """Return a recording of numbered joint states."""
+    return write(map(pack_joints, range(COUNT)), compression)
+
+
+def read(content, folder):
+    """Return the numbers of the messages that are read of a file, and in which words it ends."""
+    from isotruss_ros.viewer.recording import read_recording, RecordingError
+
+    path, numbers = folder / 'recording.mcap', []
+    path.write_bytes(content)
+    try:
+        for time, _, message in read_recording(path):
+            number = round(1e4 * message.position[0])
+            assert time == pytest.approx(0.1 * number)
+            numbers.append(number)
+    except RecordingError as error:
+        return numbers, str(error).removeprefix(str(path))
+    return numbers, ''
+
+
+@pytest.mark.parametrize('compression', COMPRESSIONS)
+def test_a_whole_recording_is_read_in_full(tmp_path, compression):
+    assert read(whole(compression), tmp_path) == (list(range(COUNT)), '')
+
+
+def check_beginning(content, tmp_path):
+    """Check that the messages of a file are the first of a whole one, or that it says that not."""
+    numbers, words = read(content, tmp_path)
+    assert numbers == list(range(len(numbers)))
+    if numbers and len(numbers) < COUNT:
+        assert f' ends after {0.1 * (len(numbers) - 1):.1f} s and {len(numbers)} messages' in words
+    assert numbers or 'holds no complete message' in words
+    return len(numbers)
+
+
+@pytest.mark.parametrize('compression', COMPRESSIONS)
+def test_a_recording_is_read_up_to_where_it_breaks_off(tmp_path, compression):
+    content = whole(compression)
+
+    @few_examples
+    @given(st.integers(0, len(content)))
+    def cut(size):
+        check_beginning(content[:size], tmp_path)
+
+    cut()
+    assert check_beginning(content[: len(content) // 2], tmp_path) > COUNT // 4
+
+
+@pytest.mark.parametrize('compression', COMPRESSIONS)
+def test_a_recording_is_read_up_to_the_zeros_at_its_end(tmp_path, compression):
+    """As a power cut leaves a file whose length was written and whose last blocks were not."""
+    content = whole(compression)
+
+    @few_examples
+    @given(st.integers(0, len(content)))
+    def clear(size):
+        check_beginning(content[:size].ljust(len(content), b'\0'), tmp_path)
+
+    clear()
+    half = content[: len(content) // 2].ljust(len(content), b'\0')
+    assert check_beginning(half, tmp_path) > COUNT // 4
+
+
+@pytest.mark.parametrize('compression', COMPRESSIONS)
+def test_no_message_behind_a_flipped_byte_is_altered(tmp_path, compression):
+    content = whole(compression)
+
+    @few_examples
+    @given(st.integers(0, len(content) - 1), st.integers(1, 255))
+    def flip(place, mask):
+        changed = bytearray(content)
+        changed[place] ^= mask
+        numbers, words = read(bytes(changed), tmp_path)
+        assert numbers == sorted(set(numbers))
+        assert set(numbers) <= set(range(COUNT))
+        assert words or len(numbers) == COUNT
+
+    flip()
+
+
+def record_of(opcode, *parts):
+    """Return an MCAP record."""
+    content = b''.join(parts)
+    return bytes([opcode]) + struct.pack('<Q', len(content)) + content
+
+
+def text_of(words):
+    """Return a text as MCAP records hold it."""
+    return struct.pack('<I', len(words)) + words.encode()
+
+
+HEADER = record_of(1, text_of('ros2'), text_of(''))
+#: Of a chunk: times, size and checksum of what it holds.
+CHUNK = struct.pack('<QQQI', 0, 0, 2**62, 0)
+MADE_UP = {
+    'empty': b'',
+    'a part of the magic': MAGIC[:3],
+    'only magic': MAGIC,
+    'twice magic': 2 * MAGIC,
+    'a text': b'rosbag2_bagfile_information:\n  version: 5\n',
+    'no records': MAGIC + HEADER,
+    'zeros': MAGIC + HEADER + bytes(10_000),
+    'a length beyond all memory': MAGIC + HEADER + b'\x06' + struct.pack('<Q', 2**62),
+    'a chunk beyond all memory': MAGIC
+    + HEADER
+    + record_of(6, CHUNK, text_of('zstd'), struct.pack('<Q', 4), b'\x28\xb5\x2f\xfd'),
+    'an unknown compression': MAGIC
+    + HEADER
+    + record_of(6, CHUNK, text_of('brotli'), struct.pack('<Q', 1), b'x'),
+    'a channel of a schema that there is not': MAGIC
+    + HEADER
+    + record_of(
+        4, struct.pack('<HH', 1, 7), text_of('joint_states'), text_of('cdr'), struct.pack('<I', 0)
+    )
+    + record_of(5, struct.pack('<HIQQ', 1, 0, 0, 0), b'abc'),
+    'a message of a channel that there is not': MAGIC
+    + HEADER
+    + record_of(5, struct.pack('<HIQQ', 1, 0, 0, 0), b'abc'),
+}
+
+
+@pytest.mark.parametrize('kind', sorted(MADE_UP))
+def test_a_made_up_file_is_refused(tmp_path, kind):
+    numbers, words = read(MADE_UP[kind], tmp_path)
+    assert not numbers
+    assert 'holds no complete message' in words
+
+
+@pytest.mark.parametrize(
+    'changes',
+    [
+        {'text': 'no definition at all ]['},
+        {'text': 'float64[] position\nOther[] others\n'},
+        {'text': f'{JOINT_STATE} again\n'},
+        {'text': schema_text(JointState).replace('MSG: ', 'MSG: a/b/')},
+        {'encoding': 'protobuf'},
+        {'name': 'std_msgs/msg/String', 'text': 'string data'},
+        {'text': 'string[] name\nfloat64[] other\n'},
+    ],
+)
+def test_messages_that_are_no_joint_states_are_not_shown_as_such(tmp_path, capsys, changes):
+    from isotruss_ros.cli import replay
+
+    path = tmp_path / 'other.mcap'
+    path.write_bytes(write([pack_joints(0)], **changes))
+    replay.main([str(path), '--once', '--port', '0'])
+    printed = capsys.readouterr().err
+    assert len(printed.splitlines()) == 1
+    assert printed.startswith(('replay failed: ', 'replay: '))
+
+
+@few_examples
+@given(st.binary(max_size=200))
+def test_bytes_behind_the_beginning_of_a_file_raise_nothing_raw(tmp_path_factory, tail):
+    read(MAGIC + HEADER + tail, tmp_path_factory.getbasetemp())
+
+
+@few_examples
+@given(st.binary(max_size=100))
+def test_a_message_of_any_bytes_raises_nothing_raw(tmp_path_factory, record):
+    from isotruss_ros.viewer.recording import read_recording, RecordingError, show_message
+
+    path = tmp_path_factory.getbasetemp() / 'message.mcap'
+    path.write_bytes(write([b'\0\1\0\0' + record]))
+    with contextlib.suppress(RecordingError, PictureError, ConfigurationError):
+        for time, topic, message in read_recording(path):
+            show_message(Picture(ROBOT, 0.3), topic, message, time)
+
+
+def test_replay_plays_what_is_readable_and_says_in_one_line_where_it_ends(tmp_path, capsys):
+    from isotruss_ros.cli import replay
+
+    path, content = tmp_path / 'half.mcap', whole('ZSTD')
+    path.write_bytes(content[: len(content) // 2].ljust(len(content), b'\0'))
+    assert replay.main([str(path), '--once', '--port', '0', '--speed', '1000']) == 0
+    out, err = capsys.readouterr()
+    assert out.startswith('replay: http://127.0.0.1:')
+    (line,) = err.splitlines()
+    assert line.startswith(f'replay: {path} ends after ')
+
+
+def test_replay_of_a_recording_that_holds_nothing_is_refused_in_one_line(tmp_path, capsys):
+    from isotruss_ros.cli import replay
+
+    path = tmp_path / 'short.mcap'
+    path.write_bytes(MAGIC)
+    assert replay.main([str(path), '--once', '--port', '0']) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f'replay failed: {path}: holds no complete message')
+
+
+def test_a_page_that_is_written_names_no_server(tmp_path, capsys):
+    from isotruss_ros.cli import replay
+
+    path, page = tmp_path / 'whole.mcap', tmp_path / 'whole.html'
+    path.write_bytes(whole('ZSTD'))
+    assert replay.main([str(path), '--page', str(page)]) == 0
+    assert capsys.readouterr() == (f'written: {page}\n', '')
+
+
+def test_schemas_are_read_without_ros():
+    from rosbags.typesys import get_types_from_msg
+
+    for kind in (JointState, GraspState, ManipulationStatus, MarkerArray):
+        first = schema_text(kind).split('=' * 80)[0]
+        name = type_name(kind)
+        fields = get_types_from_msg(first, name)[name][1]
+        assert [field for field, _ in fields] == list(kind.get_fields_and_field_types())
+
+
+def test_a_recording_moves_a_picture_as_the_robot_moved(tmp_path):
+    from isotruss_ros.viewer.recording import read_recording, show_message
+
+    path, picture = tmp_path / 'joints.mcap', Picture(ROBOT, 0.3)
+    path.write_bytes(write([pack_joints(200)]))
+    ((time, topic, message),) = read_recording(path)
+    show_message(picture, topic, message, time)
+    positions = [0.02, -0.01, 0.0, 0.01, 0.0, 0.015]
+    assert picture.config.nodes == pytest.approx(ROBOT.configuration(positions).nodes, abs=1e-9)

@@ -1,0 +1,142 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Who may reach the server of a view, and where it is served."""
+
+import contextlib
+import socket
+from types import SimpleNamespace
+import urllib.error
+import urllib.request
+
+from isotruss_ros.core import load_robot
+from isotruss_ros.viewer.picture import Picture
+import pytest
+
+viser = pytest.importorskip('viser')
+from isotruss_ros.viewer.server import ViewError  # noqa: E402
+from isotruss_ros.viewer.view import View  # noqa: E402
+from websockets.exceptions import InvalidStatus  # noqa: E402
+from websockets.sync.client import connect  # noqa: E402
+
+ROBOT = load_robot('nine_member')
+REFUSED, ACCEPTED = 403, 101
+
+
+@contextlib.contextmanager
+def served(host):
+    """Serve a view at any free port."""
+    with contextlib.closing(View(Picture(ROBOT, 0.3), host, 0)) as view:
+        yield view
+
+
+@pytest.fixture(scope='module')
+def local():
+    """Return a view of this machine only."""
+    with served('127.0.0.1') as view:
+        yield view
+
+
+@pytest.fixture(scope='module')
+def public():
+    """Return a view at all addresses of this machine."""
+    with served('0.0.0.0') as view:
+        yield view
+
+
+def handshake(view, origin, query='', cookie=''):
+    """Return the status of the answer to a client that asks for the websocket."""
+    try:
+        with connect(
+            f'ws://127.0.0.1:{view.server.get_port()}/{query}',
+            origin=origin,
+            subprotocols=[f'viser-v{viser.__version__}'],
+            additional_headers={'Cookie': cookie},
+        ):
+            return ACCEPTED
+    except InvalidStatus as error:
+        return error.response.status_code
+
+
+def fetch(view, query=''):
+    """Return the status and the headers of the page."""
+    address = f'http://127.0.0.1:{view.server.get_port()}/{query}'
+    try:
+        with urllib.request.urlopen(address, timeout=60) as answer:
+            return answer.status, answer.headers
+    except urllib.error.HTTPError as error:
+        return error.code, error.headers
+
+
+def token_of(view):
+    """Return the query of an address that has a token."""
+    return '?' + view.address.partition('/?')[2]
+
+
+@pytest.mark.parametrize('name', ['127.0.0.1', 'localhost'])
+def test_a_page_of_this_server_opens_the_websocket(local, name):
+    assert handshake(local, f'http://{name}:{local.server.get_port()}') == ACCEPTED
+
+
+@pytest.mark.parametrize('origin', ['http://evil.example', 'null', None, 'http://localhost:1'])
+def test_a_page_from_elsewhere_is_refused_the_websocket(local, public, origin):
+    assert handshake(local, origin) == REFUSED
+    assert handshake(public, origin, token_of(public)) == REFUSED
+
+
+def test_beyond_this_machine_the_websocket_asks_for_the_token_too(public):
+    origin = f'http://127.0.0.1:{public.server.get_port()}'
+    assert handshake(public, origin) == REFUSED
+    assert handshake(public, origin, '?token=guess') == REFUSED
+    assert handshake(public, origin, token_of(public)) == ACCEPTED
+
+
+def test_the_page_with_the_token_brings_a_cookie_that_opens_the_websocket(public):
+    assert fetch(public)[0] == REFUSED
+    status, headers = fetch(public, token_of(public))
+    cookie, *attributes = headers['Set-Cookie'].split('; ')
+    assert status == 200
+    assert {'HttpOnly', 'SameSite=Strict'} <= set(attributes)
+    origin = f'http://127.0.0.1:{public.server.get_port()}'
+    assert handshake(public, origin, cookie=f'other=1; {cookie}') == ACCEPTED
+
+
+def test_no_other_page_shows_the_view_in_a_frame(local):
+    assert fetch(local)[1]['X-Frame-Options'] == 'DENY'
+
+
+def test_no_message_of_a_page_makes_the_server_public(local):
+    assert local.server.request_share_url() is None
+
+
+def test_a_port_in_use_is_refused(local):
+    port = local.server.get_port()
+    with pytest.raises(ViewError, match=rf'no server at 127\.0\.0\.1:{port}: Address already in'):
+        View(Picture(ROBOT, 0.3), '127.0.0.1', port)
+
+
+@pytest.mark.parametrize('host', ['203.0.113.7', 'no.such.host', ''])
+def test_a_host_that_cannot_be_served_is_refused_at_once(host):
+    with pytest.raises(ViewError, match=f'no server at {host}:'):
+        View(Picture(ROBOT, 0.3), host, 0)
+
+
+def test_a_viser_that_serves_otherwise_is_refused(monkeypatch):
+    """Rather than without the gate; a name of its own for `serve` stands for another release."""
+    import websockets
+
+    server = SimpleNamespace(serve=websockets.asyncio.server.serve)
+    parts = {'exceptions': websockets.exceptions, 'datastructures': websockets.datastructures}
+    own = SimpleNamespace(asyncio=SimpleNamespace(server=server), **parts)
+    monkeypatch.setattr('viser.infra._infra.websockets', own)
+    with pytest.raises(ViewError, match=r'without our gate: install viser 1\.1\.1'):
+        View(Picture(ROBOT, 0.3), '127.0.0.1', 0)
+
+
+def test_bytes_that_are_no_http_print_nothing(local, capfd):
+    with socket.create_connection(('127.0.0.1', local.server.get_port())) as client:
+        client.sendall(b'\x16\x03\x01\r\n\r\n')
+        while client.recv(1000):
+            pass
+    assert fetch(local)[0] == 200
+    assert capfd.readouterr().err == ''

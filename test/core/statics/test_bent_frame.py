@@ -1,0 +1,105 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Bent frames against OpenSees, finer meshes, and closed forms of columns."""
+
+import frames
+from hypothesis import assume, given
+from isotruss_ros.core.statics.beam_column import BeamColumns
+from isotruss_ros.core.statics.cut_frame import CutFrame
+from isotruss_ros.core.statics.load_path import follow_loads
+import numpy as np
+import opensees
+import pytest
+from robots import examples, generators
+
+#: Largest displacement of the linear frame [m], and what the bent one differs from it at most.
+DISPLACEMENT, NONLINEAR = 0.04, 0.1
+
+
+def bent_case(rng):
+    """Return a frame of tubes under loads that bend it by centimetres, and how it bends."""
+    points, found, held = frames.random_frame(rng, spread=0.3)
+    # A bar between two pins is straight: it buckles in a mesh alone.
+    assume(not (found.pinned_start & found.pinned_end).any())
+    held[:, 2] |= ~frames.turning(found, len(points))
+    loads = np.where(held, 0.0, frames.random_loads(rng, found, len(points)))
+    frame = frames.frame(points, found, held)
+    linear = frame.solve(loads).displacements[:, :2]
+    size = DISPLACEMENT / max(np.abs(linear).max(), 1e-9)
+    assume(0.1 < size < 10.0)
+    bent = frame.bend(size * loads)
+    assume(bent is not None)
+    # Near a limit load displacements are any.
+    assume(follow_loads(frame, 2.0 * size * loads, 1.0).factors[-1] == 1.0)
+    off = np.abs(bent.displacements[:, :2] - size * linear).max()
+    assume(off < NONLINEAR * DISPLACEMENT)
+    return frame, found, held, size * loads, bent
+
+
+@given(generators())
+@examples(20)
+def test_bent_frames_agree_with_opensees(rng):
+    frame, found, held, loads, bent = bent_case(rng)
+    expected = opensees.bent(frame.points, found, held, loads)
+    off = np.abs(bent.displacements - expected)[:, :2].max()
+    linear = np.abs(frame.solve(loads).displacements - expected)[:, :2].max()
+    assert off < max(3e-3 * np.abs(expected[:, :2]).max(), 0.2 * linear)
+
+
+@given(generators())
+@examples(10)
+def test_one_element_a_member_agrees_with_eight(rng):
+    frame, found, _, loads, bent = bent_case(rng)
+    piece = np.repeat(np.arange(len(found.start)), 7)
+    fine = CutFrame(
+        frame, piece, frame.length[piece] * np.tile(np.arange(1, 8) / 8, len(frame.length))
+    )
+    finer = fine.bend(np.pad(loads, ((0, len(piece)), (0, 0))))
+    off = np.abs(bent.displacements - finer.displacements[: len(loads)])[:, :2].max()
+    assert off < 3e-3 * DISPLACEMENT
+
+
+@given(generators())
+@examples(10)
+def test_the_tangent_is_the_derivative_of_the_forces(rng):
+    frame, _, _, _, bent = bent_case(rng)
+    way = rng.normal(size=bent.displacements.shape)
+    ahead, behind = (
+        frame.tangent(bent.displacements + step * way, bent.multipliers) for step in (1e-6, -1e-6)
+    )
+    change = (ahead.carried - behind.carried) / 2e-6
+    answer, _ = bent.respond(change[:, None])
+    moved = np.zeros(way.size)
+    moved[bent.solved] = way.ravel()[bent.solved]
+    # What is held moves too: its forces are what the change has beside those of the unknowns.
+    still = way.ravel() - moved
+    held = still.reshape(way.shape)
+    ahead, behind = (
+        frame.tangent(bent.displacements + step * held, bent.multipliers) for step in (1e-6, -1e-6)
+    )
+    answer -= bent.respond((ahead.carried - behind.carried)[:, None] / 2e-6)[0]
+    assert answer[:, 0] == pytest.approx(moved, abs=1e-5 * np.abs(moved).max())
+
+
+@pytest.mark.parametrize('shear', [np.inf, 1.9e3])
+def test_a_column_buckles_at_the_load_of_engesser(shear):
+    length, flexural, parts = 2.0, 25.0, 8
+    points = np.linspace(0.0, length, parts + 1)
+    ends = np.stack([np.arange(parts), np.arange(1, parts + 1)], axis=1)
+    found = frames.members(ends, 1e7, flexural, shear, [(0, 0), (parts - 1, 1)])
+    held = frames.supports(parts + 1, {0: 'xyr', parts: 'yr'})
+    loads = np.zeros((parts + 1, 3))
+    loads[parts, 0] = -1.0
+    euler = np.pi**2 * flexural / length**2
+    path = follow_loads(frames.frame(points, found, held), loads, 2.0 * euler)
+    assert path.limit == pytest.approx(euler / (1.0 + euler / shear), rel=2e-3)
+
+
+def test_without_axial_force_the_element_is_the_linear_one():
+    values = [np.array([each]) for each in (0.7, 1.9e4, 25.0, 1.9e3)]
+    fixed = np.array([False])
+    small = BeamColumns(*values, fixed, fixed).evaluate(np.zeros(1), np.array([[1e-6, -2e-6]]))
+    matrix, _ = frames.member_stiffness(0.7, 1.9e4, 25.0, 1.9e3)
+    moments = matrix[np.ix_([2, 5], [2, 5])] @ [1e-6, -2e-6]
+    assert small.moments[0] == pytest.approx(moments, rel=1e-9)

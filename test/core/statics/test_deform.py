@@ -1,0 +1,89 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The robot deformed by loads: its limit load, utilisation, and loads on modules and tubes."""
+
+from isotruss_ros.core import deform, load_robot
+from isotruss_ros.core.errors import StructureError
+from isotruss_ros.core.statics.cut_frame import CutFrame
+import numpy as np
+import pytest
+
+TRIANGLE = load_robot('triangle').home
+LEG = 'main/R-T'
+
+
+def test_small_loads_bend_the_robot_as_the_linear_model_does():
+    load = {'T': (1e-3, -2e-3)}
+    bent, linear = (deform(TRIANGLE, load, paper_model=paper) for paper in (False, True))
+    moved = linear.state.displacements
+    assert bent.state.displacements == pytest.approx(moved, abs=1e-4 * np.abs(moved).max())
+
+
+@pytest.mark.parametrize('load', [(0.0, -180.0), (60.0, 50.0)])
+def test_bent_robot_agrees_with_a_mesh(load):
+    found = deform(TRIANGLE, {'T': load})
+    frame, pieces = found.frame, found.structure.pieces[2].repeat(7)
+    within = frame.length[pieces] * np.tile(np.arange(1, 8) / 8, 3)
+    mesh = CutFrame(frame, pieces, within)
+    finer = mesh.bend(np.pad(found.loads, ((0, len(pieces)), (0, 0))))
+    expected = finer.displacements[: len(found.loads), :2]
+    moved = found.state.displacements[:, :2]
+    assert np.abs(moved - expected).max() < 3e-3 * np.abs(expected).max()
+
+
+def test_beyond_the_limit_load_the_error_names_it():
+    limit = deform(TRIANGLE, {'T': (0.0, -100.0)}).limit_factor
+    assert deform(TRIANGLE, {'T': (0.0, -99.0 * limit)}).displacement('T')[1] < 0.0
+    with pytest.raises(StructureError, match=r'gives way at 0\.5\d* times these loads'):
+        deform(TRIANGLE, {'T': (0.0, -190.0 * limit)})
+
+
+def test_a_load_that_stretches_no_column_has_no_limit_nearby():
+    assert deform(TRIANGLE, {'T': (0.0, 0.1)}).limit_factor == np.inf
+
+
+def test_compression_makes_moments_inside_a_member_grow():
+    load = {'T': (0.0, -150.0)}
+    bent, linear = (deform(TRIANGLE, load, paper_model=paper) for paper in (False, True))
+    assert bent.utilisation[LEG] > 1.2 * linear.utilisation[LEG]
+    # At its ends, the moment of the bent leg is less than inside it.
+    structure = bent.structure
+    ends = bent.state.end_forces[structure.pieces[2]][
+        structure.config.robot.member_names.index(LEG)
+    ]
+    radius = 0.5 * structure.config.robot.description.tube_diameter
+    wall = np.pi * radius**2 * structure.pressures[0]
+    at_ends = max(abs(ends[2]), abs(ends[5])) / (0.5 * radius * (wall - ends[0]))
+    assert bent.utilisation[LEG] > 1.01 * at_ends
+
+
+def test_a_force_on_a_module_acts_in_the_middle_of_its_pinch_points():
+    found = deform(TRIANGLE, {}, module_loads={'main/T': (0.0, -1.0, 0.5)}, paper_model=True)
+    halves = found.loads[[found.structure.node(f'main/T/{node}') for node in 'BC']]
+    assert halves == pytest.approx(np.array([[0.0, -0.5, 0.25]] * 2))
+    # The supports bear the force and its moment about them.
+    reactions = np.array(list(found.reactions.values()))
+    assert reactions.sum(axis=0) == pytest.approx([0.0, 1.0], abs=1e-9)
+
+
+def test_loads_at_places_of_a_tube_are_those_of_a_node_there():
+    at = 0.4 * TRIANGLE.member_lengths[1]
+    found = deform(TRIANGLE, {}, tube_loads={LEG: [(at, 2.0, 0.0, 0.0), (0.6, 0.0, 0.0, 0.3)]})
+    reactions = np.array(list(found.reactions.values()))
+    assert reactions.sum(axis=0) == pytest.approx([-2.0, 0.0], abs=1e-6)
+    assert found.utilisation[LEG] > found.utilisation['main/T-L']
+
+
+@pytest.mark.parametrize(
+    ('loads', 'complaint'),
+    [
+        ({'module_loads': {'main/W': (0.0, 0.0, 1.0)}}, "module 'main/W'.*main/L, main/R, main/T"),
+        ({'tube_loads': {'main/W': [(0.1, 0.0, 0.0, 1.0)]}}, "member 'main/W'.*main/R-T"),
+        ({'tube_loads': {LEG: [(9.0, 0.0, 0.0, 1.0)]}}, 'at 9 m of member .*must be between'),
+        ({'tube_loads': {LEG: [(0.4, np.nan, 0.0, 1.0)]}}, 'must be 4 finite numbers'),
+    ],
+)
+def test_loads_on_what_is_not_there_are_refused(loads, complaint):
+    with pytest.raises(StructureError, match=complaint):
+        deform(TRIANGLE, {}, **loads)
