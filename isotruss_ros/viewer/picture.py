@@ -16,6 +16,7 @@ import math
 from typing import Any
 
 from isotruss_ros.core import Pose, Robot, Status
+from isotruss_ros.core.control.decision import describe_squeeze
 from isotruss_ros.core.kinematics.configuration import ConfigurationTracker
 from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array
@@ -212,8 +213,7 @@ class Picture:
         squeeze, deviation = self.status.squeeze, self.status.squeeze_deviation
         if math.isnan(squeeze):
             return words
-        sure = 'deviation not known' if math.isinf(deviation) else f'deviation {deviation:.1f} N'
-        return f'{words}  \nsqueeze {squeeze:.1f} N, {sure}'
+        return f'{words}  \nsqueeze: {describe_squeeze(squeeze, deviation)}'
 
     def sample(self, now: float) -> None:
         """

@@ -223,6 +223,8 @@ def test_an_estimate_there_and_back():
         squeeze_deviation=2.0,
         used=('P',),
         left_out=('Q', 'R'),
+        swapped=('Q', 'R'),
+        delay=0.02,
         slipping=('north/Z',),
     )
     packed = serialize_message(to_estimate_message(estimate, ROBOT))
@@ -238,6 +240,7 @@ def test_an_estimate_there_and_back():
     assert planar == pytest.approx(estimate.pose_covariance)
     assert (sent.used_joints, sent.left_out_joints) == (['P'], ['Q', 'R'])
     assert sent.slipping_rollers == ['north/Z']
+    assert (sent.swapped_joints, sent.pose_delay) == (['Q', 'R'], 0.02)
     found = read_estimate(sent, ROBOT)
     assert found.offsets == pytest.approx(estimate.offsets)
     assert found.covariance == pytest.approx(estimate.offset_covariance)

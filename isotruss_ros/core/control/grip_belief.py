@@ -19,6 +19,7 @@ import math
 from typing import NamedTuple
 
 from isotruss_ros.core.control.contact_walk import ContactWalk
+from isotruss_ros.core.control.decision import UNKNOWN_SHARE
 from isotruss_ros.core.control.inputs import Timeline
 from isotruss_ros.core.control.laid_grip import laid_grip
 from isotruss_ros.core.control.loop_gains import LoopGains
@@ -146,6 +147,11 @@ class GripBelief:
         by_considered = rates + own @ self._sensitivity
         variance = own @ self._covariance @ own + by_considered @ self._considered @ by_considered
         return math.sqrt(variance + (self.settings.squeeze_error * self.squeeze) ** 2)
+
+    @property
+    def squeeze_is_unknown(self) -> bool:
+        """Return whether the deviation of the squeeze is more than `UNKNOWN_SHARE` of it."""
+        return self.squeeze_deviation > UNKNOWN_SHARE * self.squeeze
 
     @property
     def pose_covariance(self) -> Array:

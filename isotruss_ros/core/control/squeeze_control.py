@@ -17,6 +17,7 @@ from dataclasses import replace
 import math
 
 from isotruss_ros.core.control.contact_walk import JUMP_LENGTH
+from isotruss_ros.core.control.decision import describe_squeeze
 from isotruss_ros.core.control.grip_belief import attach_model, GripBelief
 from isotruss_ros.core.control.grip_faults import GripFault, SwingWatch
 from isotruss_ros.core.control.inputs import steady_pressures
@@ -122,9 +123,10 @@ class SqueezeControl:
             return f'the object oscillates: the gain is softened to {self.gains.pose:.3g} 1/s'
         if self.fault is not None:
             return f'{self._why}: open the grip, or set squeeze_force again to go on'
-        if self._slipped:
-            return f'slipped by {1e3 * self._slipped:.0f} mm, held'
-        return ''
+        notes = [f'slipped by {1e3 * self._slipped:.0f} mm, held'] if self._slipped else []
+        if self.belief is not None and self.belief.squeeze_is_unknown:
+            notes.append(f'held, {describe_squeeze(*self.squeeze)}')
+        return '; '.join(notes)
 
     @property
     def squeeze(self) -> tuple[float, float] | None:
@@ -238,7 +240,7 @@ class SqueezeControl:
         except NotHeldError as error:
             return error.hold
         self._choose_gains(found)
-        settings = replace(KNOWN, load=self.settings.load or KNOWN.load)
+        settings = replace(KNOWN, load=self.settings.load or KNOWN.load, zeros=self.settings.zeros)
         self.belief = GripBelief(found, grip, settings, self._zeros)
         self._swings = SwingWatch(self.frequency)
         return found.hold(grip.friction)

@@ -22,6 +22,7 @@ class SqueezeSettings:
     :ivar max_utilisation: of the moment at which tubes wrinkle; commands that lead toward it are
         slowed, and beyond it only those that lead away are carried out [-].
     :ivar load: standard deviation of loads on the object; 0 for that of `EstimatorSettings` [N].
+    :ivar zeros: standard deviation of the rollers' zeros, where no estimator says it [m].
     """
 
     force: float
@@ -30,3 +31,4 @@ class SqueezeSettings:
     frequency: float | None = None
     max_utilisation: float = 1.0
     load: float = 0.0
+    zeros: float = 0.01

@@ -189,6 +189,7 @@ class TwistServo:
             frequency=squeeze.frequency or 0.0,
             pose_gain=squeeze.gains.pose,
             squeeze=squeeze.squeeze,
+            pose_delay=squeeze.belief.delay,
         )
 
     def note_command(self, velocities: Array, now: float) -> None:

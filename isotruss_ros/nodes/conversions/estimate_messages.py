@@ -40,7 +40,9 @@ def to_estimate_message(estimate: StateEstimate, robot: Robot) -> StateEstimateM
         joint_deviations=np.sqrt(np.diag(estimate.joint_covariance)).tolist(),
         used_joints=estimate.used,
         left_out_joints=estimate.left_out,
+        swapped_joints=estimate.swapped,
         slipping_rollers=estimate.slipping,
+        pose_delay=estimate.delay,
     )
     if estimate.pose is not None:
         message.held = True
