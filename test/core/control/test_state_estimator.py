@@ -70,7 +70,7 @@ def test_markers_tell_the_squeeze():
     drawn = DrawnRobot(3, held=True)
     found, truth = drawn.run(2.0), drawn.grip.squeeze
     assert found.squeeze == pytest.approx(truth, rel=0.05)
-    assert found.squeeze_deviation < 0.05 * truth
+    assert found.squeeze_deviation < 0.08 * truth
 
 
 def test_without_markers_the_squeeze_is_not_known():
@@ -175,7 +175,7 @@ def test_the_stiffness_is_that_of_the_measured_pressures():
 
 @pytest.mark.parametrize('held', [False, True])
 def test_markers_that_are_all_shifted_leave_errors_within_their_deviations(held):
-    settings, surprises = replace(EXACT, marker_shift=3e-3, zeros=5e-3), []
+    settings, surprises = replace(EXACT, marker_shift=3e-3, joint_error=5e-4), []
     for seed in range(4):
         drawn = DrawnRobot(seed, held=held, settings=settings)
         shift = settings.marker_shift * np.random.default_rng(seed).normal(size=2)
