@@ -18,8 +18,8 @@ from isotruss_ros.demo.path import figure_9
 from isotruss_ros.demo.record import PhaseRecord, Snapshot
 from isotruss_ros.demo.run import OBJECT_CENTER, OBJECT_DIAMETER, PULL
 from isotruss_ros.demo.sensors import REAL_SENSORS, truth_table
-from isotruss_ros.nodes import simulator
 from isotruss_ros.nodes.conversions.path_messages import read_duration, to_trajectory_message
+from isotruss_ros.nodes.simulator import node as simulator
 from mujoco_worlds import CENTER, needs_egl, needs_mujoco, record
 import numpy as np
 from PIL import Image

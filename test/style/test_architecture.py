@@ -29,10 +29,15 @@ CORE = [
 ]
 NODES = [
     ['nodes.grasp'],
-    ['nodes.framework'],
     ['nodes.conversions'],
-    ['nodes.components'],
-    ['nodes.bring_up'],
+    ['nodes.framework'],
+    [
+        'nodes.bring_up',
+        'nodes.manipulation',
+        'nodes.pick_and_place',
+        'nodes.simulator',
+        'nodes.viewer',
+    ],
     ['nodes'],
 ]
 REST = [

@@ -86,7 +86,7 @@ def bend(linear, members):
         bent = bend_members(grip)
         grip = attach_grip(ROBOT.home.shorten(bent.shorter), body, members)
         statics = replace(grip.statics, given=bent.given)
-        closure = rest(statics, body.center, body.pose.angle)
+        closure = rest(statics, body)
         state = statics.solve(grip.state.unknowns, grip.wrench, closure)
         grip = replace(grip, statics=statics, state=state)
     return grip
