@@ -22,7 +22,7 @@ from isotruss_msgs.action import (
     PlanGrasp,
 )
 from isotruss_msgs.msg import GraspState
-from isotruss_ros.core import IsotrussError, Pose, Robot
+from isotruss_ros.core import IsotrussError, Robot
 from isotruss_ros.core.control.inputs import Input, InputError, require_fresh, StampedInput
 from isotruss_ros.core.control.path_tracking import (
     RETURN,
@@ -227,10 +227,13 @@ class GraspSequences(TrackedShape):
         yield from self._drive(trajectory, apart, PLACE.OPENING, PLACE.BACKING_OFF)
         self.stage = PLACE.CONFIRMING
         yield from self._confirm(False)
-        now: Pose = self.pose.value
-        moved = float(np.hypot(now.x - pose.x, now.y - pose.y))
+        x, y, turned = pose_difference(self.pose.value, pose).tolist()
+        moved = math.hypot(x, y)
+        way = f'{1e3 * moved:.3g} mm and {math.degrees(turned):+.2g}°'
         return PlaceObject.Result(
-            message=f'free, {1e3 * moved:.3g} mm from where it was held', displacement=moved
+            message=f'free, {way} from where it was held',
+            displacement=moved,
+            rotation=turned,
         )
 
     def move(self, goal: MoveObject.Goal) -> Steps:
