@@ -81,11 +81,11 @@ class GraspPlanner(ManagedNode):
 
     def details(self) -> dict[str, object]:
         """Return the progress of the search."""
-        details = {'searching': self._goal.active}
+        details: dict[str, object] = {'searching': self._goal.active}
         progress = self._searcher.progress()
         if progress is not None:
             details |= {'evaluations': progress.evaluations, 'grasps found': progress.found}
-        return details
+        return details  # type: ignore[return-value]
 
     def _apply(self) -> None:
         """Apply the timeout."""

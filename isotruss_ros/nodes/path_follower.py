@@ -103,11 +103,11 @@ class PathFollower(ManagedNode):
 
     def details(self) -> dict[str, object]:
         """Return the state of the goal."""
-        details = {'following': self._goal.active}
+        details: dict[str, object] = {'following': self._goal.active}
         if self._goal.active and self._last is not None:
             details |= {'phase': self._last.phase.name, 'progress': f'{self._last.progress:.3f}'}
             details |= {'position error [m]': f'{self._last.position_error:.6f}'}
-        return details
+        return details  # type: ignore[return-value]
 
     def _apply(self) -> None:
         """Apply the parameters; gains and the like from the next goal on."""
@@ -227,7 +227,7 @@ def _check_path(
     except GraspError:
         return
     if found is not None and found.why:
-        x, y, angle = np.round(found.pose, 4).tolist()
+        x, y, angle = (round(number, 4) for number in found.pose)
         raise PathError(
             f'the path would end {100.0 * found.share:.0f} % of the way, at ({x:g}, {y:g}) m, '
             f'{angle:g} rad: {found.why}'

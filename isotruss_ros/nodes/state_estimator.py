@@ -112,7 +112,7 @@ class StateEstimatorNode(ManagedNode):
         }
         if estimate.pose is not None:
             words = describe_squeeze(estimate.squeeze, estimate.squeeze_deviation)
-            details |= {'squeeze': words, 'age of poses beyond their stamps [s]': estimate.delay}
+            details |= {'grip': words, 'age of poses beyond their stamps [s]': estimate.delay}
         return details
 
     def _begin(self) -> None:
@@ -139,7 +139,7 @@ class StateEstimatorNode(ManagedNode):
     def _receive(self, topic: str, take: object, message: object) -> None:
         """Take a message in; one that is not usable is named and left."""
         try:
-            take(message)
+            take(message)  # type: ignore[operator]
         except IsotrussError as error:
             self.warn(topic, f'{topic}: {error}')
 

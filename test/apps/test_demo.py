@@ -9,7 +9,7 @@ import signal
 from geometry_msgs.msg import Point
 from isotruss_msgs.msg import PlannedGrasp, StateEstimate
 from isotruss_ros.core import load_robot, Pose
-from isotruss_ros.demo import processes
+from isotruss_ros.demo import processes, view
 from isotruss_ros.demo import run as demo
 from isotruss_ros.demo.figures import animate, draw_panels, FRAMES_PER_SECOND, SPEED_UP
 from isotruss_ros.demo.film import film
@@ -187,3 +187,23 @@ def test_the_table_of_the_truth_has_the_errors_of_squeeze_joints_and_pose():
     table = truth_table([record], ROBOT, 20.0)
     cells = [next(iter(column.cells)) for column in table.columns]
     assert cells == ['up', '+10', '-30', '-5', '1.0', '5.0', '2.0', '1.50']
+
+
+def test_an_object_of_another_shape_is_passed_to_all_nodes_of_a_view(monkeypatch, tmp_path):
+    started = []
+    monkeypatch.setattr(view, '_run', lambda nodes, _folder: started.extend(nodes) or 0)
+    monkeypatch.setattr(signal, 'signal', lambda *_: None)
+    assert view.main(['--object', str(tmp_path / 'box.yaml')]) == 0
+    shown = {name for name, values in started if values.get('object', '').endswith('box.yaml')}
+    assert shown == {
+        'simulator',
+        'manipulation',
+        'grasp_analysis',
+        'path_follower',
+        'pick_and_place',
+        'viewer',
+    }
+
+
+def test_a_robot_whose_tubes_stay_round_can_be_loaded(tmp_path):
+    assert load_robot(demo._write_round_robot(tmp_path)).name == ROBOT.name

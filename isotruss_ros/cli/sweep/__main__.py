@@ -52,7 +52,9 @@ def _run(options: argparse.Namespace) -> None:
         file = stack.enter_context(options.output.open('w', encoding='utf-8', newline=''))
         client = stack.enter_context(_client(options.scheduler, options.workers))
         results = stack.enter_context(
-            contextlib.closing(sweep(client, robots, objects, needs, options.seed))
+            contextlib.closing(
+                sweep(client, robots, objects, needs, options.seed)  # type: ignore[type-var]
+            )
         )
         table = csv.writer(file)
         table.writerow(COLUMNS)

@@ -70,7 +70,7 @@ def evaluate(
     except IsotrussError as error:
         # One robot that cannot work must not end a sweep over thousands.
         return replace(asked, error=str(error))
-    return replace(asked, **_numbers(plan))
+    return replace(asked, **_numbers(plan))  # type: ignore[arg-type]
 
 
 def unanswered(

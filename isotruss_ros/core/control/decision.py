@@ -59,7 +59,7 @@ def describe_squeeze(squeeze: float, deviation: float) -> str:
     :param deviation: its standard deviation [N].
     """
     words = f'{squeeze:.1f} N, deviation {deviation:.1f} N'
-    return f'squeeze unknown: {words}' if deviation > UNKNOWN_SHARE * squeeze else words
+    return f'squeeze {"unknown: " if deviation > UNKNOWN_SHARE * squeeze else ""}{words}'
 
 
 class HaltError(IsotrussError):

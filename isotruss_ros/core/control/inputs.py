@@ -118,7 +118,7 @@ def require_fresh(
                 f'{words}: stamped {-age:.3f} s in the future; must be at most {CLOCK_SKEW:g} s: '
                 'synchronise the clocks',
             )
-    return tuple(inputs.values())
+    return tuple(inputs.values())  # type: ignore[arg-type]
 
 
 def fresh_pressures(now: float, timeout: float, pressures: Input) -> tuple[float, ...] | None:

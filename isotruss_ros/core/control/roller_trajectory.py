@@ -213,12 +213,12 @@ class RollerTrajectoryServo:
         positions = state.positions - state.offsets + self._offsets
         wanted = trajectory.at(ahead).positions
         behind = trajectory.at(self.time).positions - positions
-        error = wanted - positions
+        missing = wanted - positions
         # Rollers at rest are behind, those under way are ahead by what they do in a cycle.
-        waits = min(float(np.abs(error).max()), float(np.abs(behind).max())) > MAX_LAG
+        waits = min(float(np.abs(missing).max()), float(np.abs(behind).max())) > MAX_LAG
         if waits:
-            error = behind
-        lag, at_end = float(np.abs(error).max()), ahead >= trajectory.duration
+            missing = behind
+        lag, at_end = float(np.abs(missing).max()), ahead >= trajectory.duration
         near = at_end and lag <= TOLERANCE
         if self._rests(near, min(measured.time, now), now):
             return self._finish()
@@ -229,12 +229,12 @@ class RollerTrajectoryServo:
         if self._waited > PROGRESS_TIMEOUT:
             if at_end and lag <= NEAR_TOLERANCE:
                 return self._finish()
-            worst = self._robot.roller_names[int(np.abs(error).argmax())]
+            worst = self._robot.roller_names[int(np.abs(missing).argmax())]
             return self._finish(f'roller {worst} stays {lag:.4g} m behind the trajectory')
-        speeds = (error - behind) / (elapsed or self.timeout) + GAIN * behind
+        speeds = (missing - behind) / (elapsed or self.timeout) + GAIN * behind
         if at_end:
             # What has arrived rests: rollers are uneven only while they move.
-            speeds = np.where(np.abs(error) <= TOLERANCE, 0.0, speeds)
+            speeds = np.where(np.abs(missing) <= TOLERANCE, 0.0, speeds)
         limit = self._robot.description.max_speed
         return RollerStep(np.clip(speeds, -limit, limit), False, '')
 

@@ -52,7 +52,8 @@ class StateEstimator:
 
     def __init__(self, robot: Robot, settings: EstimatorSettings | None = None) -> None:
         self.settings = given = settings or EstimatorSettings()
-        self._robot, self._grip = robot, None
+        self._robot = robot
+        self._grip: Grip | None = None
         self._zeros, self._config = OffsetFilter(robot, given), robot.home
         self.belief: GripBelief | None = None
         self._readings, self._slips = Timeline(), SlipWatch(len(robot.roller_names))

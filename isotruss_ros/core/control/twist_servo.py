@@ -17,6 +17,7 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from functools import partial
 import importlib
+from typing import Any
 
 from isotruss_ros.core.control.decision import Decision, describe, halt_for, HaltError
 from isotruss_ros.core.control.inputs import (
@@ -162,7 +163,7 @@ class TwistServo:
         self._history.discard_old(now, self.timeout + 2.0 * self.period)
         self._detect()
         twist, failed, squeeze = np.zeros(3), self.failed, self.squeeze
-        inputs = {'twist': self.twist, 'joint_states': self.rollers}
+        inputs: dict[str, Any] = {'twist': self.twist, 'joint_states': self.rollers}
         if self._joint is None:
             inputs['object_pose'] = self.pose
         try:
@@ -176,7 +177,7 @@ class TwistServo:
         except IsotrussError as error:
             status, message = halt_for(error), str(error)
             if isinstance(error, InputError) and error.name != 'twist':  # which comes first
-                twist = np.asarray(self.twist.value)
+                twist = np.asarray(self.twist.value)  # type: ignore[union-attr]
             if squeeze is not None and status is Status.HALT_NO_GRASP:
                 squeeze.lose()
             elif squeeze is not None:

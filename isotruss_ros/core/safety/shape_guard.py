@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.rolling_grip import roll_object
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
@@ -83,7 +83,7 @@ class ShapeGuard:
 
     def __init__(
         self,
-        robot: Robot,
+        robot: Mechanism,
         bounds: ShapeBounds | None = None,
         barriers: Sequence[Barrier] = (),
     ) -> None:

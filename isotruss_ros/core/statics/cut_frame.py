@@ -10,7 +10,7 @@ deformations d, d = F q, so that q' = F^-1 (d' - F' q): derivatives need none of
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.statics.frame import Frame, FrameState
@@ -203,7 +203,7 @@ def structure_rates(structure: Structure, moved: Points, inflated: Array) -> Fra
     softer = np.zeros((3, 6, *longer.shape))
     softer[:, 3] = softer[:, 5] = of_tubes
     softer[:, 4] = of_tubes[:, topology.previous]
-    rows = frame.rows
+    rows: Any = frame.rows
     parts = rows.share[:, None] * points[rows.node]
     turning = np.zeros((len(rows.weight), parts.shape[1]), dtype=np.complex128)
     np.add.at(turning, rows.span, parts)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, TypeAlias
 
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.model.description import RobotDescription
@@ -27,7 +27,7 @@ END_SOFTENING = 2.0 * np.pi / (4.0 - np.pi)
 #: Shear coefficient of a thin circular tube.
 KAPPA = 0.5
 #: One gauge pressure for all tubes, one for each in the order of the robot file, or by tube name.
-Pressure = ArrayLike | Mapping[str, float]
+Pressure: TypeAlias = 'ArrayLike | Mapping[str, float]'
 
 
 class SectionStiffness(NamedTuple):

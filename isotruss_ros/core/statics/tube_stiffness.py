@@ -245,7 +245,7 @@ def tube_stiffness(description: RobotDescription) -> TubeStiffness:
     """
     block, scale = dict(description.stiffness), description.stiffness_scale
     model = MODELS[block.pop('model')].of_block(block, description)
-    return model if scale == 1.0 else ScaledStiffness(model, scale)
+    return model if scale == 1.0 else ScaledStiffness(model, scale)  # type: ignore[return-value]
 
 
 def _case(length: float, pressure: float) -> str:

@@ -45,7 +45,7 @@ class MeasuredJoints(NamedTuple):
     """
 
     posture: Posture
-    count: int
+    count: int  # type: ignore[assignment]
 
 
 class JointMarkers:
@@ -91,7 +91,7 @@ class JointMarkers:
             raise MeasurementError('the rollers turn: joints are measured while they stand still')
         seen: dict[str, list[tuple[float, float]]] = {}
         for joints in self._markers.values:
-            for name, place in joints.items():
+            for name, place in joints.items():  # type: ignore[union-attr]
                 seen.setdefault(name, []).append(place)
         means = {name: tuple(np.mean(places, axis=0).tolist()) for name, places in seen.items()}
         least = min(map(len, seen.values()))

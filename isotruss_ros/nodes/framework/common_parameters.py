@@ -83,7 +83,7 @@ def check_grip(robot: Robot, values: Mapping[str, Value]) -> None:
     :raises IsotrussError: names what there is, or not two or three different members.
     """
     if values.get('grip_module'):
-        members_at(robot, values['grip_module'])
+        members_at(robot, values['grip_module'])  # type: ignore[arg-type]
     if names := named_members(values.get('grip', [])):
         find_members(robot, Grip(names, ConvexObject(Disc(1.0))).members)
 
@@ -94,7 +94,7 @@ def named_members(value: Value) -> tuple[str, ...]:
 
     :param value: of the parameter.
     """
-    return tuple(name for name in value if name)
+    return tuple(name for name in value if name)  # type: ignore[union-attr]
 
 
 def select_grip_module(robot: Robot, module: str) -> str:

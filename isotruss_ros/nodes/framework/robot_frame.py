@@ -27,7 +27,7 @@ try:
     NO_TRANSFORM = (TransformException, ValueError)
 except ImportError:
     # There are no wheels of it for a machine without ROS.
-    Buffer, NO_TRANSFORM = None, (ValueError,)
+    Buffer, NO_TRANSFORM = None, (ValueError,)  # type: ignore[assignment]
 
 #: What is tilted by more is not in the plane of the robot [rad]: lengths would be 0.4 % off.
 MAX_TILT = math.radians(5.0)

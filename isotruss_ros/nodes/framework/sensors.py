@@ -132,7 +132,7 @@ class Inputs:
             else:
                 age = 'none received' if given is None else given.reason
             ages[f'age of {words} [s]'] = age
-        return ages
+        return ages  # type: ignore[return-value]
 
 
 class TrackedShape:

@@ -64,7 +64,7 @@ class SingleGoal:
     def __init__(
         self,
         node: ManagedNode,
-        kind: type,
+        kind: Any,
         name: str,
         begin: Callable[[Any], None],
         cancelled: Callable[[], None],

@@ -178,7 +178,7 @@ class Manipulation(ManagedNode):
     def _check(self, new: dict[str, Value]) -> None:
         """Check grip, rollers and mode."""
         common.check_grip(self.robot, new)
-        failed = set(new.get('failed_rollers', ())) - {''}
+        failed = set(new.get('failed_rollers', ())) - {''}  # type: ignore[arg-type]
         check_roller_names('parameter failed_rollers', failed, self.robot.roller_names)
         mode, joint = (new.get(name, getattr(self.values, name)) for name in ('mode', 'joint'))
         if mode not in MODES:

@@ -14,6 +14,7 @@ from __future__ import annotations
 from dataclasses import replace
 import importlib
 import importlib.util
+from typing import Any
 
 from isotruss_msgs.action import FollowRollerTrajectory
 from isotruss_ros.core import IsotrussError, Status, TwistServo
@@ -146,7 +147,7 @@ class TrajectoryFollowing:
         self._outcome, self._accepted = None, True
         self._node.get_logger().info(f'following a trajectory of {trajectory.duration:.1f} s')
 
-    def _offer(self, kind: type, name: str) -> SingleGoal:
+    def _offer(self, kind: Any, name: str) -> SingleGoal:
         """Offer an action; its goals are trajectories like those of the topic."""
         goal = SingleGoal(
             self._node,

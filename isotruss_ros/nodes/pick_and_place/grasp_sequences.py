@@ -205,7 +205,7 @@ class GraspSequences(TrackedShape):
         """
         self.stage = PLACE.PLANNING
         state = yield from self._await_held(Outcome.NOT_READY)
-        pose = self.pose.value
+        pose = self.pose.value  # type: ignore[union-attr]
         config = self.configuration(self._node.now())
         body = common.read_body(self._node.values).moved_to(pose)
         planned: Future[Release] = self._thread.submit(
@@ -227,7 +227,8 @@ class GraspSequences(TrackedShape):
         yield from self._drive(trajectory, apart, PLACE.OPENING, PLACE.BACKING_OFF)
         self.stage = PLACE.CONFIRMING
         yield from self._confirm(False)
-        x, y, turned = pose_difference(self.pose.value, pose).tolist()
+        now = self.pose.value  # type: ignore[union-attr]
+        x, y, turned = pose_difference(now, pose).tolist()
         moved = math.hypot(x, y)
         way = f'{1e3 * moved:.3g} mm and {math.degrees(turned):+.2g}°'
         return PlaceObject.Result(
@@ -319,7 +320,7 @@ class GraspSequences(TrackedShape):
                     self.timeout,
                     joint_states=self.rollers,
                     object_pose=self.pose,
-                    **{name: find() for name, find in inputs.items()},
+                    **{name: find() for name, find in inputs.items()},  # type: ignore[arg-type]
                 )
             except InputError:
                 if time.monotonic() - begun > INPUT_TIME:

@@ -84,7 +84,7 @@ class PickAndPlace(ManagedNode):
         """Apply the timeout."""
         self._sequences.timeout = self.values.command_timeout
 
-    def _offer(self, kind: type, name: str, sequence: Callable[[Any], Steps]) -> SingleGoal:
+    def _offer(self, kind: Any, name: str, sequence: Callable[[Any], Steps]) -> SingleGoal:
         def begin(goal: Any) -> None:
             self._course, self._cancelling = sequence(goal), False
             self.diagnostics.set_status(DiagnosticStatus.OK, name)

@@ -178,7 +178,10 @@ class Viewer(StoppableNode):
 
     def _step(self) -> None:
         controls, now = self._controls, time.monotonic()
-        controls.control.latch(self._stopped or self.picture.is_stopped(now))
+        stopped = self._stopped or self.picture.is_stopped(now)
+        if controls.control.stopped and not stopped:
+            self._report_goal('')  # what the stop ended is past
+        controls.control.latch(stopped)
         for name, value in controls.take(now):
             self._carry_out(name, value)
         control, pose = controls.control, self._dragged_pose(now)
@@ -202,7 +205,7 @@ class Viewer(StoppableNode):
         if name == OBJECT:
             return picture.pose
         place = picture.robot.node_names.index(name)
-        return Pose(*picture.config.nodes[place].tolist(), 0.0)
+        return Pose(*picture.config.nodes[place].tolist(), 0.0)  # type: ignore[call-arg]
 
     def _give_up(self, position: tuple[float, float] | None, now: float) -> None:
         control = self._controls.control
@@ -214,7 +217,8 @@ class Viewer(StoppableNode):
                 left = f'{math.degrees(way / LEVER):.0f}° left'
         control.drag = None
         words = f'{self._controls.dragged}: no progress for {PATIENCE:.0f} s, {left}'
-        self._report_goal(f'drag given up: {words}; {self.picture.describe_manipulation(now)}')
+        why = self.picture.describe_hindrance(now, PATIENCE)
+        self._report_goal(f'drag given up: {words}; {why}')
         self.get_logger().warning(self.picture.goal_report)
 
     def _publish_twist(self, position: tuple[float, float] | None, now: float) -> None:
@@ -255,7 +259,7 @@ class Viewer(StoppableNode):
         elif name == PLACE:
             self._goals.send(PLACE)
         elif name == PLANT:
-            self._simulator.restart(value)
+            self._simulator.restart(value)  # type: ignore[arg-type]
         elif name == RESET:
             self._simulator.restart()
             # A slip or a loss is past with it: the manipulation waits for a client to say so.
@@ -263,9 +267,9 @@ class Viewer(StoppableNode):
         else:
             parameter, nodes = SETTINGS[name]
             if name == 'squeeze':
-                self._squeeze = value
+                self._squeeze = value  # type: ignore[assignment]
             if name == 'diameter':
-                self.picture.diameter = value
+                self.picture.diameter = value  # type: ignore[assignment]
             for node in nodes:
                 self._send_parameters(node, {parameter: value})
 
