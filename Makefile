@@ -142,7 +142,7 @@ colcon: venv
 	tools/colcon.sh $(VENV) .colcon
 
 bench: venv
-	set -e; for script in benchmarks/*.py; do echo "== $$script"; $(BIN)/python $$script; done
+	$(BIN)/python -m benchmarks
 
 fuzz: venv $(STAMPS)/fuzz
 	tools/fuzz/run.sh $(BIN)/python $(MINUTES)

@@ -95,6 +95,13 @@ class GripBelief:
     :param noise: (3,) standard deviations of the poses until they are known [m, rad].
     """
 
+    # Corrections since the last equilibrium, see `_take`.
+    _anchors: Array
+    _anchored: Array
+    _pending: Array
+    _pending_forces: Array
+    _moved_zeros: Array
+
     def __init__(
         self,
         grasp: HeldGrip,
@@ -371,16 +378,16 @@ class GripBelief:
         """Go on with an equilibrium."""
         self.grasp, self.grip = grasp, laid_grip(grasp, self._friction)
         # Corrections of the contacts since, with which the equilibrium is not solved yet.
-        self._anchors: Array = grasp.anchors
-        self._pending: Array = np.zeros(4)
-        self._moved_zeros: Array = np.zeros(len(grasp.config.roller_positions))
+        self._anchors = grasp.anchors
+        self._pending = np.zeros(4)
+        self._moved_zeros = np.zeros(len(grasp.config.roller_positions))
         if SHIFTS + len(grasp.members) != len(self._covariance):
             self._resize(SHIFTS + len(grasp.members))
-        self._pending_forces: Array = np.zeros(2 * len(grasp.anchors))
+        self._pending_forces = np.zeros(2 * len(grasp.anchors))
         places = grasp.state.places
         right = np.zeros((places.size, len(grasp.anchors)))
         right[places.closure] = np.eye(len(grasp.anchors))
-        self._anchored: Array = np.linalg.solve(grasp.tangent, right)
+        self._anchored = np.linalg.solve(grasp.tangent, right)
         known, at = self._differentiated, grasp.config.roller_positions
         far = known is None or known.contacts is not grasp.contacts
         far = far or len(self._rates.squeeze) != len(self._covariance)

@@ -73,7 +73,8 @@ class ObjectPath:
         """Return the time from each pose to the next (n - 1,) [s]."""
         steps = np.diff(self.poses, axis=0)
         length = np.hypot(steps[:, 0], steps[:, 1])
-        durations = np.maximum(length / self.speed, np.abs(steps[:, 2]) / self.turn_rate)
+        with np.errstate(over='ignore'):  # of all but no speed; refused below
+            durations = np.maximum(length / self.speed, np.abs(steps[:, 2]) / self.turn_rate)
         if durations.sum() > MAX_DURATION:
             raise PathError(
                 f'the path takes {durations.sum():.4g} s at {self.speed:g} m/s and '

@@ -75,6 +75,7 @@ class StateEstimator:
 
         :param grip: with the object anywhere; None for nothing.
         :raises GraspError: the robot has no such members.
+        :raises ConfigurationError: what was held is let go in a singular configuration.
         """
         if grip is not None:
             find_members(self._robot, grip.members)

@@ -284,5 +284,9 @@ class LoadedTubes:
         np.divide(2.0 * np.abs(moment), radius * left, out=used, where=left > 0.0)
         member = np.tile(member, 2)
         last = find_most_used(used, member)
-        rates = (2.0 / radius * bent - used[:, None] * slack) / left[:, None]
-        return used[last], rates[last]
+        # A tube that has lost its tension bears no moment, more or less of it.
+        taut = left[last] > 0.0
+        rates = np.zeros((len(last), slack.shape[1]))
+        at = last[taut]
+        rates[taut] = (2.0 / radius * bent[at] - used[at, None] * slack[at]) / left[at, None]
+        return used[last], rates
