@@ -21,7 +21,7 @@ from isotruss_msgs.action import (
     PlanGrasp,
 )
 from isotruss_msgs.msg import GraspState
-from isotruss_ros.core import IsotrussError, Robot
+from isotruss_ros.core import IsotrussError, Pose, Robot
 from isotruss_ros.core.control.inputs import Input, InputError, require_fresh, StampedInput
 from isotruss_ros.core.control.path_tracking import (
     RETURN,
