@@ -84,6 +84,7 @@ def test_every_parameter_of_the_servo_reaches_it():
         'frequency': 8.0,
         'expected_load': 4.0,
         'zero_deviation': 0.002,
+        'ambient_pressure': 0.0,
         'object_diameter': 0.21,
         'grip_module': 'south/P',
         'grip': ['north/P-Z', 'north/Z-R'],
