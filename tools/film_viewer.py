@@ -71,7 +71,8 @@ class Film:
         sheet = Image.new('RGB', (some[0].width, some[0].height * len(some)))
         for row, frame in enumerate(some):
             sheet.paste(frame, (0, row * frame.height))
-        common = sheet.quantize(COLORS)
+        # By their range, not by their share: few points have the colours that matter.
+        common = sheet.quantize(COLORS, Image.Quantize.MAXCOVERAGE)
         first, *others = (frame.quantize(palette=common) for frame in self.frames)
         first.save(path, save_all=True, append_images=others, duration=FRAME, loop=0)
 

@@ -103,7 +103,8 @@ def _free_corner(config: Configuration, box: Box) -> tuple[float, ...]:
     share = np.linspace(0.0, 1.0, 20)
     begin, end = member_lines(config).T[..., None]
     line = (begin + share * (end - begin)).ravel()
-    places = (np.stack([line.real, line.imag], axis=-1) - box[0]) / (box[1] - box[0])
+    parts = np.concatenate([np.column_stack([line.real, line.imag]), config.nodes])
+    places = (parts - box[0]) / (box[1] - box[0])
     corners = [(x, y) for y in (1.0 - VIEW, 0.0) for x in (1.0 - VIEW, 0.0)]
     hidden = [
         np.all((places > low) & (places < np.add(low, VIEW)), axis=1).sum() for low in corners
