@@ -19,6 +19,7 @@ import xml.etree.ElementTree as ET
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.mujoco_plant.actuation import add_actuation
 from isotruss_ros.mujoco_plant.object_geoms import object_geoms
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.scenery import (
@@ -66,6 +67,7 @@ def export_mjcf(
     objects: Sequence[ConvexObject] = (),
     options: PlantOptions | None = None,
     segments: Indices | None = None,
+    actuated: bool = False,
 ) -> str:
     """
     Return a self-contained MJCF text of the robot at home.
@@ -74,6 +76,8 @@ def export_mjcf(
     :param objects: cylinders or convex objects, where they are.
     :param options: masses, mesh and contact; the defaults if None.
     :param segments: (m,) numbers of segments; `options.segments` each if None.
+    :param actuated: whether actuators drive the rollers, and sensors measure them, the joints and
+        the objects; the plant drives them itself.
     :raises StructureError: the stiffness model has no stiffness for a member.
     """
     options = options or PlantOptions()
@@ -93,6 +97,8 @@ def export_mjcf(
         body = _add_object(world, equality, number, held, options)
         add_look(root, body, held, robot.description.tube_diameter)
     root.extend([tendon, equality])
+    if actuated:
+        add_actuation(root, robot, len(objects), counts)
     ET.indent(root)
     return ET.tostring(root, encoding='unicode') + '\n'
 

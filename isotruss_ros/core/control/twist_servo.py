@@ -25,7 +25,6 @@ from isotruss_ros.core.control.inputs import (
     fresh_pressures,
     Input,
     InputError,
-    limit_stamps,
     PRESSURE_TIMEOUT,
     require_fresh,
     StampedInput,
@@ -155,9 +154,6 @@ class TwistServo:
 
         :param now: time on the clock of the inputs [s].
         """
-        self.twist, self.rollers, self.pose = limit_stamps(
-            now, self.twist, self.rollers, self.pose
-        )
         self._history.discard_old(now, self.timeout + 2.0 * self.period)
         self._detect()
         twist, failed, squeeze = np.zeros(3), self.failed, self.squeeze
@@ -217,7 +213,7 @@ class TwistServo:
         """Compare the commanded roller travel with the measured one."""
         if self.detector is None or not isinstance(self.rollers, StampedInput):
             return
-        state, time = self.rollers
+        state, time = self.rollers.value, self.rollers.time
         before = self._detected
         if before is not None and 0.0 <= time - before < DETECTION_PERIOD:
             return

@@ -77,6 +77,7 @@ class ShapeGuard:
     The barriers of a robot.
 
     :ivar bounds: what its shapes must keep.
+    :ivar own: barriers beside rigidity, self-collision and the object.
     :param robot: the robot.
     :param barriers: those beside rigidity, self-collision and the object.
     """
@@ -88,7 +89,7 @@ class ShapeGuard:
         barriers: Sequence[Barrier] = (),
     ) -> None:
         bounds = ShapeBounds() if bounds is None else bounds
-        self.bounds = bounds
+        self.bounds, self.own = bounds, tuple(barriers)
         rigidity, clearance = bounds.rigidity_band, bounds.clearance_band
         rate = min(bounds.rate, robot.description.braking_rate)
         self._barriers: tuple[Barrier, ...] = (

@@ -46,6 +46,12 @@ PRESSURE_TIMEOUT = Spec(
     'Tube pressures older than this are not relied on [s]',
     (0.001, 3600.0),
 )
+AMBIENT_PRESSURE = Spec(
+    'ambient_pressure',
+    0.0,
+    'Subtracted from tube_pressures; 0 for sensors that measure against the air around [Pa]',
+    (0.0, 1.2e5),
+)
 USE_STAMPED_TWIST = FixedSpec(
     'use_stamped_twist', False, 'cmd_vel is a TwistStamped instead of a Twist'
 )

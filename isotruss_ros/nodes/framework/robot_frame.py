@@ -33,6 +33,10 @@ except ImportError:
 MAX_TILT = math.radians(5.0)
 
 
+class NoTransformError(MessageError):
+    """tf2 does not connect a frame to the robot's at a stamp, by now: that may come later."""
+
+
 class RobotFrame:
     """
     Reads poses and markers in the robot's frame, by the transforms at their stamps.
@@ -113,7 +117,7 @@ class RobotFrame:
             found = self._buffer.lookup_transform(frame, header.frame_id, stamp).transform
             rotation, shift = _rotation_matrix(found.rotation), found.translation
         except NO_TRANSFORM as error:  # ValueError: a stamp before zero, no rotation
-            raise MessageError(
+            raise NoTransformError(
                 f'{words}: tf2 does not connect it to {frame!r} at its stamp: {error}'
             ) from error
         return rotation, np.array([shift.x, shift.y, shift.z])

@@ -211,7 +211,9 @@ class Simulator(ManagedNode):
 
     def _receive_wrench(self, message: WrenchStamped) -> None:
         try:
-            wrench = read_external_wrench(message, self.robot.frame)
+            wrench = read_external_wrench(
+                message, self.robot.frame, self._simulated.object_pose.angle
+            )
             if self._driven is not None:
                 self._driven.plant.pull(wrench)
             elif self._elastic is not None:  # no force moves an object fixed in the grasp frame

@@ -19,7 +19,7 @@ from isotruss_ros.nodes.conversions.grasp_messages import to_wrench_message
 from isotruss_ros.nodes.conversions.messages import (
     make_header,
     MessageError,
-    name_object_frame,
+    name_aligned_frame,
     request_parameters,
     to_twist_message,
 )
@@ -239,7 +239,7 @@ class Viewer(StoppableNode):
         wrench = self._controls.control.wrench
         if wrench == ZERO and not self._pulling:
             return
-        header = make_header(self.now(), name_object_frame(self.picture.robot.frame))
+        header = make_header(self.now(), name_aligned_frame(self.picture.robot.frame))
         self._wrenches.publish(WrenchStamped(header=header, wrench=to_wrench_message(wrench)))
         # Once one was published it goes on: an old one is not relied on.
         self._pulling = True
