@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 robot = core.load_robot('nine_member')
-members, load = ('north/P-Z', 'north/Z-R'), (0.0, -2.0, 0.0)
+members, load = ('north/P-Z', 'north/Z-R'), (0.5, -2.0, 0.0)
 body = core.place_between(robot.home, members, core.Disc(0.3), indentation=0.01).body
 # Travel of six rollers [m], pressures of three tubes against those of the robot file [-].
 unit = np.append(np.ones(6), [*robot.description.pressures.values()])

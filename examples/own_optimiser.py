@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 home = core.load_robot('nine_member').home
-members, pull = ('north/P-Z', 'north/Z-R'), (0.0, -2.0, 0.0)  # 2 N downward
+members, pull = ('north/P-Z', 'north/Z-R'), (0.5, -2.0, 0.0)  # fx, fy [N], moment
 body = core.place_between(home, members, core.Disc(0.3), indentation=0.01).body
 
 

@@ -215,3 +215,13 @@ def test_nodes_without_the_interface_package_say_what_to_build():
     assert done.returncode == 1
     assert 'Traceback' not in done.stderr
     assert 'ln -s isotruss_ros/msg_defs src/isotruss_msgs' in done.stderr
+
+
+def test_the_image_runs_steps_of_the_workspace_script():
+    script = (ROOT / 'tools' / 'workspace.sh').read_text(encoding='utf-8')
+    known = set(re.findall(r'^    (\w+)\)', script, re.MULTILINE))
+    image = (ROOT / 'Dockerfile').read_text(encoding='utf-8')
+    assert re.search('^FROM ros:jazzy$', image, re.MULTILINE)
+    used = re.findall(r'tools/workspace\.sh"?,? "?(\w+)', image)
+    assert used == ['install', 'build', 'test', 'demo']
+    assert known == set(used)
