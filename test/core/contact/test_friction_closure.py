@@ -223,3 +223,12 @@ def test_required_friction_with_levers_is_that_of_a_linear_program(rng, count, f
         # What is closed although it needs a little more friction is so within the tolerance.
         assert closure.margin <= 0.0
         assert closure.residual >= -closure.margin * (1.0 - 1e-9) - 1e-12 * forces.sum()
+
+
+@pytest.mark.parametrize(('apart', 'closed'), [(1e-7, True), (1e-5, False)])
+def test_opposite_contacts_close_where_their_forces_are_alike_to_a_millionth(apart, closed):
+    tangents, forces = tangents_at(np.array([0.0, np.pi])), np.array([10.0, 10.0 * (1.0 + apart)])
+    load = np.array([forces[1] - forces[0], 0.0, 0.0])
+    found = balance_by_friction(tangents, forces, load, 0.5)
+    assert found.residual == pytest.approx(10.0 * apart, rel=1e-3)
+    assert found.closed is closed

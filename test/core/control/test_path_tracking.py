@@ -292,3 +292,12 @@ def test_nothing_that_is_measured_makes_it_run_away(cycles):
 def test_settings_that_mean_nothing_are_refused(name, value):
     with pytest.raises(PathError, match=name):
         TrackingSettings(**{name: value})
+
+
+def test_ramps_are_longer_by_the_square_of_slower_oscillations():
+    times = []
+    for frequency in (0.5, 1.0):
+        tracker = PathTracker(LINE, TrackingSettings(), PERIOD)
+        tracker.allow_for_inertia(frequency)
+        times.append(tracker.clock.ramp_time)
+    assert times[0] == pytest.approx(4.0 * times[1])

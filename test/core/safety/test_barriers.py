@@ -125,6 +125,9 @@ def test_rigidity_changes_by_no_more_than_its_bound(robot, rng):
     barrier = RigidityBarrier(robot, BarrierLaw(0.2, 0.2))
     assert change <= barrier.change(one, two) + 1e-3
     assert barrier.change(one, one) == 0.0
+    # The singular values of a matrix change by its Frobenius norm at most (Weyl, Mirsky).
+    entries = (one.gradients - two.gradients) * measure.weights
+    assert barrier.change(one, two) == pytest.approx(np.linalg.norm(entries), abs=1e-15)
 
 
 @pytest.mark.parametrize('kind', KINDS)
