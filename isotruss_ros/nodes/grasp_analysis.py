@@ -43,7 +43,7 @@ from visualization_msgs.msg import MarkerArray
 
 SPECS = (
     *common.OBJECT_SPECS,
-    replace(common.RATE, bounds=(1.0, 1000.0)),
+    replace(common.RATE, default=25.0, bounds=(1.0, 1000.0)),
     common.COMMAND_TIMEOUT,
     common.PRESSURE_TIMEOUT,
     common.AMBIENT_PRESSURE,
