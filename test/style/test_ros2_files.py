@@ -8,6 +8,8 @@ from pathlib import Path
 import xml.etree.ElementTree as ElementTree
 
 from isotruss_ros.core import load_robot
+from isotruss_ros.nodes.conversions.messages import name_object_frame
+from isotruss_ros.nodes.framework.transforms import name_module_frames
 from node_pages import all_interfaces
 import numpy as np
 import pytest
@@ -80,13 +82,29 @@ def description():
     return ElementTree.parse(FOLDER / 'nine_member.urdf').getroot()
 
 
+def rollers_of(description):
+    """Return the joints of the rollers."""
+    return [joint for joint in description.findall('joint') if joint.get('type') == 'prismatic']
+
+
 def test_the_description_is_a_tree_of_the_rollers(description):
-    joints = {joint.get('name'): joint for joint in description.findall('joint')}
+    joints = {joint.get('name'): joint for joint in rollers_of(description)}
     assert tuple(joints) == ROBOT.roller_names
     links = [link.get('name') for link in description.findall('link')]
-    children = [joint.find('child').get('link') for joint in joints.values()]
+    children = [joint.find('child').get('link') for joint in description.findall('joint')]
     assert links == [ROBOT.frame, *children]
-    assert {joint.find('parent').get('link') for joint in joints.values()} == {ROBOT.frame}
+    parents = {joint.find('parent').get('link') for joint in description.findall('joint')}
+    assert parents == {ROBOT.frame}
+
+
+def test_the_other_links_are_frames_that_are_broadcast(description):
+    floating = [j for j in description.findall('joint') if j.get('type') == 'floating']
+    links = {joint.find('child').get('link') for joint in floating}
+    assert links == {*name_module_frames(ROBOT), name_object_frame(ROBOT.frame)}
+    shown = {
+        link.get('name') for link in description.findall('link') if link.find('visual') is not None
+    }
+    assert shown == {*name_module_frames(ROBOT)}
 
 
 def find_travel_limits():
@@ -107,7 +125,7 @@ def find_travel_limits():
 
 def test_at_the_limits_of_travel_a_member_has_its_shortest_or_longest_length(description):
     travel = find_travel_limits()
-    for joint in description.findall('joint'):
+    for joint in rollers_of(description):
         limit = joint.find('limit')
         said = [float(limit.get(side)) for side in ('lower', 'upper')]
         assert said == pytest.approx(travel[joint.get('name')], abs=1e-9)
