@@ -17,6 +17,7 @@ from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.status import RollerCommand
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 CONFIG, CYLINDER = gripped(35.0, squeeze=0.1)
 GRASP = Grip.at_module(CONFIG.robot, 'north/Z', CYLINDER)
@@ -242,3 +243,22 @@ def test_a_path_uses_twice_what_is_free_of_the_margin_in_a_second():
     assert usage.margin_share(ahead, period, 1.0) == pytest.approx(0.4, rel=0.01)
     assert usage.margin_share(ahead, period, -1.0) == 0.0
     assert usage.margin_share(back, period, 1.0) == 1.0
+
+
+def moved_part(left):
+    """Return the part of a twist that is carried out where so much of the squeeze is margin."""
+    friction = brentq(lambda mu: MODEL.slip_margin(mu) / MODEL.squeeze - left, 0.01, 2.0)
+    control, twist = SqueezeControl(SqueezeSettings(MODEL.squeeze, **MASSLESS)), (0.02, 0.0, 0.0)
+    held = Grip.at_module(CONFIG.robot, 'north/Z', MODEL.body, friction)
+    assert control.follow(CONFIG, held, 0.0) is HoldStatus.HELD
+    travel = 0.02 * solve_at_rest(np.array(twist), 0.0).roller_velocities
+    control.model.usage.learn(control.grasp, -10.0, travel)
+    return control.solve(np.array(twist), 0.02, solve_at_rest).scale
+
+
+def test_a_path_leaves_four_percent_of_the_squeeze_for_margin():
+    assert moved_part(0.03) == 0.0
+    one, two = moved_part(0.05), moved_part(0.06)
+    assert 0.0 < one < 0.5
+    # Twice as much is free then.
+    assert two == pytest.approx(2.0 * one, rel=0.01)

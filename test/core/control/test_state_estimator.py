@@ -195,6 +195,35 @@ def test_zeros_of_wrong_markers_stay_within_a_bound():
     assert np.sqrt(np.diag(found.offset_covariance)).max() <= 0.05 + 1e-9
 
 
+def with_pose_error(pose_error):
+    """Return a robot that holds a disc, whose model of the pose is wrong by so much [m]."""
+    drawn = DrawnRobot(3, held=True)
+    drawn.run(0.2, ())
+    drawn.estimator.settings = replace(EXACT, pose_error=pose_error)
+    return drawn
+
+
+def test_the_error_of_the_modelled_pose_turns_the_object_by_its_arm():
+    size = 2e-3
+    exact, wrong = (with_pose_error(size) for size in (0.0, size))
+    more = wrong.estimator.estimate().pose_covariance - exact.estimator.estimate().pose_covariance
+    expected = np.diag([size, size, size / wrong.grip.arm]) ** 2
+    assert more == pytest.approx(expected, rel=1e-6, abs=1e-12)
+
+
+def test_the_error_of_the_modelled_pose_counts_as_noise_of_the_tracker():
+    size, found = 2e-3, []
+    for error, noise in ((size, 0.0), (0.0, size)):
+        drawn = with_pose_error(error)
+        drawn.move()
+        deviations = np.hypot(POSE, noise / np.array([1.0, 1.0, drawn.grip.arm]))
+        off = Pose(*np.add(drawn.grip.pose, (1e-3, -1e-3, 0.01)))
+        assert drawn.estimator.take_pose(drawn.time, off, deviations)
+        drawn.estimator.settings = EXACT
+        found.append(drawn.estimator.estimate().pose)
+    assert found[0] == pytest.approx(found[1], abs=1e-9)
+
+
 def _told_late(order):
     """Return the estimate where markers of a moving robot come late, in some order."""
     drawn = DrawnRobot(9)
