@@ -49,7 +49,7 @@ ONLY_FROM_PYPI = {
     'playwright',
     'qpsolvers',
 }
-ONLY_FROM_PYPI |= {'quadprog', 'rosbags', 'vermin', 'viser', 'websockets'}
+ONLY_FROM_PYPI |= {'quadprog', 'rosbags', 'vermin', 'viser', 'websockets', 'zstandard'}
 # Distribution name to import name, where they differ.
 IMPORT_NAMES = {'pillow': 'PIL', 'pyyaml': 'yaml', 'ruamel.yaml': 'ruamel'}
 
