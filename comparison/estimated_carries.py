@@ -153,7 +153,7 @@ class _Loop(Regulated):
         if self.fed:
             self.offsets = estimate.offsets
             self.servo.estimate = StampedInput(
-                EstimatedTravel(estimate.offsets, estimate.squeeze, estimate.squeeze_deviation),
+                EstimatedTravel(estimate.offsets, estimate.offset_covariance),
                 now,
             )
         return RollerState(readings + self.offsets, state.velocities, self.offsets), pose

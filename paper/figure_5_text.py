@@ -34,7 +34,8 @@ def report(shapes: Mapping[str, Shape]) -> Report:
         f'{number(100 * (min(bars) - 1), 2)} to {number(100 * (max(bars) - 1), 2)} % stiffer: '
         'modules turn about the joints, which bends the tubes. A tube wrinkles at '
         f'{number(min(sunk), 2)} to {number(max(sunk), 2)} mm. If it did not, the triangle would '
-        f'bear {" / ".join(number(force) for force in largest)} N, where it buckles.',
+        f'bear at most {" / ".join(number(force) for force in largest)} N until its tubes have '
+        'moved by 10 cm: the curves are nearly level there.',
         difference='The text does not say which shape is the stiffest.',
         assumption='Edges are pinch to pinch, so all shapes have '
         f'{number(100 * total)} cm of tube. The base modules are pinned at A. A tube wrinkles at '
@@ -78,6 +79,6 @@ def _limits(shapes: Mapping[str, Shape]) -> Table:
         )
         for name, shape in shapes.items()
     ]
-    headings = ('shape', 'wrinkles [mm]', 'at [N]', 'gives way [mm]', 'largest load [N]')
+    headings = ('shape', 'wrinkles [mm]', 'at [N]', 'drawn to [mm]', 'largest load [N]')
     caption = 'Where a tube wrinkles, and what the triangle bears'
     return Table('figure_5_limits', caption, headings, rows, shown=False)

@@ -58,12 +58,12 @@ def add_actuation(root: ET.Element, robot: Robot, objects: int, segments: Indice
         ET.SubElement(sensors, 'jointpos', name=name, joint=name)
         ET.SubElement(sensors, 'jointvel', name=f'{name}:velocity', joint=name)
     _couple(root, tendon, robot, segments)
-    for body in (*robot.topology.joint_names, *(f'object{n}' for n in range(objects))):
-        ET.SubElement(sensors, 'framepos', name=body, objtype='xbody', objname=body)
+    for part in (*robot.topology.joint_names, *(f'object{n}' for n in range(objects))):
+        ET.SubElement(sensors, 'framepos', name=part, objtype='xbody', objname=part)
     for number in range(objects):
-        body = f'object{number}'
-        turn = {'name': f'{body}:orientation', 'objtype': 'xbody', 'objname': body}
-        ET.SubElement(sensors, 'framequat', **turn)
+        part = f'object{number}'
+        turn = {'name': f'{part}:orientation', 'objtype': 'xbody', 'objname': part}
+        ET.SubElement(sensors, 'framequat', turn)
 
 
 def _couple(root: ET.Element, tendon: ET.Element, robot: Robot, segments: Indices) -> None:
@@ -75,9 +75,7 @@ def _couple(root: ET.Element, tendon: ET.Element, robot: Robot, segments: Indice
         for piece in range(1, count + 2):
             slide = joints[f'{name}:x{piece}']
             moved = {key: slide.attrib.pop(key) for key in MOVED}
-            fixed = ET.SubElement(
-                tendon, 'fixed', name=slide.get('name'), springlength='0', **moved
-            )
+            fixed = ET.SubElement(tendon, 'fixed', moved, name=slide.get('name'), springlength='0')
             ET.SubElement(fixed, 'joint', joint=slide.get('name'), coef='1')
             share = (0.5 if piece in (1, count + 1) else 1.0) / count
             for roller, change in zip(

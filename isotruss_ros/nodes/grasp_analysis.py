@@ -43,7 +43,7 @@ from visualization_msgs.msg import MarkerArray
 
 SPECS = (
     *common.OBJECT_SPECS,
-    replace(common.RATE, bounds=(1.0, 1000.0)),
+    replace(common.RATE, default=25.0, bounds=(1.0, 1000.0)),
     common.COMMAND_TIMEOUT,
     common.PRESSURE_TIMEOUT,
     common.AMBIENT_PRESSURE,
@@ -150,7 +150,8 @@ class GraspAnalysisNode(ManagedNode):
             self._transforms.broadcast(grasp.config, grasp.body.pose, contacts, report.time)
             self._publish_forces(report.time, grasp.settled)
             used, _ = max(grasp.utilisation.values())
-            level = DiagnosticStatus.OK if used <= MAX_UTILISATION else DiagnosticStatus.WARN
+            sound = used <= MAX_UTILISATION and not grasp.analysis.flattened
+            level = DiagnosticStatus.OK if sound else DiagnosticStatus.WARN
         if report.code is not GraspCode.OK:
             self.warn(report.code.name, words)
         status = words if report.grasp is None else report.message or 'analysing'

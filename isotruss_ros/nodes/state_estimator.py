@@ -11,6 +11,7 @@ from dataclasses import replace
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_msgs.msg import StateEstimate as StateEstimateMessage
+from isotruss_ros.core.control.decision import describe_squeeze
 from isotruss_ros.core.control.inputs import (
     fresh_pressures,
     Input,
@@ -113,8 +114,8 @@ class StateEstimatorNode(ManagedNode):
             'rollers that seem to slip': ', '.join(estimate.slipping) or 'none',
         }
         if estimate.pose is not None:
-            spread = estimate.squeeze_deviation
-            details['squeeze [N]'] = f'{estimate.squeeze:.1f}, deviation {spread:.1f}'
+            words = describe_squeeze(estimate.squeeze, estimate.squeeze_deviation)
+            details |= {'grip': words, 'age of poses beyond their stamps [s]': estimate.delay}
         return details
 
     def _begin(self) -> None:
@@ -199,6 +200,8 @@ def _rejection(given: Input) -> str:
 def _describe_doubts(estimate: StateEstimate) -> str:
     """Return what seems to be wrong; empty where nothing does."""
     doubts = []
+    if estimate.swapped:
+        doubts.append(f'markers that seem swapped: {" and ".join(estimate.swapped)}')
     if estimate.left_out:
         doubts.append(f'markers that do not fit: {", ".join(estimate.left_out)}')
     if estimate.slipping:

@@ -16,6 +16,7 @@ import math
 from typing import Any
 
 from isotruss_ros.core import Pose, Robot, Status
+from isotruss_ros.core.control.decision import describe_squeeze
 from isotruss_ros.core.kinematics.configuration import ConfigurationTracker
 from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array
@@ -227,9 +228,7 @@ class Picture:
         """
         if not self.is_fresh('status', now) or math.isnan(self.status.squeeze):
             return ''
-        deviation = self.status.squeeze_deviation
-        sure = 'deviation not known' if math.isinf(deviation) else f'deviation {deviation:.1f} N'
-        return f'squeeze {self.status.squeeze:.1f} N, {sure}'
+        return describe_squeeze(self.status.squeeze, self.status.squeeze_deviation)
 
     def describe_hindrance(self, now: float, span: float) -> str:
         """

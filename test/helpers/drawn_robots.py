@@ -11,7 +11,6 @@ from isotruss_ros.core.control.state_estimate import EstimatorSettings
 from isotruss_ros.core.control.state_estimator import StateEstimator
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.loaded_frame import held_joints
-from isotruss_ros.core.holding.member_bow import bend_members
 from isotruss_ros.core.holding.roll_grip import roll_contacts
 from isotruss_ros.core.manipulation.grip import Grip
 import numpy as np
@@ -23,7 +22,14 @@ THREE = ('Q', 'R', 'Z')
 PERIOD, MARKER, POSE = 0.05, 1e-3, np.array([1e-3, 1e-3, np.radians(0.5)])
 #: The model is that of the robot: nothing but what is drawn is wrong.
 EXACT = EstimatorSettings(
-    zeros=5e-3, encoders=0.0, stiffness=0.0, joint_error=0.0, pose_error=0.0, squeeze_error=0.0
+    zeros=5e-3,
+    encoders=0.0,
+    stiffness=0.0,
+    joint_error=0.0,
+    marker_shift=0.0,
+    marker_turn=0.0,
+    pose_error=0.0,
+    squeeze_error=0.0,
 )
 
 
@@ -34,6 +40,7 @@ class DrawnRobot:
     :ivar offsets: (r,) the true ones [m].
     :ivar readings: (r,) of the encoders [m].
     :ivar grip: how the object is held; None without one.
+    :ivar away: common shift of the markers (x, y) [m].
     """
 
     def __init__(self, seed=0, held=False, settings=EXACT, speed=0.03, random_slip=True):
@@ -49,7 +56,7 @@ class DrawnRobot:
         self.offsets, self.readings = settings.zeros * rng.normal(size=6), np.zeros(6)
         self.config, self.grip, self.time = ROBOT.home.moved_to(self.offsets), None, 0.0
         self.speeds, self.wrench = speed * rng.uniform(-1.0, 1.0, 6), np.zeros(3)
-        self.estimator = StateEstimator(ROBOT, settings)
+        self.estimator, self.away = StateEstimator(ROBOT, settings), np.zeros(2)
         if held:
             body, members = place(ROBOT, 'disc 0.2 m', 0.5)
             there = place_between(self.config, members, body.shape, indentation=0.01).body
@@ -60,10 +67,8 @@ class DrawnRobot:
         self.estimator.take_encoders(0.0, self.readings)
 
     def _roll(self, grip):
-        bent = bend_members(grip)
-        config = self.config.shorten(bent.shorter)
-        grip = replace(grip, statics=replace(grip.statics, given=bent.given))
-        return roll_contacts(grip, config, grip.contacts, grip.anchors, grip.angles, self.wrench)
+        given = grip.contacts, grip.anchors, grip.angles, self.wrench
+        return roll_contacts(grip, self.config, *given)
 
     def move(self, step=None):
         """Turn the rollers (r,) [m]; as drawn, to and fro, if None."""
@@ -91,7 +96,7 @@ class DrawnRobot:
         """Return measured joints by name [m]."""
         joints = self.joints
         return {
-            name: tuple(joints[NAMES.index(name)] + MARKER * self.rng.normal(size=2))
+            name: tuple(joints[NAMES.index(name)] + self.away + MARKER * self.rng.normal(size=2))
             for name in names
         }
 

@@ -58,7 +58,7 @@ class SqueezeLoop:
         self.noise, self.rng = noise, np.random.default_rng(0)
         self.reference = np.array(self.plant.object_pose)
         self.statuses, self.errors, self.turned = [], [], []
-        #: What an estimator tells before each cycle; None without one.
+        #: Covariance of the zeros by an estimator before each cycle; None without one.
         self.told = None
 
     def error(self):
@@ -77,11 +77,11 @@ class SqueezeLoop:
             grip = self.grip.moved_to(pose)
 
             def solve(twist, opening_rate, config=config, grip=grip):
-                held = self.control.model.grip if self.regulated else grip
+                held = self.control.belief.grip if self.regulated else grip
                 return solve_twist(config, held, twist, opening_rate=opening_rate)
 
             if self.told is not None:
-                self.control.take_estimate(self.told(), np.zeros(6))
+                self.control.take_offsets(np.zeros(6), self.told())
             if self.regulated:
                 assert self.control.follow(config, grip, self.period) is HoldStatus.HELD
                 command = self.control.solve(wanted, self.period, solve)

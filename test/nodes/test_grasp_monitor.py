@@ -213,11 +213,18 @@ def test_an_object_that_touches_nothing_is_an_answer_that_says_so():
 )
 def test_tubes_wrinkle_beyond_the_whole_of_their_moment(used, code, told):
     """From four fifths of it on that is told."""
-    analysis = SimpleNamespace(contact_lengths={'a': 0.1})
+    analysis = SimpleNamespace(contact_lengths={'a': 0.1}, flattened=())
     utilisation = {'a': (used, 0.3), 'b': (0.5 * used, 0.2)}
     found, message = _judge(SimpleNamespace(analysis=analysis, utilisation=utilisation))
     assert found is code
     assert ('0.3 m from its start' in message) is told
+
+
+def test_members_with_a_flat_section_are_named():
+    analysis = SimpleNamespace(contact_lengths={'a': 0.1}, flattened=('a', 'b'))
+    found, message = _judge(SimpleNamespace(analysis=analysis, utilisation={'a': (0.1, 0.3)}))
+    assert found is GraspCode.OK
+    assert message == 'a, b: the section is flat under the object'
 
 
 @pytest.mark.parametrize(('friction', 'larger'), [(0.8, 'settled'), (0.5, 'analysis')])

@@ -83,6 +83,8 @@ def test_every_parameter_of_the_servo_reaches_it():
         'force_gain': True,
         'frequency': 8.0,
         'expected_load': 4.0,
+        'zero_deviation': 0.002,
+        'ambient_pressure': 0.0,
         'object_diameter': 0.21,
         'grip_module': 'south/P',
         'grip': ['north/P-Z', 'north/Z-R'],
@@ -103,7 +105,7 @@ def test_every_parameter_of_the_servo_reaches_it():
     assert (servo.period, servo.timeout, servo.pressure_timeout) == (0.02, 0.3, 9.0)
     assert (servo.slide_along_limits, servo.detector.criterion.time) == (True, 3.0)
     assert servo.squeeze.settings == SqueezeSettings(
-        30.0, pose_gain=2.0, force_gain=True, frequency=8.0, load=4.0
+        30.0, pose_gain=2.0, force_gain=True, frequency=8.0, load=4.0, zeros=0.002
     )
     # One that is raised while the node runs goes on from where it is.
     regulated = servo.squeeze
@@ -117,7 +119,7 @@ def test_every_parameter_of_the_servo_reaches_it():
 def test_a_status_says_all_of_a_decision(squeeze):
     command = RollerCommand(np.zeros(N), np.array([0.1, 0.2, 0.3]), 0.4, Status.SLIDING, (), 2)
     twist, failed = np.array([0.5, 0.6, 0.7]), ROBOT.roller_names[1:3]
-    decision = Decision(command, twist, 'why', failed, 8.0, 1.5, squeeze)
+    decision = Decision(command, twist, 'why', failed, 8.0, 1.5, squeeze, 0.03)
     with world(node()) as w:
         w.nodes[1]._report.publish(decision, 2.5)
         w.deliver()
@@ -128,7 +130,7 @@ def test_a_status_says_all_of_a_decision(squeeze):
     assert read_twist(status.commanded) == (0.5, 0.6, 0.7)
     assert (status.scale, status.reachable_dof) == (0.4, 2)
     assert tuple(status.failed_rollers) == failed
-    assert (status.frequency, status.pose_gain) == (8.0, 1.5)
+    assert (status.frequency, status.pose_gain, status.pose_delay) == (8.0, 1.5, 0.03)
     said = (status.squeeze, status.squeeze_deviation)
     assert said == pytest.approx(squeeze or (math.nan, math.nan), nan_ok=True)
 

@@ -195,7 +195,11 @@ def test_stale_encoders_give_no_estimate():
 def test_nodes_add_the_offsets_to_the_encoders(make, holder):
     with world(make) as w:
         sent = w.probe.create_publisher(StateEstimate, 'state_estimate', 10)
-        estimate = StateEstimate(roller_names=list(ROBOT.roller_names), offsets=[5e-3] * N)
+        estimate = StateEstimate(
+            roller_names=list(ROBOT.roller_names),
+            offsets=[5e-3] * N,
+            offset_covariance=[0.0] * N**2,
+        )
         estimate.header = make_header(w.probe.past(0.0), 'truss')
         sent.publish(estimate)
         w.spin(0.1)
@@ -220,6 +224,8 @@ def test_an_estimate_there_and_back():
         squeeze_deviation=2.0,
         used=('P',),
         left_out=('Q', 'R'),
+        swapped=('Q', 'R'),
+        delay=0.02,
         slipping=('north/Z',),
     )
     packed = serialize_message(to_estimate_message(estimate, ROBOT))
@@ -235,17 +241,28 @@ def test_an_estimate_there_and_back():
     assert planar == pytest.approx(estimate.pose_covariance)
     assert (sent.used_joints, sent.left_out_joints) == (['P'], ['Q', 'R'])
     assert sent.slipping_rollers == ['north/Z']
+    assert (sent.swapped_joints, sent.pose_delay) == (['Q', 'R'], 0.02)
     found = read_estimate(sent, ROBOT)
     assert found.offsets == pytest.approx(estimate.offsets)
-    assert found[1:] == (30.0, 2.0)
+    assert found.covariance == pytest.approx(estimate.offset_covariance)
 
 
 @pytest.mark.parametrize(
     'changes',
-    [{'roller_names': ['south/P']}, {'offsets': [float('nan')] * N}, {'offsets': [7.0] * N}],
+    [
+        {'roller_names': ['south/P']},
+        {'offsets': [float('nan')] * N},
+        {'offsets': [7.0] * N},
+        {'offset_covariance': [0.0]},
+        {'offset_covariance': [float('inf')] * N**2},
+    ],
 )
 def test_estimates_that_are_not_usable_are_refused(changes):
-    good = {'roller_names': list(ROBOT.roller_names), 'offsets': [0.0] * N}
+    good = {
+        'roller_names': list(ROBOT.roller_names),
+        'offsets': [0.0] * N,
+        'offset_covariance': [0.0] * N**2,
+    }
     estimate = StateEstimate(**(good | changes))
     estimate.header.frame_id = 'truss'
     with pytest.raises(MessageError, match='state estimate'):

@@ -7,7 +7,8 @@ Contact regions: how widely the tubes touch the object, and with what pressure.
 Where a section is flattened its wall is straight across the tube, so that it presses with the
 gauge pressure p and with what its tension along the tube, T, adds around an object whose surface
 has the radius of curvature r: p + T / r. The width of the contact is the load per length over this
-pressure.
+pressure, up to half the circumference of the tube, pi R: the section is flat there, and a larger
+load raises the pressure.
 """
 
 from __future__ import annotations
@@ -68,6 +69,12 @@ def assess_members(structure: Structure, solved: SolvedContact) -> dict[str, Any
     sections, tension = find_wrinkling(structure, points, contact)
     gauge = np.array(structure.pressures)[robot.topology.tube[points.member]]
     forces, local = contact.forces, gauge + tension / contact.radii
+    # The pressure at which a contact over half the circumference bears the force.
+    flat = forces / (0.5 * np.pi * robot.description.tube_diameter * points.spacing)
+    pressed_flat = np.zeros(len(robot.member_names), dtype=bool)
+    if points.dents.any():
+        pressed_flat[points.member[flat >= local]] = True
+    local = np.maximum(local, flat)
     count = robot.topology.n_modules
     force, area = (np.bincount(points.member, each, count) for each in (forces, forces / local))
     width, peak = np.zeros(count), np.zeros(count)
@@ -88,6 +95,7 @@ def assess_members(structure: Structure, solved: SolvedContact) -> dict[str, Any
         'contact_areas': named(area, wide),
         'contact_pressures': named(mean, wide),
         'peak_pressures': named(peak, wide),
+        'flattened': tuple(names[i] for i in np.flatnonzero(pressed_flat)),
         'utilisation': named(sections.utilisation),
         'utilisation_places': named(sections.place),
     }

@@ -73,11 +73,13 @@ class GraspAnalysis(
     :ivar contact_spans: where along the member contact begins and ends, from the member's start,
         by member, of those in contact [m].
     :ivar contact_forces: sum of the normal forces by member, of those in contact [N].
-    :ivar contact_widths: largest width of contact around the tube by member, of those in contact;
-        none in the paper's model, as all of the following [m].
+    :ivar contact_widths: largest width of contact around the tube by member, of those in contact,
+        at most half the circumference; none in the paper's model, as the following three [m].
     :ivar contact_areas: area of contact by member, of those in contact [m^2].
     :ivar contact_pressures: mean pressure of contact by member, of those in contact [Pa].
     :ivar peak_pressures: largest pressure of contact by member, of those in contact [Pa].
+    :ivar flattened: names of the members whose contact is as wide as half the circumference
+        somewhere: the section is flat there, and depth and force are outside of the model.
     :ivar utilisation: largest bending moment over the wrinkling moment, by member, of all members;
         from 1 on a tube wrinkles, and all numbers are outside of the model.
     :ivar utilisation_places: where along the member that is, from its start, of all members [m].
@@ -107,6 +109,7 @@ class GraspAnalysis(
     contact_areas: dict[str, float]
     contact_pressures: dict[str, float]
     peak_pressures: dict[str, float]
+    flattened: tuple[str, ...]
     utilisation: dict[str, float]
     utilisation_places: dict[str, float]
     stiffness: Array

@@ -20,6 +20,10 @@ HALTS = (
 )
 
 
+#: A squeeze whose deviation is a larger share of it is not known [-].
+UNKNOWN_SHARE = 0.5
+
+
 @dataclass(frozen=True)
 class Decision:
     """
@@ -32,8 +36,9 @@ class Decision:
     :ivar failed: names of the rollers that are held at zero because they have failed.
     :ivar frequency: lowest natural frequency of the held object; 0 if not known [rad/s].
     :ivar pose_gain: with which its pose is regulated; 0 if it is not [1/s].
-    :ivar squeeze: mean normal force of the members, and its standard deviation, infinite if not
-        known [N]; None where nothing is held.
+    :ivar squeeze: mean normal force of the members, and its standard deviation [N]; None where
+        nothing is held.
+    :ivar pose_delay: of the measured poses beyond their stamps [s].
     """
 
     command: RollerCommand
@@ -43,6 +48,18 @@ class Decision:
     frequency: float = 0.0
     pose_gain: float = 0.0
     squeeze: tuple[float, float] | None = None
+    pose_delay: float = 0.0
+
+
+def describe_squeeze(squeeze: float, deviation: float) -> str:
+    """
+    Return a squeeze in words, unknown where the deviation is more than `UNKNOWN_SHARE` of it.
+
+    :param squeeze: mean normal force of the members [N].
+    :param deviation: its standard deviation [N].
+    """
+    words = f'{squeeze:.1f} N, deviation {deviation:.1f} N'
+    return f'squeeze {"unknown: " if deviation > UNKNOWN_SHARE * squeeze else ""}{words}'
 
 
 class HaltError(IsotrussError):

@@ -165,7 +165,7 @@ def require_fresh(
             if given.rejected is None:
                 raise
             raise InputError(given.rejected.fault, name, given.rejected.reason) from None
-    return tuple(inputs.values())
+    return tuple(inputs.values())  # type: ignore[arg-type]
 
 
 def fresh_pressures(now: float, timeout: float, pressures: Input) -> tuple[float, ...] | None:

@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 from isotruss_ros.core.numerics.arrays import Array, Flags
 import numpy as np
 import scipy
@@ -59,6 +61,22 @@ def judge_markers(
     if explained and count - kept.sum() == 1 and kept.any():
         explained = left / (2 * count - 1) < size(kept) / (2 * kept.sum())
     return (every, slip) if explained else (kept, np.zeros_like(reach))
+
+
+def find_swap(measured: Array, expected: Array, covariance: Array) -> tuple[int, int] | None:
+    """
+    Return two markers that fit, with all others, once they are swapped; None if none do.
+
+    :param measured: (k, 2) joints [m].
+    :param expected: (k, 2) the same [m].
+    :param covariance: (2k, 2k) of the difference [m^2].
+    """
+    for pair in itertools.combinations(range(len(measured)), 2):
+        swapped = measured.copy()
+        swapped[list(pair)] = measured[list(reversed(pair))]
+        if fits((swapped - expected).ravel(), covariance):
+            return pair
+    return None
 
 
 def _find_slip(off: Array, covariance: Array, by_rollers: Array, reach: Array) -> Array:

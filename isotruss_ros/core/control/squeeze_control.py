@@ -14,19 +14,22 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+import math
 
-from isotruss_ros.core.control.grip_watch import GripFault, GripWatch
-from isotruss_ros.core.control.held_model import attach_model, HeldModel, Observation
+from isotruss_ros.core.control.contact_walk import JUMP_LENGTH
+from isotruss_ros.core.control.decision import describe_squeeze
+from isotruss_ros.core.control.grip_belief import attach_model, GripBelief
+from isotruss_ros.core.control.grip_faults import GripFault, SwingWatch
 from isotruss_ros.core.control.inputs import steady_pressures
 from isotruss_ros.core.control.loop_gains import choose_gain, gains_of, LoopGains, SLOW
-from isotruss_ros.core.control.squeeze_target import SqueezeSettings, SqueezeTrim
-from isotruss_ros.core.control.state_estimate import EstimatedTravel
+from isotruss_ros.core.control.squeeze_target import SqueezeSettings
+from isotruss_ros.core.control.state_estimate import EstimatorSettings
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, LEFT_MARGIN, NotHeldError
 from isotruss_ros.core.holding.loaded_frame import lowest_frequency
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
-from isotruss_ros.core.model.pose import pose_difference
+from isotruss_ros.core.model.pose import Pose, pose_difference
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
@@ -34,10 +37,9 @@ import numpy as np
 REST_TIME = 1.0
 #: The squeeze changes no quicker than this [N/s].
 MAX_FORCE_RATE = 10.0
-#: Zeros that are corrected by more than this begin the model anew [m].
-RESTART = 2e-3
-#: Faults in which the rollers stand still; in the others the squeeze is regulated on.
-STILL = frozenset({GripFault.POSE_DISAGREES, GripFault.OSCILLATES})
+#: Stamps of poses that differ by no more are the same [s].
+SAME_STAMP = 1e-3
+KNOWN = EstimatorSettings()
 
 #: Solves the program for a twist (3,) and a rate of the grip's opening [m/s].
 Solve = Callable[[Array, float], RollerCommand]
@@ -47,7 +49,7 @@ class SqueezeControl:
     """
     Regulates squeeze and pose of an object that the robot holds.
 
-    :ivar model: how it is held where the robot is, and the load on it; None before `follow`.
+    :ivar belief: how it is held where the robot is; None before `follow`.
     :ivar reference: (x, y, angle) where the object is to be [m, rad]: where it was at first, moved
         by the twists carried out since; None before the first one.
     :ivar frequency: lowest natural frequency of the held object; None if not known [rad/s].
@@ -59,35 +61,35 @@ class SqueezeControl:
     def __init__(self, settings: SqueezeSettings) -> None:
         self.settings = settings
         self._pressures: tuple[float, ...] | None = None
+        self._offsets: Array | float | None = None
+        self._zeros: Array | None = None
         self.acknowledge()
 
     def acknowledge(self) -> None:
         """Clear the fault and forget how and where the object is held: a client has acted."""
         self.fault: GripFault | None = None
-        self._softening = 1.0
+        self._softening, self._why = 1.0, ''
         self.reset()
 
     def reset(self) -> None:
         """Forget how and where the object is held: both follow from the next measured pose."""
-        self.model: HeldModel | None = None
+        self.belief: GripBelief | None = None
         self.reference: Array | None = None
         self.frequency: float | None = None
         self.gains: LoopGains = gains_of(SLOW)
-        self._watch, self._rest = GripWatch(), 0.0
-        self._velocity, self._asked, self._elapsed = np.zeros(3), np.zeros(3), 0.0
-        self._measured = np.zeros(3)
-        self._trim = SqueezeTrim()
-        self._offsets: Array | float | None = None
+        self._swings, self._rest = SwingWatch(), 0.0
+        self._velocity, self._elapsed, self._slipped = np.zeros(3), 0.0, 0.0
+        self._stamp = -math.inf
 
     @property
     def grasp(self) -> HeldGrip | None:
         """Return how the object is held where the robot is; None before `follow`."""
-        return None if self.model is None else self.model.grasp
+        return None if self.belief is None else self.belief.grasp
 
     def lose(self) -> None:
         """Take note that the object is not between the members any more."""
-        if self.model is not None and self.fault is None:
-            self.fault = GripFault.NOT_HELD
+        if self.belief is not None and self.fault is None:
+            self._fail(GripFault.NOT_HELD, 'the object is not between the members')
         self.reset()
 
     def take_pressures(self, pressures: tuple[float, ...] | None) -> None:
@@ -99,67 +101,79 @@ class SqueezeControl:
         """
         self._pressures = steady_pressures(self._pressures, pressures)
 
-    def take_estimate(self, estimate: EstimatedTravel | None, offsets: Array | float) -> None:
+    def take_offsets(self, offsets: Array | float, covariance: Array | None) -> None:
         """
-        Regulate an estimated squeeze, and take corrected zeros of the rollers over.
+        Take corrected zeros of the rollers over.
 
-        :param estimate: fresh; None without one.
         :param offsets: (r,) in the positions of the rollers from now on [m].
+        :param covariance: (r, r) of these [m^2]; None where it is not known.
         """
-        self._trim.estimate = estimate
-        before, self._offsets, model = self._offsets, offsets, self.model
-        if model is None or before is None or np.array_equal(offsets, before):
+        before, self._offsets, belief = self._offsets, offsets, self.belief
+        fresh, self._zeros = covariance is not self._zeros, covariance
+        if belief is None:
             return
-        moved = np.broadcast_to(offsets - before, model.grasp.config.roller_positions.shape)
-        if np.abs(moved).max() > RESTART or not model.move_zeros(moved):
-            self.reset()
+        if fresh and covariance is not None:
+            belief.take_zeros(covariance)
+        if before is not None and not np.array_equal(offsets, before):
+            belief.move_zeros(offsets - before)
 
     def note(self) -> str:
         """Return what is wrong with how the object is held; empty where nothing is."""
         if self.fault is GripFault.OSCILLATES:
             return f'the object oscillates: the gain is softened to {self.gains.pose:.3g} 1/s'
         if self.fault is not None:
-            return f'{self.fault.value}: open the grip, or set squeeze_force again to go on'
-        return self._trim.note()
+            return f'{self._why}: open the grip, or set squeeze_force again to go on'
+        notes = [f'slipped by {1e3 * self._slipped:.0f} mm, held'] if self._slipped else []
+        if self.belief is not None and self.belief.squeeze_is_unknown:
+            notes.append(f'held, {describe_squeeze(*self.squeeze)}')
+        return '; '.join(notes)
 
     @property
     def squeeze(self) -> tuple[float, float] | None:
-        """Return mean normal force and its standard deviation, inf if not known [N]; or None."""
-        return None if self.model is None else self._trim.tell(self.model.squeeze)
+        """Return the mean normal force and its standard deviation [N]; None without a belief."""
+        belief = self.belief
+        return None if belief is None else (belief.squeeze, belief.squeeze_deviation)
 
-    def follow(self, config: Configuration, grip: Grip, elapsed: float) -> HoldStatus:
+    def follow(
+        self,
+        config: Configuration,
+        grip: Grip,
+        elapsed: float,
+        sample: tuple[Pose, float] | None = None,
+    ) -> HoldStatus:
         """
-        Take model and reference to now, and the load from where the object was measured.
+        Take belief and reference to now, and correct it by where the object was measured.
 
-        The model starts again from the measured pose where it has lost the object.
+        It starts again from the measured pose where the model has lost the object.
 
         :param config: where the robot is.
-        :param grip: how it holds the object, which is where it was measured.
+        :param grip: how it holds the object, which is where the last pose has it now.
         :param elapsed: since the cycle before, for which its command held [s].
+        :param sample: the last pose, and how much older than the configuration it is [s]; that of
+            the grip, of now, if None.
         :return: whether the object is held in the model; if not, why.
         :raises GainError: see `choose_gain`.
         :raises GraspError: see `find_contacts`.
         :raises ConfigurationError: the configuration is singular.
         :raises StructureError: see `structure_of`.
         """
-        self._elapsed = elapsed
+        self._elapsed, belief = elapsed, self.belief
         if self.reference is not None:
             self.reference = self.reference + elapsed * self._velocity
-        if self.model is None:
+        if belief is None:
             return self._start(config, grip)
-        hold = self.model.follow(config, elapsed, self._pressures)
-        if hold is HoldStatus.HELD:
-            self._choose_gains(self.model.grasp)
-            seen = self.model.observe(grip, elapsed, self.gains)
-            self._trim.follow(self.model.squeeze, self.settings.force, elapsed)
-            self._look_for_faults(seen, grip, elapsed)
-            return hold
-        again = self._start(config, grip)
-        if self.fault is None and hold is HoldStatus.SLIPS:
-            self.fault = GripFault.SLIPPED
-        elif self.fault is None and again is not HoldStatus.HELD:
-            self.fault = GripFault.NOT_HELD
-        return again
+        hold = belief.follow(config, elapsed, self._pressures)
+        if hold is not HoldStatus.HELD and not belief.attach(config, self._pressures):
+            again = self._start(config, grip)
+            if self.fault is None and again is not HoldStatus.HELD:
+                self._fail(GripFault.NOT_HELD, f'not held: {hold.value}')
+            return again
+        self._choose_gains(belief.grasp)
+        belief.pass_corrections(elapsed, self.gains)
+        pose, age = sample or (grip.body.pose, 0.0)
+        self._observe(belief, pose, age, elapsed)
+        self._look_for_swings(belief, elapsed)
+        return HoldStatus.HELD
 
     def solve(self, twist: Array, period: float, solve: Solve) -> RollerCommand:
         """
@@ -171,22 +185,22 @@ class SqueezeControl:
         :param period: for which the command holds, positive [s].
         :param solve: the twist program.
         """
-        if self.model is None:
+        if self.belief is None:
             raise ValueError('follow comes before solve')
-        model = self.model
-        if self.fault in STILL:
-            still = np.zeros(len(model.grasp.config.roller_positions))
+        belief = self.belief
+        if self.fault is GripFault.OSCILLATES:
+            still = np.zeros(len(belief.grasp.config.roller_positions))
             return RollerCommand(still, np.zeros(3), 0.0, self.fault.halt)
-        missing = self.gains.squeeze * (self.settings.force + self._trim.force - model.squeeze)
+        missing = self.gains.squeeze * (self.settings.force - belief.regulated_squeeze)
         rate = max(-MAX_FORCE_RATE, min(missing, MAX_FORCE_RATE))
-        opening = (rate - model.drift[3]) / model.slope
+        opening = (rate - belief.drift[3]) / belief.slope
         if self.fault is not None:
             held = solve(np.zeros(3), opening)
             return replace(held, scale=0.0, status=self.fault.halt)
-        twist, correction = np.asarray(twist), self._correction(model, period)
+        twist, correction = np.asarray(twist), self._correction(belief, period)
         command = _solve_within_limits(twist + correction, opening, solve)
-        free = model.sure_margin - LEFT_MARGIN * model.squeeze
-        share = model.usage.margin_share(command, period, free) if twist.any() else 1.0
+        free = belief.slip_margin - LEFT_MARGIN * belief.regulated_squeeze
+        share = belief.usage.margin_share(command, period, free) if twist.any() else 1.0
         if share < 1.0:
             slowed = _solve_within_limits(share * twist + correction, opening, solve)
             command = replace(
@@ -195,7 +209,7 @@ class SqueezeControl:
                 status=Status.SLOWED_SLIP_MARGIN,
                 limiting=(*slowed.limiting, 'the slip margin'),
             )
-        return model.usage.limit_utilisation(command, period, self.settings.max_utilisation)
+        return belief.usage.limit_utilisation(command, period, self.settings.max_utilisation)
 
     def advance(self, twist: Array, command: RollerCommand, missing: Array | float = 0.0) -> None:
         """
@@ -208,30 +222,52 @@ class SqueezeControl:
         """
         if command.status in (Status.UNREACHABLE, Status.SLIDING):
             self.reference = None
-        self._asked = np.asarray(twist)
-        self._velocity = command.scale * self._asked - missing
+        self._velocity = command.scale * np.asarray(twist) - missing
 
-    def _correction(self, model: HeldModel, period: float) -> Array:
+    def _correction(self, belief: GripBelief, period: float) -> Array:
         """Return the twist (3,) that takes pose errors and what the rows of (19) miss away."""
-        here = model.pose + model.load.bias
+        here = belief.regulated_pose
         if self.reference is None:
             self.reference = here
         # A command that holds for longer than the period must not correct too much.
         gain = min(self.gains.pose, 0.5 / max(period, self._elapsed))
-        return gain * pose_difference(self.reference, here) - model.drift[:3]
+        return gain * pose_difference(self.reference, here) - belief.drift[:3]
 
     def _start(self, config: Configuration, grip: Grip) -> HoldStatus:
         """Begin with the equilibrium near the measured pose."""
-        self.model = None
+        self.belief = None
         try:
             found = attach_model(config, grip, self._pressures)
         except NotHeldError as error:
             return error.hold
         self._choose_gains(found)
-        self.model = HeldModel(found, grip, self.settings.load)
-        self._measured = np.array(grip.body.pose)
-        self._watch = GripWatch(self.frequency)
+        settings = replace(KNOWN, load=self.settings.load or KNOWN.load, zeros=self.settings.zeros)
+        self.belief = GripBelief(found, grip, settings, self._zeros)
+        self._swings = SwingWatch(self.frequency)
         return found.hold(grip.friction)
+
+    def _observe(self, belief: GripBelief, pose: Pose, age: float, elapsed: float) -> None:
+        """Correct the belief by a pose that is new, and look for slips."""
+        self._stamp -= elapsed  # of the last pose, against now
+        if -age <= self._stamp + SAME_STAMP:
+            return
+        self._stamp = -age
+        belief.observe(pose, age)
+        walked = f'the object moved by {1e3 * belief.walk.length:.0f} mm against the members'
+        if belief.jump:
+            self._slipped = belief.walk.length
+        elif belief.walk.length < 0.5 * self._slipped:
+            self._slipped = 0.0
+        if self.fault is not None:
+            return
+        if belief.jump > JUMP_LENGTH:
+            self._fail(GripFault.NOT_HELD, walked)
+        elif belief.walk.slipped:
+            self._fail(GripFault.SLIPPED, walked)
+
+    def _fail(self, fault: GripFault, why: str) -> None:
+        """Latch a fault."""
+        self.fault, self._why = fault, why
 
     def _choose_gains(self, grasp: HeldGrip) -> None:
         """Let the gains follow from the frequency."""
@@ -242,22 +278,17 @@ class SqueezeControl:
         )
         self.gains = gains_of(self._softening * gain)
 
-    def _look_for_faults(self, seen: Observation, grip: Grip, elapsed: float) -> None:
-        """Watch the grip; after an oscillation stand still for a while, and go on more softly."""
-        measured, even = grip.body.pose, np.array([1.0, 1.0, grip.body.arm])
-        asked, went = elapsed * self._asked, pose_difference(measured, self._measured)
-        self._measured = np.array(measured)
-        error = np.zeros(3)
+    def _look_for_swings(self, belief: GripBelief, elapsed: float) -> None:
+        """After an oscillation stand still for a while, and go on more softly."""
+        error, even = np.zeros(3), np.array([1.0, 1.0, belief.grasp.arm])
         if self.reference is not None:
-            error = pose_difference(self.reference, measured)
+            error = even * pose_difference(self.reference, belief.pose)
         self._rest = max(self._rest - elapsed, 0.0)
         if self.fault is GripFault.OSCILLATES and self._rest == 0.0:
             self.fault = None
-            self._watch.forget_swings()
-        if self.fault is not None:
-            return
-        self.fault = self._watch.update(seen, even * error, even * asked, even * went, elapsed)
-        if self.fault is GripFault.OSCILLATES:
+            self._swings.forget()
+        if self.fault is None and self._swings.update(error, belief.noise.deviation, elapsed):
+            self.fault = GripFault.OSCILLATES
             self._rest, self._softening = REST_TIME, 0.5 * self._softening
 
 

@@ -1,19 +1,11 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the squeeze is to be, and how it is corrected where an estimate of it is at hand."""
+"""Settings of the squeeze control."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-import math
-
-from isotruss_ros.core.control.state_estimate import EstimatedTravel
-
-#: The target moves by the difference to an estimated squeeze, behind this low-pass [s], ...
-TRIM_TIME = 0.5
-#: ... where its deviation is no larger share of the target than this.
-TRUSTED = 0.2
 
 
 @dataclass(frozen=True)
@@ -29,7 +21,8 @@ class SqueezeSettings:
         the masses [rad/s].
     :ivar max_utilisation: of the moment at which tubes wrinkle; commands that lead toward it are
         slowed, and beyond it only those that lead away are carried out [-].
-    :ivar load: size of the loads on the object that are expected, see `LoadEstimate` [N].
+    :ivar load: standard deviation of loads on the object; 0 for that of `EstimatorSettings` [N].
+    :ivar zeros: standard deviation of the rollers' zeros, where no estimator says it [m].
     """
 
     force: float
@@ -38,46 +31,4 @@ class SqueezeSettings:
     frequency: float | None = None
     max_utilisation: float = 1.0
     load: float = 0.0
-
-
-class SqueezeTrim:
-    """
-    By how much the model is to squeeze more, for the robot to squeeze as is wanted.
-
-    :ivar force: more [N].
-    :ivar estimate: of the robot's squeeze; None without a fresh one.
-    """
-
-    def __init__(self) -> None:
-        self.force = 0.0
-        self.estimate: EstimatedTravel | None = None
-
-    def follow(self, modelled: float, wanted: float, elapsed: float) -> None:
-        """
-        Come nearer to what the model has more of the squeeze than the estimate.
-
-        :param modelled: squeeze of the model [N].
-        :param wanted: that of the robot [N].
-        :param elapsed: since the last call [s].
-        """
-        estimate = self.estimate
-        if estimate is None or not estimate.squeeze_deviation <= TRUSTED * wanted:
-            return
-        passed = -math.expm1(-elapsed / TRIM_TIME)
-        self.force += passed * (modelled - estimate.squeeze - self.force)
-
-    def tell(self, modelled: float) -> tuple[float, float]:
-        """
-        Return the squeeze of the robot and its standard deviation, inf if not known [N].
-
-        :param modelled: squeeze of the model [N].
-        """
-        if self.estimate is None or math.isnan(self.estimate.squeeze):
-            return modelled - self.force, math.inf
-        return self.estimate.squeeze, self.estimate.squeeze_deviation
-
-    def note(self) -> str:
-        """Return how the squeeze is regulated where the estimate has ended; empty else."""
-        if self.estimate is None and self.force:
-            return f'no fresh state estimate: the squeeze keeps its correction {self.force:+.1f} N'
-        return ''
+    zeros: float = 0.01

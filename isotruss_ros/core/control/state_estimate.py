@@ -25,7 +25,9 @@ class EstimatorSettings:
     :ivar load: of the wrench on a held object, moments over its arm [N].
     :ivar load_time: for so long the wrench stays about the same [s].
     :ivar stiffness: of the stiffness of robot and tubes against the model's [-].
-    :ivar joint_error: of the model of the joints, and of where markers are mounted [m].
+    :ivar joint_error: of the model of the joints, and of where each marker is mounted [m].
+    :ivar marker_shift: of the common shift of all markers [m].
+    :ivar marker_turn: of their common turn [rad].
     :ivar pose_error: of the model of the object's pose, turns times its arm [m].
     :ivar squeeze_error: of the model of the squeeze, as a share of it [-].
     """
@@ -38,6 +40,8 @@ class EstimatorSettings:
     load_time: float = 0.3
     stiffness: float = 0.05
     joint_error: float = 5e-4
+    marker_shift: float = 3e-3
+    marker_turn: float = 3e-3
     pose_error: float = 5e-4
     squeeze_error: float = 0.04
 
@@ -60,7 +64,9 @@ class StateEstimate(Record, headline=('travel', 'pose', 'squeeze', 'left_out', '
     :ivar squeeze_deviation: its standard deviation, that of the stiffness included [N].
     :ivar used: names of the joints whose last markers count, sorted.
     :ivar left_out: of those whose last markers do not fit, sorted.
+    :ivar swapped: names of two joints whose markers seem to be swapped; empty if none are.
     :ivar slipping: names of the rollers that seem to slip, in `Robot.roller_names` order.
+    :ivar delay: of the poses beyond their stamps [s].
     """
 
     time: float
@@ -75,7 +81,9 @@ class StateEstimate(Record, headline=('travel', 'pose', 'squeeze', 'left_out', '
     squeeze_deviation: float = math.nan
     used: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
+    swapped: tuple[str, ...] = ()
     slipping: tuple[str, ...] = ()
+    delay: float = 0.0
 
 
 class EstimatedTravel(NamedTuple):
@@ -83,10 +91,8 @@ class EstimatedTravel(NamedTuple):
     What a control loop takes from an estimate.
 
     :ivar offsets: (r,) to add to the readings of the encoders [m].
-    :ivar squeeze: mean normal force of the members [N]; no number where it is not known.
-    :ivar squeeze_deviation: its standard deviation [N].
+    :ivar covariance: (r, r) of these [m^2].
     """
 
     offsets: Array
-    squeeze: float = math.nan
-    squeeze_deviation: float = math.nan
+    covariance: Array

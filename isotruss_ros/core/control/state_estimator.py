@@ -4,13 +4,9 @@
 """
 Where the robot is, and how hard it squeezes: encoders, the object's pose and markers together.
 
-Encoders miss what slips, and zeros are as good as the homing. The state is what has to be added to
-the readings, the wrench on the held object, and what stays as its contacts roll:
-
-    x = (dphi, w, s, A),  y = equilibrium of (FK(q + dphi), w, s, A),  z = h(y, x) + v
-
-The stiffness s moves nothing that is measured: it is only considered. A measurement counts at its
-stamp: q is what the encoders read then, and x hardly changes while it is on its way.
+Encoders miss what slips, and zeros are as good as the homing. Markers correct the zeros, see
+`OffsetFilter`; poses correct how the object is held, see `GripBelief`, which considers the zeros
+with the covariance that markers leave. A measurement counts at its stamp.
 """
 
 from __future__ import annotations
@@ -19,49 +15,53 @@ from collections.abc import Mapping
 from dataclasses import replace
 import math
 
-from isotruss_ros.core.control.first_contact import FirstContact, Seen
-from isotruss_ros.core.control.inputs import Timeline
-from isotruss_ros.core.control.marker_gate import fits, judge_markers
+from isotruss_ros.core.control.contact_walk import JUMP_LENGTH
+from isotruss_ros.core.control.grip_belief import attach_model, GripBelief
+from isotruss_ros.core.control.inputs import steady_pressures, Timeline
+from isotruss_ros.core.control.marker_gate import find_swap, judge_markers
+from isotruss_ros.core.control.offset_filter import OffsetFilter
 from isotruss_ros.core.control.slip_watch import SlipWatch
 from isotruss_ros.core.control.state_estimate import EstimatorSettings, StateEstimate
-from isotruss_ros.core.control.state_filter import StateFilter
-from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.errors import ConfigurationError, GraspError, StructureError
+from isotruss_ros.core.holding.held_grip import HoldStatus
+from isotruss_ros.core.holding.loaded_frame import held_joints
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import find_members, Grip
-from isotruss_ros.core.model.pose import Pose, pose_difference
+from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 import numpy as np
 
-#: After so many poses in a row that do not fit, the object is held elsewhere; after so many
-#: messages of markers of which none fits, the zeros are elsewhere.
+#: After so many messages of markers of which none fits, the zeros are elsewhere.
 LOST = 5
-#: The model serves to first order for this travel of any roller [m].
-NEAR = 3e-3
 #: Measurements count that are no older than this, and ahead of the encoders by no more [s].
 OLDEST, AHEAD = 1.0, 0.05
-#: An object that lay free is held when its squeeze is by so many deviations above zero.
-FREE = 2.0
+#: An object is held where its squeeze is by so many deviations above zero.
+SURE = 1.0
 
 
 class StateEstimator:
     """
-    An iterated Kalman filter over the zeros of the rollers and how an object is held.
+    Kalman filters over the zeros of the rollers and how an object is held.
 
     :ivar settings: what is known of the robot.
+    :ivar belief: how the object is held; None where it is not.
     :param robot: the robot, with its zeros and stiffness as far as they are known.
     :param settings: what else is known of it; as for one that was not homed if None.
     """
 
     def __init__(self, robot: Robot, settings: EstimatorSettings | None = None) -> None:
         self.settings = given = settings or EstimatorSettings()
-        self._robot, self._filter = robot, StateFilter(robot, given)
+        self._robot = robot
         self._grip: Grip | None = None
+        self._zeros, self._config = OffsetFilter(robot, given), robot.home
+        self.belief: GripBelief | None = None
         self._readings, self._slips = Timeline(), SlipWatch(len(robot.roller_names))
-        self._contact, self._seen = FirstContact(), -math.inf
-        self._lost = self._strange = 0
+        self._pressures: tuple[float, ...] | None = None
+        self._rolled, self._corrected, self._strange = 0.0, False, 0
         self._used: tuple[str, ...] = ()
         self._left_out: tuple[str, ...] = ()
+        self._swapped: tuple[str, ...] = ()
 
     @property
     def grip(self) -> Grip | None:
@@ -79,8 +79,7 @@ class StateEstimator:
         """
         if grip is not None:
             find_members(self._robot, grip.members)
-        self._grip, self._contact = grip, FirstContact()
-        self._filter.release()
+        self._grip, self.belief = grip, None
 
     def take_encoders(self, time: float, readings: Array) -> None:
         """
@@ -93,7 +92,7 @@ class StateEstimator:
             before, last = self._readings.last
             if time <= before:
                 return
-            self._filter.predict(time - before, np.abs(readings - last))
+            self._zeros.predict(time - before, np.abs(readings - last))
         self._readings.add(time, np.array(readings, dtype=float))
         self._readings.discard_before(time - OLDEST)
 
@@ -104,7 +103,7 @@ class StateEstimator:
         :param pressures: (t,) gauge, by tube in the order of the robot file [Pa]; None for those
             of the file.
         """
-        self._filter.take_pressures(pressures)
+        self._pressures = steady_pressures(self._pressures, pressures)
 
     @single_threaded
     def take_pose(self, time: float, pose: Pose, deviations: Array) -> bool:
@@ -114,31 +113,19 @@ class StateEstimator:
         :param time: of the measurement [s].
         :param pose: of the object, robot frame.
         :param deviations: (3,) standard deviations of x, y [m] and angle [rad], positive.
-        :return: whether it counts: in time, of an object that the robot holds, and it fits.
+        :return: whether it counts: in time, of an object that the robot holds.
         :raises ConfigurationError: no configuration of the robot fits the encoders.
         """
         if self._grip is None or not self._in_time(time):
             return False
-        readings, believed = self._readings.at(time), self._filter
-        believed.go_to(readings)
-        if believed.held is None:
-            told = self._touch(time, readings, pose, deviations)
-            sure = FREE if self._contact.lies else 1.0
-            if not believed.attach(self._grip.moved_to(pose), readings, sure):
-                return told
-            self._contact, self._lost = FirstContact(), 0
-        rows = np.arange(len(believed.expected.values))[-3:]
-        expected, spread = believed.expect(rows)
-        errors = self.settings.pose_error / np.array([1.0, 1.0, believed.held.arm])
-        noise = np.diag(np.asarray(deviations) ** 2 + errors**2)
-        off = pose_difference(pose, expected.values)
-        if not fits(off, spread + noise):
-            self._lost += 1
-            if self._lost >= LOST:
-                believed.release()
-            return False
-        self._lost = 0
-        return believed.update(expected.values + off, noise, rows)
+        self._roll()
+        belief = self.belief
+        if belief is not None:
+            belief.observe(pose, self._rolled - time)
+            if belief.jump <= JUMP_LENGTH and not belief.walk.slipped:
+                return True
+        self.belief = self._attach(pose, deviations)
+        return self.belief is not None
 
     @single_threaded
     def take_markers(
@@ -160,97 +147,142 @@ class StateEstimator:
                 raise GraspError(f'joint {name!r}: must be one of {", ".join(names)}')
         if not joints or not self._in_time(time):
             return False
-        readings = self._readings.at(time)
-        believed = self._filter
-        believed.go_to(readings)
+        readings, zeros = self._readings.at(time), self._zeros
+        self._roll()
+        values, rates = self._place_joints(readings, zeros.offsets)
         rows = np.array([2 * names.index(name) + i for name in joints for i in (0, 1)])
-        expected, spread = believed.expect(rows)
+        expected = zeros.expect(values, rates, rows)
         measured = np.array(list(joints.values()), dtype=float).ravel()
-        noise = (deviation**2 + self.settings.joint_error**2) * np.eye(len(rows))
+        noise = (deviation**2) * np.eye(len(rows)) + self._encoder_noise(rates[rows])
+        covariance = zeros.belief.spread(expected.rates) + noise
         used, slipped = judge_markers(
             (measured - expected.values).reshape(-1, 2),
-            spread + noise,
-            expected.rates[:, believed.rollers],
+            covariance,
+            rates[rows],
             np.ptp(self._readings.values, axis=0),
         )
-        believed.doubt(slipped)
-        told = np.array(list(joints))
-        self._used = tuple(sorted(told[used].tolist()))
-        self._left_out = tuple(sorted(told[~used].tolist()))
-        self._strange = 0 if self._used else self._strange + 1
-        if self._strange >= LOST:  # such as after the encoders began anew
-            believed.doubt(np.full(len(readings), self.settings.zeros))  # type: ignore[arg-type]
-            self._strange = 0
+        zeros.inflate(slipped**2)
+        self._name(np.array(list(joints)), used, measured, expected.values, covariance)
         chosen = np.flatnonzero(np.repeat(used, 2))
-        if not self._used or not believed.update(
-            measured[chosen], noise[np.ix_(chosen, chosen)], rows[chosen]
-        ):
+        if not len(chosen):
             return False
-        belief, own = believed.belief, believed.rollers
-        variances = np.diag(belief.covariance)[own] + self.settings.joint_error**2
-        self._slips.add(time, readings, belief.mean[own], variances)
+        before = zeros.offsets
+        zeros.update(
+            measured[chosen],
+            noise[np.ix_(chosen, chosen)],
+            rows[chosen],
+            lambda offsets: self._place_joints(readings, offsets),
+        )
+        if self.belief is not None:
+            self.belief.move_zeros(zeros.offsets - before)
+            self.belief.take_zeros(zeros.covariance)
+            self._corrected = True
+        variances = np.diag(zeros.covariance) + self.settings.joint_error**2
+        self._slips.add(time, readings, zeros.offsets, variances)
         return True
 
     @single_threaded
     def estimate(self) -> StateEstimate | None:
         """
-        Return what is believed at the last reading of the encoders; None before the first.
+        Return what is estimated at the last reading of the encoders; None before the first.
 
         :raises ConfigurationError: no configuration of the robot fits the encoders.
         """
         if not self._readings:
             return None
+        self._roll()
         time, readings = self._readings.last
-        given, model = self.settings, self._filter
-        if np.abs(readings - model.readings).max() > NEAR:
-            model.go_to(readings)
-        belief = model.belief
-        # To first order from where the model was last.
-        beyond = belief.mean - model.state
-        beyond[model.rollers] += readings - model.readings
-        values = model.expected.values + model.expected.rates @ beyond
-        joints = 2 * len(self._robot.topology.joint_names)
-        spread = belief.spread(model.expected.rates)
+        zeros, belief = self._zeros, self.belief
+        values, rates = self._place_joints(readings, zeros.offsets)
+        spread = rates @ zeros.covariance @ rates.T
         slipping = zip(self._robot.roller_names, self._slips.slipping, strict=True)
         found = StateEstimate(
             time,
-            belief.mean[model.rollers].copy(),
-            belief.covariance[model.rollers, model.rollers].copy(),
-            readings + belief.mean[model.rollers],
-            values[:joints].reshape(-1, 2),
-            spread[:joints, :joints] + given.joint_error**2 * np.eye(joints),
+            zeros.offsets.copy(),
+            zeros.covariance.copy(),
+            readings + zeros.offsets,
+            values.reshape(-1, 2),
+            spread + self.settings.joint_error**2 * np.eye(len(values)),
             used=self._used,
             left_out=self._left_out,
+            swapped=self._swapped,
             slipping=tuple(name for name, slips in slipping if slips),
         )
-        if model.held is None:
+        if belief is None:
             return found
-        squeeze = model.held.squeeze + float(model.squeeze_rates @ beyond)
-        variance = float(belief.spread(model.squeeze_rates[None])[0, 0])
-        errors = given.pose_error / np.array([1.0, 1.0, model.held.arm])
+        errors = self.settings.pose_error / np.array([1.0, 1.0, belief.grasp.arm])
         return replace(
             found,
-            pose=values[joints:],
-            pose_covariance=spread[joints:, joints:] + np.diag(errors**2),
-            squeeze=squeeze,
-            squeeze_deviation=math.sqrt(variance + (given.squeeze_error * squeeze) ** 2),
+            pose=belief.pose,
+            pose_covariance=belief.pose_covariance + np.diag(errors**2),
+            squeeze=belief.squeeze,
+            squeeze_deviation=belief.squeeze_deviation,
+            delay=belief.delay,
         )
+
+    def _name(
+        self, names: Array, used: Array, measured: Array, expected: Array, covariance: Array
+    ) -> None:
+        """Take note of which markers count, and which are swapped; forget zeros that none fits."""
+        self._used = tuple(sorted(names[used].tolist()))
+        self._left_out = tuple(sorted(names[~used].tolist()))
+        swapped = None
+        if self._left_out:
+            swapped = find_swap(measured.reshape(-1, 2), expected.reshape(-1, 2), covariance)
+        self._swapped = () if swapped is None else tuple(sorted(names[list(swapped)].tolist()))
+        self._strange = 0 if self._used or self._swapped else self._strange + 1
+        if self._strange >= LOST:  # such as after the encoders began anew
+            self._zeros.forget()
+            self._strange = 0
+
+    def _roll(self) -> None:
+        """Roll what is held to the last reading; release what no equilibrium holds there."""
+        (time, readings), belief = self._readings.last, self.belief
+        travel, elapsed = readings + self._zeros.offsets, time - self._rolled
+        self._rolled = time
+        if belief is None or (elapsed == 0.0 and not self._corrected):
+            return
+        self._corrected = False
+        try:
+            config = belief.grasp.config.moved_to(travel)
+            hold = belief.follow(config, elapsed, self._pressures)
+            if hold is not HoldStatus.HELD and not belief.attach(config, self._pressures):
+                self.belief = None
+        except (ConfigurationError, GraspError, StructureError):
+            self.belief = None
+
+    def _attach(self, pose: Pose, deviations: Array) -> GripBelief | None:
+        """Return the belief of an object that surely is held where it was measured, or None."""
+        zeros = self._zeros
+        self._config = self._config.moved_to(self._readings.last[1] + zeros.offsets)
+        grip = self._grip.moved_to(pose)
+        try:
+            found = attach_model(self._config, grip, self._pressures)
+            if found.hold(math.inf) is not HoldStatus.HELD:
+                return None
+            belief = GripBelief(found, grip, self.settings, zeros.covariance, deviations)
+        except (ConfigurationError, GraspError, StructureError):
+            return None
+        return belief if belief.squeeze > SURE * belief.squeeze_deviation else None
+
+    def _place_joints(self, readings: Array, offsets: Array) -> tuple[Array, Array]:
+        """Return where joints are (2j,) [m], and the derivatives (2j, r) by the offsets."""
+        count, belief = 2 * len(self._robot.topology.joint_names), self.belief
+        config = self._config = self._config.moved_to(readings + offsets)
+        places, rates = config.nodes.ravel()[:count], config.node_jacobian[:count]
+        if belief is None:
+            return places, rates
+        # What the contact forces displace, and the zeros change of that.
+        held, own = belief.grasp.config, belief.joint_rates()
+        beyond = own - held.node_jacobian[:count]
+        displaced = held_joints(belief.grasp).ravel() - held.nodes.ravel()[:count]
+        return places + displaced + beyond @ (offsets - self._zeros.offsets), rates + beyond
+
+    def _encoder_noise(self, rates: Array) -> Array:
+        """Return what noise of the encoders does to joints of some rates (m, r), (m, m)."""
+        return self.settings.encoders**2 * rates @ rates.T
 
     def _in_time(self, time: float) -> bool:
         """Return whether the readings of the encoders at a time are known."""
         known = self._readings
         return bool(known) and known.first[0] <= time <= known.last[0] + AHEAD
-
-    def _touch(self, time: float, readings: Array, pose: Pose, deviations: Array) -> bool:
-        """Take in what contacts with a free object tell; tell whether they tell something."""
-        if time <= self._seen:
-            return False
-        self._seen = time
-        model, placed = self._filter, self._grip.moved_to(pose)
-        measured = np.array(pose), np.square(deviations)
-        seen = Seen(*measured, readings, model.belief.mean, *model.depths(placed))
-        told = self._contact.take(seen, model.belief, lambda: model.pressed_depths(placed))
-        if told is None:
-            return False
-        model.learn_zero(told, readings)
-        return True

@@ -27,6 +27,7 @@ from isotruss_ros.core.control.inputs import (
     InputError,
     PRESSURE_TIMEOUT,
     require_fresh,
+    RollerState,
     StampedInput,
 )
 from isotruss_ros.core.control.squeeze_control import SqueezeControl
@@ -43,6 +44,7 @@ from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint, sol
 from isotruss_ros.core.manipulation.solve_twist import solve_twist
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
 from isotruss_ros.core.manipulation.task import working_rollers
+from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.safety.roller_failure import FailureDetector
@@ -63,8 +65,8 @@ class TwistServo:
     :ivar pressures: input of the (t,) gauge pressures of the tubes, with which the squeeze is
         regulated; those of the robot file if None [Pa].
     :ivar pressure_timeout: pressures older than this are not used [s].
-    :ivar estimate: input of the `EstimatedTravel` whose offsets the rollers have and whose squeeze
-        is regulated while it is fresh; None without one.
+    :ivar estimate: input of the `EstimatedTravel` whose offsets the rollers have; None without
+        one.
     :ivar stopped: status and reason of a halt that does not depend on inputs; None without one.
     :ivar guard: bounds on the configuration; None for those of the robot file only.
     :ivar limits: of the rollers and the members; those of the robot file to begin with.
@@ -188,6 +190,7 @@ class TwistServo:
             frequency=squeeze.frequency or 0.0,
             pose_gain=squeeze.gains.pose,
             squeeze=squeeze.squeeze,
+            pose_delay=squeeze.belief.delay,
         )
 
     def command(self, velocities: Array, now: float) -> Array:
@@ -259,8 +262,9 @@ class TwistServo:
         elif self.squeeze is None:
             command = solve(grip, twist)
         else:
-            offsets = rollers.value.offsets
-            command = self._regulate(self.squeeze, config, grip, twist, solve, now, offsets)
+            self._take_offsets(self.squeeze, rollers.value)
+            sample = pose[0].value, now + 0.5 * self.period - pose[0].time
+            command = self._regulate(self.squeeze, config, grip, twist, solve, now, sample)
         asked = command
         if command.status < Status.HALT_NO_TWIST:
             change = self._largest_change(now)
@@ -295,6 +299,12 @@ class TwistServo:
         found = solve_joint_velocity(config, velocities, failed, limits, handling)
         return replace(found, achieved_twist=np.append(found.achieved_twist, 0.0))
 
+    def _take_offsets(self, squeeze: SqueezeControl, rollers: RollerState) -> None:
+        """Let the belief have the offsets that the positions of the rollers have."""
+        estimate = self.estimate
+        covariance = estimate.value.covariance if isinstance(estimate, StampedInput) else None
+        squeeze.take_offsets(rollers.offsets, covariance)
+
     def _regulate(
         self,
         squeeze: SqueezeControl,
@@ -303,18 +313,15 @@ class TwistServo:
         twist: Array,
         solve: Callable[..., RollerCommand],
         now: float,
-        offsets: Array | float,
+        sample: tuple[Pose, float],
     ) -> RollerCommand:
-        """Solve for the squeeze as well, with the model of the held object."""
+        """Solve for the squeeze as well, with the belief of the held object."""
         squeeze.take_pressures(fresh_pressures(now, self.pressure_timeout, self.pressures))
         # A loop that is late holds its commands for longer than its period.
         before, self._regulated = self._regulated, now
         elapsed = 0.0 if before is None else min(now - before, self.timeout)
-        estimate: Any = self.estimate
-        fresh = isinstance(estimate, StampedInput) and now - estimate.time <= self.timeout
-        squeeze.take_estimate(estimate.value if fresh else None, offsets)
-        hold = squeeze.follow(config, grip, elapsed)
+        hold = squeeze.follow(config, grip, elapsed, sample)
         if squeeze.grasp is None or (hold is not HoldStatus.HELD and squeeze.fault is None):
             why = f'the object is not held: {hold.value}'
             raise HaltError(Status.HALT_NOT_HELD, '; '.join(filter(None, (why, squeeze.note()))))
-        return squeeze.solve(twist, self.period, partial(solve, squeeze.model.grip))
+        return squeeze.solve(twist, self.period, partial(solve, squeeze.belief.grip))

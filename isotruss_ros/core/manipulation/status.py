@@ -51,8 +51,7 @@ class Status(enum.IntEnum):
     HALT_NOT_HELD = 43  #: no equilibrium holds the object that is squeezed
     HALT_TRAJECTORY = 44  #: a trajectory was rejected or aborted; no twist came since
     HALT_OTHER_COMMANDS = 45  #: another node commands the rollers, too
-    HALT_SLIPPED = 46  #: the object has slipped: it is not moved, and the squeeze is regulated on
-    HALT_POSE_DISAGREES = 47  #: the measured pose does not go with the members that carry it
+    HALT_SLIPPED = 46  #: the object slipped, or its pose is wrong; the squeeze is regulated on
     HALT_OSCILLATES = 48  #: the object swings more and more: the rollers rest
     HALT_GAIN = 49  #: the user's gain is beyond what the frequency of the held object allows
     HALT_STALE_TUBE_PRESSURES = 50

@@ -82,7 +82,6 @@ class Deformation(Record, headline=('reactions', 'displacements')):
         used, _ = find_utilisation(self.structure, self.frame, self.state)
         return dict(zip(self.structure.config.robot.member_names, used.tolist(), strict=True))
 
-    @cached_property
     def limit_factor(self) -> float:
         """
         Return by what the loads can be multiplied until the bent structure gives way [-].

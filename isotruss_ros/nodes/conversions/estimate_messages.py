@@ -40,7 +40,9 @@ def to_estimate_message(estimate: StateEstimate, robot: Robot) -> StateEstimateM
         joint_deviations=np.sqrt(np.diag(estimate.joint_covariance)).tolist(),
         used_joints=estimate.used,
         left_out_joints=estimate.left_out,
+        swapped_joints=estimate.swapped,
         slipping_rollers=estimate.slipping,
+        pose_delay=estimate.delay,
     )
     if estimate.pose is not None:
         message.held = True
@@ -60,7 +62,8 @@ def read_estimate(message: StateEstimateMessage, robot: Robot) -> EstimatedTrave
 
     :param message: of the topic `state_estimate`.
     :param robot: whose state it is.
-    :raises MessageError: another frame or other rollers, or offsets that are not finite.
+    :raises MessageError: another frame or other rollers, or offsets or covariances that are not
+        finite.
     """
     check_frame('state estimate', message.header, robot.frame)
     names, offsets = tuple(message.roller_names), np.array(message.offsets)
@@ -73,6 +76,10 @@ def read_estimate(message: StateEstimateMessage, robot: Robot) -> EstimatedTrave
             f'state estimate with offsets {offsets.tolist()} m: must be finite, at most '
             f'{MAX_OFFSET:g} m'
         )
-    if not message.held:
-        return EstimatedTravel(offsets)
-    return EstimatedTravel(offsets, message.squeeze, message.squeeze_deviation)
+    covariance = np.array(message.offset_covariance)
+    if len(covariance) != len(names) ** 2 or not np.isfinite(covariance).all():
+        raise MessageError(
+            f'state estimate with {len(covariance)} covariances of offsets: must be '
+            f'{len(names) ** 2} finite numbers'
+        )
+    return EstimatedTravel(offsets, covariance.reshape(len(names), len(names)))

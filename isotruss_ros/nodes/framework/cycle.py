@@ -115,7 +115,7 @@ class Cycle:
     def _count_rate(self, now: float) -> None:
         """Take note of a cycle; once a second, of the rate that was reached."""
         if self._since is None or now < self._since:
-            self._count, self._since = 0, now
+            self._count, self._since = 0, now  # type: ignore[assignment]
             return
         self._count += 1
         elapsed, wanted = now - self._since, self._values.rate

@@ -29,7 +29,7 @@ class Reason(NamedTuple):
     """
 
     text: str
-    count: int
+    count: int  # type: ignore[assignment]
     logged: float
     given: float
 

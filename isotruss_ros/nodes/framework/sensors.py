@@ -105,7 +105,7 @@ class Inputs:
             kept = None if erased else getattr(holder, name)
             setattr(holder, name, keep_latest(kept, received, self._node.now()))
             if valid and take is not None:
-                take(received)
+                take(received)  # type: ignore[arg-type]
 
         def timeout() -> tuple[str, float]:
             if name == 'pressures':

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 import math
-from typing import TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
 from geometry_msgs.msg import TransformStamped
 from isotruss_ros.nodes.conversions.messages import (
@@ -81,7 +81,8 @@ class TransformBroadcaster:
         directions = [turn, 1.0, *rods, *(contact.direction for contact in touched)]
         frame = self._robot.frame
         names = [*self._names, *(name_contact_frame(frame, member) for member in contacts)]
-        header, half = make_header(time, frame), 0.5 * np.angle(directions)
+        header = make_header(time, frame)
+        half: Any = 0.5 * np.angle(directions)
         stamped = []
         for name, origin, angle in zip(names, origins, half.tolist(), strict=True):
             each = TransformStamped(header=header, child_frame_id=name)

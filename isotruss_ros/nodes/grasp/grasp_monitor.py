@@ -182,7 +182,8 @@ def _judge(grasp: AnalyzedGrasp) -> tuple[GraspCode, str]:
         return GraspCode.OK, NO_CONTACT
     member, (used, place) = max(grasp.utilisation.items(), key=lambda item: item[1])
     if used <= MAX_UTILISATION:
-        return GraspCode.OK, ''
+        flat = ', '.join(grasp.analysis.flattened)
+        return GraspCode.OK, f'{flat}: the section is flat under the object' if flat else ''
     message = (
         f'member {member} bears {used:.2f} of its wrinkling moment, {place:.3g} m from its start'
     )

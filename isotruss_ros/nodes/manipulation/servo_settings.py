@@ -76,9 +76,15 @@ SPECS = (
     Spec(
         'expected_load',
         0.0,
-        'With squeeze_force: size of the loads on the object that are expected; 0: none, and what '
-        'moves it by 5 mm for 2 s counts as a slip [N]',
+        'With squeeze_force: size of the loads on the object that are expected; 0: 2 N [N]',
         (0.0, 1000.0),
+    ),
+    Spec(
+        'zero_deviation',
+        SqueezeSettings(0.0).zeros,
+        "With squeeze_force: standard deviation of the rollers' zeros, where state_estimator does "
+        'not run; 0.001 after calibrate_home [m]',
+        (1e-6, 1.0),
     ),
     common.OBJECT_DIAMETER,
     common.GRIP_MODULE,
@@ -166,6 +172,7 @@ def _apply_squeeze(servo: TwistServo, values: Parameters) -> None:
         force_gain=values.force_gain,
         frequency=values.frequency or None,
         load=values.expected_load,
+        zeros=values.zero_deviation,
     )
     if servo.squeeze is None or servo.squeeze.fault is not None:
         servo.squeeze = SqueezeControl(settings)
@@ -212,6 +219,7 @@ class StatusReport:
             pose_gain=decision.pose_gain,
             squeeze=squeeze,
             squeeze_deviation=deviation,
+            pose_delay=decision.pose_delay,
         )
         self._publisher.publish(message)
         level = DiagnosticStatus.WARN if status < Status.HALT_NO_TWIST else DiagnosticStatus.ERROR

@@ -221,10 +221,14 @@ class GraspSequences(TrackedShape):
         yield from self._drive(trajectory, apart, PLACE.OPENING, PLACE.BACKING_OFF)
         self.stage = PLACE.CONFIRMING
         yield from self._confirm(False)
-        now: Pose = self.pose.value  # type: ignore[union-attr]
-        moved = float(np.hypot(now.x - pose.x, now.y - pose.y))
+        now = self.pose.value  # type: ignore[union-attr]
+        x, y, turned = pose_difference(now, pose).tolist()
+        moved = math.hypot(x, y)
+        way = f'{1e3 * moved:.3g} mm and {math.degrees(turned):+.2g}°'
         return PlaceObject.Result(
-            message=f'free, {1e3 * moved:.3g} mm from where it was held', displacement=moved
+            message=f'free, {way} from where it was held',
+            displacement=moved,
+            rotation=turned,
         )
 
     def move(self, goal: MoveObject.Goal) -> Steps:

@@ -168,6 +168,25 @@ def test_any_shape_at_any_depth_has_an_answer(seed, depth, flattening):
         assert len(analysis.contact_forces) >= 2
 
 
+@pytest.mark.parametrize('angle', [-3.0, -1.0, 0.0, 1.0])
+def test_contact_is_at_most_half_the_circumference_wide(angle):
+    held = pressed_into(HOME, MODULE, BOX, angle, 0.05)
+    analysis = analyze_grasp(HOME, held, pressure=15e3)
+    widest = np.pi * TUBE_RADIUS
+    assert analysis.flattened
+    for name, width in analysis.contact_widths.items():
+        assert width == pytest.approx(widest) if name in analysis.flattened else width < widest
+        # Pressure and area still bear the force.
+        force = analysis.contact_pressures[name] * analysis.contact_areas[name]
+        assert force == pytest.approx(analysis.contact_forces[name])
+        assert analysis.contact_areas[name] <= 1.001 * widest * analysis.contact_lengths[name]
+
+
+def test_no_section_is_flat_where_contact_is_narrow():
+    held = pressed_into(HOME, MODULE, BOX, 0.0, 0.02)
+    assert analyze_grasp(HOME, held, pressure=15e3).flattened == ()
+
+
 @pytest.mark.parametrize('seed', range(5))
 @pytest.mark.parametrize('kind', [Disc, Ellipse, Polygon])
 def test_tubes_face_the_object_from_the_side_on_which_they_are(kind, seed):

@@ -60,7 +60,7 @@ def test_a_direction_that_limits_bend_ends_the_reference():
     # The next one is from where the object is then.
     control.follow(ROBOT.home, GRIP, PERIOD)
     control.solve(twist, PERIOD, solve)
-    assert control.reference == pytest.approx(control.model.pose + control.model.load.bias)
+    assert control.reference == pytest.approx(control.belief.regulated_pose)
 
 
 def squeezing_servo(velocities=REST):

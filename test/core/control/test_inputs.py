@@ -13,6 +13,7 @@ from isotruss_ros.core.control.inputs import (
     RejectedInput,
     require_fresh,
     StampedInput,
+    steady_pressures,
 )
 from isotruss_ros.core.control.roller_parts import RollerParts
 import numpy as np
@@ -107,3 +108,10 @@ def test_readings_from_before_the_clock_was_set_back_are_dropped():
     parts.take(part((0, 1, 2), 10.0, (0.1, 0.1, 0.1)), 10.0, 10.0)
     parts.take(part((0, 1, 2), 5.0, (0.1, 0.1, 0.1)), 5.0, 5.0)
     assert parts.merged().time == 5.0
+
+
+@pytest.mark.parametrize('change', [-0.019, 0.019, -0.021, 0.021])
+def test_a_change_of_a_pressure_by_less_than_two_percent_is_noise(change):
+    kept = (25e3, 30e3, 35e3)
+    measured = (25e3, 30e3 * (1.0 + change), 35e3)
+    assert steady_pressures(kept, measured) is (kept if abs(change) < 0.02 else measured)

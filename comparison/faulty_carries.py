@@ -1,0 +1,358 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Objects carried in MuJoCo by a loop that halts, with several faults of a laboratory at once.
+
+`python -m comparison.faulty_carries` prints a line for each carry and the figures of all, in some
+ten minutes; with `--draws 60 --clean 10 --lost 20 --nothing 10` in an hour or two.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+import math
+import sys
+import time
+from typing import NamedTuple
+
+from comparison.carrying import RATE, rates, Regulated, squeeze_in
+from comparison.grips import hold_at_home, round_robot, soften
+from comparison.random_carries import BOX, DISC, draw_grip, FRICTION
+from isotruss_ros.calibration.home import move_home
+from isotruss_ros.core import Grip, place_between, Pose, Robot, Status
+from isotruss_ros.core.control.inputs import RollerState, StampedInput
+from isotruss_ros.core.control.squeeze_control import SqueezeSettings
+from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.planning.foresee_path import foresee_path
+from isotruss_ros.mujoco_plant.options import PlantOptions
+from isotruss_ros.mujoco_plant.plant import MujocoPlant
+import numpy as np
+
+#: Rest before the path [s], its legs, their time [s] and the largest one [m, rad], rest after it.
+REST, LEGS, LEG_TIME, REACH = 2.0, 2, 3.0, np.array([0.04, 0.04, 0.12])
+#: What a draw takes some of, at least `LEAST` ...
+FAULTS, LEAST = ('zeros', 'slip', 'stiffness', 'friction', 'poses', 'pull'), 3
+#: ... zeros of rollers [m], slip of the rollers [-], stiffness of the tubes, friction [-], ...
+ZEROS, SLIP, STIFFNESS, LESS_FRICTION = 0.01, 0.02, (0.6, 1.5), 0.7
+#: ... pulls as shares of the slip margin, those that lose an object, and how long they last [s].
+PULL, LOSING, PULL_TIME = 0.5, 4.0, 1.5
+#: Until here the loop waits for its first pose, and the object settles [s].
+BEGIN = 0.2
+#: An object is lost that fewer than two members press for so long [s].
+LOST_TIME = 0.2
+#: A contact uses all friction from this share on; an object is off from here on [m].
+ALL, OFF = 0.98, 0.005
+DRAWN, CLEAN, LOST, NOTHING = 'drawn', 'clean', 'lost', 'nothing'
+
+
+class Sensors(NamedTuple):
+    """How poses are measured."""
+
+    noise: tuple[float, float]  #: standard deviations [m, rad]
+    period: float  #: [s]
+    late: float  #: by which poses are older than they are stamped [s]
+
+
+GOOD = Sensors((2e-4, math.radians(0.1)), 0.02, 0.0)
+POOR = Sensors((1e-3, math.radians(0.5)), 0.05, 0.03)
+
+
+@dataclass(frozen=True)
+class Draw:
+    """What is wrong with a robot and its sensors."""
+
+    names: tuple[str, ...]
+    zeros: float | Array
+    slip: float = 0.0
+    stiffness: float = 1.0
+    friction: float = FRICTION
+    sensors: Sensors = GOOD
+    pull: float = 0.0  #: as a share of the slip margin
+
+    @classmethod
+    def of(cls, kind: str, rollers: int, rng: np.random.Generator) -> Draw:
+        """
+        Return what a seed draws.
+
+        :param kind: of the carry; only `DRAWN` has several faults.
+        :param rollers: number of them.
+        :param rng: by which it is drawn.
+        """
+        if kind != DRAWN:
+            return cls((), 0.0, pull=LOSING if kind == LOST else 0.0)
+        chosen = rng.permutation(len(FAULTS))[: rng.integers(LEAST, len(FAULTS) + 1)]
+        names = tuple(FAULTS[i] for i in sorted(chosen))
+        return cls(
+            names,
+            ZEROS * rng.normal(size=rollers) if 'zeros' in names else 0.0,
+            SLIP if 'slip' in names else 0.0,
+            rng.choice(STIFFNESS) if 'stiffness' in names else 1.0,
+            (LESS_FRICTION if 'friction' in names else 1.0) * FRICTION,
+            POOR if 'poses' in names else GOOD,
+            PULL if 'pull' in names else 0.0,
+        )
+
+
+@dataclass
+class Carry:
+    """What became of one object."""
+
+    kind: str
+    shape: str
+    seed: int
+    draw: Draw
+    halt: Status | None = None
+    message: str = ''
+    halted: float = math.inf  #: time of the halt [s]
+    lost: float = math.inf  #: time of the loss [s]
+    used: float = math.inf  #: time from which a contact used all friction [s]
+    way: float = 0.0  #: path until the halt [m]
+    off: float = 0.0  #: from where twists lead, at the halt or at the end [m]
+    squeeze: float = 0.0  #: true, at the end [N]
+    target: float = 0.0  #: [N]
+    believed: tuple[float, float] = (math.nan, math.inf)  #: squeeze and its deviation then [N]
+    cycle: float = 0.0  #: processor time of a cycle, median [s]
+    innovations: list[float] = field(default_factory=list)  #: squared and normalised
+
+    @property
+    def end(self) -> str:
+        """Return what happened, in words."""
+        if self.lost < math.inf:
+            late = self.halted - self.lost
+            return f'lost, told {late:+.2f} s' if late < math.inf else 'lost in silence'
+        if self.halt is None:
+            return 'arrived'
+        strict = self.halted < self.used and self.off < OFF
+        return 'halted, strictly false' if strict else 'halted, held'
+
+    def row(self) -> str:
+        """Return a line of a table."""
+        believed, deviation = self.believed
+        away = (believed - self.squeeze) / deviation
+        median = float(np.median(self.innovations)) if self.innovations else math.nan
+        return (
+            f'{self.kind} {self.shape} {self.seed}: {", ".join(self.draw.names) or "-"}: '
+            f'{self.end}; path {1e3 * self.way:.0f} mm, off {1e3 * self.off:.1f} mm; squeeze '
+            f'{self.squeeze:.1f} of {self.target:.1f} N, believed {believed:.1f} ± '
+            f'{deviation:.1f} ({away:+.1f}); innovation {median:.2f}; cycle '
+            f'{1e3 * self.cycle:.2f} ms'
+            + (f'; {self.halt.name}: {self.message}' if self.halt is not None else '')
+        )
+
+
+class Loop(Regulated):
+    """
+    The servo of `manipulation` with what is drawn.
+
+    :param plant: holds the object.
+    :param robot: as the loop has it.
+    :param grip: how it holds the object, by the model.
+    :param settings: of the squeeze.
+    :param draw: what is wrong.
+    :param rng: draws the noise.
+    """
+
+    def __init__(
+        self,
+        plant: MujocoPlant,
+        robot: Robot,
+        grip: Grip,
+        settings: SqueezeSettings,
+        draw: Draw,
+        rng: np.random.Generator,
+    ) -> None:
+        super().__init__(plant, robot, grip, settings)
+        self._draw, self.rng = draw, rng
+        self._waiting: deque[tuple[float, Pose]] = deque()
+        self._next, self._stamped = 0.0, -1.0
+        self.times: list[float] = []
+
+    def command(self, twist: Array, error: Array) -> Array:
+        """Return the velocities of the tubes, which slip at the rollers."""
+        servo, now, slip = self.servo, self.plant.time, self._draw.slip
+        servo.rollers = StampedInput(
+            RollerState(self.plant.travel / (1.0 - slip), self.plant.speeds / (1.0 - slip)), now
+        )
+        self._measure(now)
+        servo.twist = StampedInput(tuple(twist), now)
+        begin = time.process_time()
+        decision = servo.decide(now)
+        self.times.append(time.process_time() - begin)
+        self.decision, self.scale = decision, decision.command.scale
+        return (1.0 - slip) * decision.command.roller_velocities
+
+    def _measure(self, now: float) -> None:
+        """Measure the pose now and then; it comes late, stamped when it comes."""
+        (along, turned), period, late = self._draw.sensors
+        if now >= self._next - 1e-9:
+            self._next = now + period
+            noise = np.array([along, along, turned]) * self.rng.standard_normal(3)
+            self._waiting.append((now + late, self.place() + noise))
+        while self._waiting and self._waiting[0][0] <= now + 1e-9:
+            when, pose = self._waiting.popleft()
+            self.servo.pose = StampedInput(Pose(*pose.tolist()), when)
+
+    def place(self) -> Array:
+        """Return where the object is (3,)."""
+        return np.array(self.plant.object_pose())
+
+
+class _Nothing(Loop):
+    """A loop that is shown an object where it was, though it grips nothing."""
+
+    def __init__(self, *arguments: object) -> None:
+        super().__init__(*arguments)
+        self._lies = super().place()
+        self.plant.hold_object((5.0, 5.0, 0.0))
+
+    def place(self) -> Array:
+        """Return where the object lies."""
+        return self._lies
+
+
+def carry(kind: str, shape: str, seed: int) -> Carry:
+    """
+    Carry one object along a random path.
+
+    :param kind: drawn, clean, lost or nothing.
+    :param shape: of the object, see `DISC` and `BOX`.
+    :param seed: of everything that is drawn.
+    """
+    rng = np.random.default_rng([seed, (DISC, BOX).index(shape)])
+    robot = round_robot()
+    draw = Draw.of(kind, len(robot.roller_names), rng)
+    true = Robot(move_home(soften(robot, draw.stiffness), np.zeros(6) + draw.zeros))
+    while True:
+        grip, held = draw_grip(robot, shape, rng)
+        legs = rng.uniform(-1.0, 1.0, (LEGS, 3)) * REACH
+        poses = np.array(held.pose) + np.vstack([np.zeros(3), np.cumsum(legs, axis=0)])
+        if foresee_path(held, FRICTION, poses).why:
+            continue
+        plant, body = _hold(true, grip, draw)
+        if squeeze_in(plant):  # it may leave before there is a loop
+            break
+    settings, given = SqueezeSettings(held.squeeze), replace(grip, body=body)
+    make = _Nothing if kind == NOTHING else Loop
+    loop = make(plant, robot, given, settings, draw, rng)
+    found = Carry(kind, shape, seed, draw, target=held.squeeze)
+    _follow(loop, legs, held, found)
+    return found
+
+
+def _hold(true: Robot, grip: Grip, draw: Draw) -> tuple[MujocoPlant, object]:
+    """Return the plant that holds an object as deep as it was drawn, and the object."""
+    body, angle = grip.body, grip.body.pose.angle
+    body = place_between(true.home, grip.members, body.shape, angle, 0.01).body
+    body = replace(body, mass=0.5, friction=FRICTION)
+    return hold_at_home(true, body, grip.members, PlantOptions(friction=draw.friction)), body
+
+
+def _follow(loop: Loop, legs: Array, held: HeldGrip, found: Carry) -> None:
+    """Carry along the path, and take note of what happens."""
+    plant, draw = loop.plant, found.draw
+    direction = loop.rng.uniform(0.0, 2.0 * math.pi)
+    size = draw.pull * held.slip_margin(FRICTION)
+    pull = size * np.array([math.cos(direction), math.sin(direction), 0.0])
+    twists = [np.zeros((round(REST * RATE), 3))]
+    twists += [np.outer(rates(LEG_TIME), leg / LEG_TIME) for leg in legs]
+    twists += [np.zeros((round(REST * RATE), 3))]
+    goal, begin, alone = loop.place(), plant.time, 0
+    squeezes = []
+    for twist in np.vstack(twists):
+        now = plant.time - begin
+        pulled = REST + LEG_TIME <= now < REST + LEG_TIME + PULL_TIME
+        plant.pull(pull if pulled else np.zeros(3))
+        loop.step(twist if found.halt is None else np.zeros(3))
+        goal = goal + loop.scale * twist / RATE
+        off = float(np.hypot(*(goal - loop.place())[:2]))
+        status = loop.decision.command.status
+        if found.halt is None:
+            found.off, found.way = off, found.way + float(np.hypot(*twist[:2])) / RATE
+        if found.halt is None and now > BEGIN and status > Status.HALT_NO_TWIST:
+            found.halt, found.halted, found.message = status, now, loop.decision.message
+        forces = plant.contact_forces().values()
+        share = [abs(f.friction) / max(draw.friction * f.normal, 1e-9) for f in forces]
+        if now > BEGIN and max(share, default=1.0) > ALL:
+            found.used = min(found.used, now)
+        squeezes.append(squeeze_in(plant))
+        alone = alone + 1 if squeezes[-1] == 0.0 else 0
+        if alone == round(LOST_TIME * RATE):
+            found.lost = now - LOST_TIME
+        seen = getattr(getattr(loop.control, 'belief', None), 'innovation', None)
+        if seen is not None and (not found.innovations or found.innovations[-1] != seen):
+            found.innovations.append(seen)
+    found.squeeze = float(np.mean(squeezes[-round(0.5 * RATE) :]))
+    found.believed = loop.decision.squeeze or (math.nan, math.inf)
+    found.cycle = float(np.median(loop.times[round(REST * RATE) : -round(REST * RATE)]))
+
+
+def summarise(carries: Sequence[Carry]) -> list[str]:
+    """
+    Return the figures of all carries in words.
+
+    :param carries: what became of each.
+    """
+    lines = []
+    drawn = [one for one in carries if one.kind == DRAWN]
+    held = [one for one in drawn if one.lost == math.inf]
+    if drawn:
+        strict = sum(one.end == 'halted, strictly false' for one in held)
+        halted = sum(one.halt is not None for one in held)
+        lines.append(
+            f'drawn: {len(drawn)}, held {len(held)}, of these halted {halted}, strictly false '
+            f'{strict}'
+        )
+        sure = [one for one in held if one.believed[1] < math.inf]
+        inside = sum(abs(one.believed[0] - one.squeeze) <= 2.0 * one.believed[1] for one in sure)
+        lines.append(f'squeeze within two stated deviations: {inside} of {len(sure)} held')
+    lost = [one for one in carries if one.kind != NOTHING and one.lost < math.inf]
+    late = [one.halted - one.lost for one in lost]
+    if late:
+        told = sum(each <= 0.2 for each in late)
+        lines.append(f'lost: {len(late)}, told within 0.2 s {told}, never {late.count(math.inf)}')
+    ways = [one.way for one in carries if one.kind == NOTHING]
+    if ways:
+        lines.append(f'nothing gripped: told after {1e3 * max(ways):.0f} mm at most')
+    for one in carries:
+        if one.kind == CLEAN:
+            share = 100.0 * (one.squeeze / one.target - 1.0)
+            lines.append(f'clean {one.seed}: {1e3 * one.off:.1f} mm off, squeeze {share:+.1f} %')
+    medians = [float(np.median(one.innovations)) for one in carries if one.innovations]
+    if medians:
+        lines.append(f'median squared innovation: {min(medians):.2f} to {max(medians):.2f}')
+    lines.append(f'cycle: {1e3 * np.median([one.cycle for one in carries]):.2f} ms')
+    return lines
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """
+    Print what becomes of random objects.
+
+    :param arguments: of the command line; those of the process if None.
+    :return: 0.
+    """
+    parser = argparse.ArgumentParser(
+        prog='python -m comparison.faulty_carries', description=__doc__
+    )
+    counts = {DRAWN: 12, CLEAN: 2, LOST: 4, NOTHING: 2}
+    for kind, count in counts.items():
+        parser.add_argument(f'--{kind}', type=int, default=count, help=f'carries; default {count}')
+    parser.add_argument('--first', type=int, default=0, help='first seed; default 0')
+    options = parser.parse_args(arguments)
+    found = []
+    for kind in counts:
+        for k in range(getattr(options, kind)):
+            shape = (DISC, BOX)[k % 2]
+            found.append(carry(kind, shape, options.first + k // 2))
+            print(found[-1].row(), flush=True)
+    print('\n'.join(summarise(found)))
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

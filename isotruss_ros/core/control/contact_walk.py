@@ -1,0 +1,81 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Test of how far measured poses moved contacts and pose of a belief in the last seconds."""
+
+from __future__ import annotations
+
+from collections import deque
+import math
+from typing import NamedTuple
+
+from isotruss_ros.core.numerics.arrays import Array
+import numpy as np
+
+#: Corrections are summed over each of these times [s].
+SPANS = (0.2, 0.6, 1.5, 3.0)
+#: A sum of so many standard deviations is longer than its noise, and so is a jump of that length
+#: [m] at once.
+SURE, JUMP_LENGTH = 5.0, 0.02
+#: Shorter sums are no slip, however little noise there is [m].
+LEAST_WALK = 0.008
+
+
+class _Sum(NamedTuple):
+    """Corrections before one, and what they may be."""
+
+    time: float  #: [s]
+    moved: Array  #: (3,) sum of corrections of the pose before this one [m]
+    walked: Array  #: (3, 3) covariance of the walk until then [m^2]
+    unsure: Array  #: (3, 3) covariance of contacts and pose then [m^2]
+
+
+class ContactWalk:
+    """
+    Sums of corrections, against what their own walk, the noise of poses and the load allow.
+
+    :ivar length: of the corrections in the last seconds, turns times the arm [m].
+    :ivar deviations: the largest sum in its standard deviations [-].
+    """
+
+    def __init__(self) -> None:
+        self.length = self.deviations = 0.0
+        self._moved, self._walked = np.zeros(3), np.zeros((3, 3))
+        self._sums: deque[_Sum] = deque()
+
+    @property
+    def slipped(self) -> bool:
+        """Return whether the walk is surely longer than its noise."""
+        return self.deviations > SURE
+
+    def spread(self, more: Array) -> None:
+        """
+        Add process noise.
+
+        :param more: (3, 3) covariance of the walk [m^2].
+        """
+        self._walked = self._walked + more
+
+    def add(self, time: float, moved: Array, unsure: Array, noise: Array) -> None:
+        """
+        Take a correction in.
+
+        :param time: [s].
+        :param moved: (3,) by which it moved contacts and pose [m].
+        :param unsure: (3, 3) covariance of these before it [m^2].
+        :param noise: (3, 3) covariance of pose and load [m^2].
+        """
+        self._sums.append(_Sum(time, self._moved, self._walked, unsure))
+        self._moved = self._moved + moved
+        while time - self._sums[0].time > SPANS[-1]:
+            self._sums.popleft()
+        self.deviations = self.length = 0.0
+        for span in SPANS:
+            first = next(each for each in self._sums if time - each.time <= span)
+            sum_ = self._moved - first.moved
+            allowed = first.unsure + self._walked - first.walked + noise
+            length = math.hypot(*sum_)
+            size = math.sqrt(sum_ @ np.linalg.solve(allowed, sum_))
+            self.length = max(self.length, length)
+            if length > LEAST_WALK:
+                self.deviations = max(self.deviations, size)
