@@ -27,6 +27,9 @@ class Polygon(Shape):
     """
     A convex polygon; its corners may be rounded off within it, by arcs tangent to both sides.
 
+    A polygon with corners on a circle is no disc: slip margins differ by 25 % in the median with
+    24 corners, by 6 % with 96 and by 1 % with 1000. Use `Disc` or `Ellipse` for smooth outlines.
+
     :ivar vertices: (x, y) of three or more vertices in the object's frame, around the polygon
         either way; kept counter-clockwise, without a last one that repeats the first [m].
     :ivar corner_radius: of the arcs, one for all corners or one for each vertex as given [m]; 0:
