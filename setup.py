@@ -2,19 +2,28 @@
 # SPDX-License-Identifier: Apache-2.0
 
 from glob import glob
+import runpy
+import sys
 
 from setuptools import find_packages, setup
 
 package_name = 'isotruss_ros'
+
+scripts = {'isotruss': f'{package_name}.executables:isotruss'}
+# colcon and Debian's build run these commands, and setup.cfg puts what `ros2 run` starts into
+# lib/isotruss_ros. pip runs neither: its scripts are on PATH, where `view` would hide vim's.
+if {'install', 'develop'} & set(sys.argv):
+    tables = runpy.run_path(f'{package_name}/executables.py')
+    scripts |= {name: f'{package_name}.executables:{name}' for name in tables['NODES']}
+    scripts |= {name: function for name, (_, function) in tables['PROGRAMS'].items()}
 
 setup(
     name=package_name,
     version='0.1.0',
     description='Kinematics and manipulation control of isoperimetric truss robots.',
     author='isotruss_ros maintainers',
-    author_email='maintainers@example.org',
     maintainer='isotruss_ros maintainers',
-    maintainer_email='maintainers@example.org',
+    maintainer_email='user@todo.todo',
     license='Apache-2.0',
     python_requires='>=3.10',
     # The presets live at the top, where ROS users look for them; by a link they are data of a
@@ -62,29 +71,6 @@ setup(
     },
     zip_safe=False,
     entry_points={
-        'console_scripts': [
-            'simulator = isotruss_ros.executables:simulator',
-            'manipulation = isotruss_ros.executables:manipulation',
-            'grasp_analysis = isotruss_ros.executables:grasp_analysis',
-            'path_follower = isotruss_ros.executables:path_follower',
-            'grasp_planner = isotruss_ros.executables:grasp_planner',
-            'pick_and_place = isotruss_ros.executables:pick_and_place',
-            'viewer = isotruss_ros.executables:viewer',
-            'record = isotruss_ros.executables:record',
-            'pluck = isotruss_ros.executables:pluck',
-            'calibration = isotruss_ros.executables:calibration',
-            'check_rollers = isotruss_ros.executables:check_rollers',
-            'preflight = isotruss_ros.executables:preflight',
-            'state_estimator = isotruss_ros.executables:state_estimator',
-            'view = isotruss_ros.demo.view:main',
-            'replay = isotruss_ros.cli.replay:main',
-            'demo = isotruss_ros.demo.__main__:main',
-            'plan_grasps = isotruss_ros.cli.plan_grasps:main',
-            'fit_tube_stiffness = isotruss_ros.cli.fit_tube_stiffness:main',
-            'calibrate_home = isotruss_ros.cli.calibrate:home',
-            'calibrate_stiffness = isotruss_ros.cli.calibrate:stiffness',
-            'isotruss = isotruss_ros.cli.operate:main',
-            'export_mujoco = isotruss_ros.cli.export_mujoco:main',
-        ],
+        'console_scripts': [f'{name} = {function}' for name, function in scripts.items()],
     },
 )

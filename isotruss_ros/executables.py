@@ -2,14 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The nodes as executables: `ros2 run isotruss_ros NODE`, `python -m isotruss_ros.executables NODE`.
+The executables: `isotruss NAME`, `ros2 run isotruss_ros NAME`.
 
+setup.py runs this module for its tables, before anything is installed: it imports nothing else.
 Importing a node takes about a second. A signal that comes meanwhile ends the process at once: no
 roller turns yet, and there is nothing to print.
 """
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Callable
 from functools import partial
 import importlib
@@ -18,8 +20,6 @@ import os
 import signal
 import sys
 from types import FrameType
-
-from isotruss_ros.nodes import NO_MESSAGES
 
 NODES = (
     'simulator',
@@ -36,6 +36,28 @@ NODES = (
     'check_rollers',
     'preflight',
 )
+#: Programs beside the nodes: what each is for, and its function.
+PROGRAMS = {
+    'demo': ('plan a grasp, grip an object, carry and hold it', 'isotruss_ros.demo.__main__:main'),
+    'view': ('drag a simulated robot in the browser', 'isotruss_ros.demo.view:main'),
+    'replay': ('show a recording in the browser', 'isotruss_ros.cli.replay:main'),
+    'plan_grasps': ('search grasps of an object', 'isotruss_ros.cli.plan_grasps:main'),
+    'fit_tube_stiffness': (
+        'fit the stiffness of a tube to measured points',
+        'isotruss_ros.cli.fit_tube_stiffness:main',
+    ),
+    'calibrate_home': (
+        'fit the roller offsets to measured joints',
+        'isotruss_ros.cli.calibrate:home',
+    ),
+    'calibrate_stiffness': (
+        'fit the tube stiffness to joints under a known force',
+        'isotruss_ros.cli.calibrate:stiffness',
+    ),
+    'export_mujoco': ('write a robot as a MuJoCo model', 'isotruss_ros.cli.export_mujoco:main'),
+}
+#: Goals and calls of the running nodes.
+REQUESTS = ('pick', 'move', 'place', 'stop', 'release')
 
 
 def _leave(_signal: int, _frame: FrameType | None) -> None:
@@ -51,8 +73,7 @@ def run_node(name: str) -> int:
     """
     for which in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(which, _leave)
-    if importlib.util.find_spec('isotruss_msgs') is None:
-        print(NO_MESSAGES, file=sys.stderr)
+    if _messages_missing():
         return 1
     runner = importlib.import_module('isotruss_ros.nodes.framework.runner')
     return runner.run(runner.find_node(name))
@@ -65,6 +86,51 @@ def __getattr__(name: str) -> Callable[[], int]:
     raise AttributeError(name)
 
 
+def _messages_missing() -> bool:
+    missing = importlib.util.find_spec('isotruss_msgs') is None
+    if missing:
+        print(importlib.import_module('isotruss_ros.nodes').NO_MESSAGES, file=sys.stderr)
+    return missing
+
+
+def isotruss() -> int:
+    """
+    Run the executable that the first argument of the process names, with the arguments after it.
+
+    :return: exit code of the process.
+    """
+    name = sys.argv[1] if len(sys.argv) > 1 else ''
+    if name in REQUESTS:
+        if _messages_missing():
+            return 1
+        return importlib.import_module('isotruss_ros.cli.operate').main()
+    if name not in NODES and name not in PROGRAMS:
+        _explain()
+    del sys.argv[1]
+    if name in NODES:
+        return run_node(name)
+    module, function = PROGRAMS[name][1].split(':')
+    return getattr(importlib.import_module(module), function)()
+
+
+def _explain() -> None:
+    """Print the help, or refuse the first argument."""
+    lines = [f'  {name:<20} {words}' for name, (words, _) in PROGRAMS.items()]
+    lines.append(f'requests to the running nodes: {", ".join(REQUESTS)}')
+    lines.append(f'nodes: {", ".join(NODES)}')
+    parser = argparse.ArgumentParser(
+        prog='isotruss',
+        usage='%(prog)s [-h] COMMAND ...',
+        description='Isoperimetric truss robots: commands and nodes.',
+        epilog='\n'.join(['programs:', *lines]),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    choices = [*REQUESTS, *PROGRAMS, *NODES]
+    parser.add_argument(
+        'command', choices=choices, metavar='COMMAND', help='-h after it: its help'
+    )
+    parser.parse_args(sys.argv[1:2])
+
+
 if __name__ == '__main__':
-    node = sys.argv.pop(1)
-    sys.exit(run_node(node))
+    sys.exit(isotruss())

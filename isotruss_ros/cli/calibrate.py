@@ -56,7 +56,7 @@ _FILE = f'CSV file with the columns {",".join(COLUMNS)} and one for each roller 
 
 
 def _parser(name: str, description: str) -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog=name, description=description)
+    parser = argparse.ArgumentParser(prog=f'isotruss {name}', description=description)
     parser.add_argument('--robot', default='nine_member', help='preset or robot file')
     parser.add_argument('--output', type=Path, help='robot file to be written')
     parser.add_argument(

@@ -49,7 +49,7 @@ def _place(file: str, *pose: str) -> ConvexObject:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog='export_mujoco',
+        prog='isotruss export_mujoco',
         description='Write a robot at home as a MuJoCo model (MJCF).',
         epilog='exit codes: 0 written, 2 bad arguments',
     )

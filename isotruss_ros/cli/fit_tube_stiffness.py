@@ -94,7 +94,7 @@ def _finish(analysis: Analysis, path: Path | None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog='fit_tube_stiffness', description=__doc__)
+    parser = argparse.ArgumentParser(prog='isotruss fit_tube_stiffness', description=__doc__)
     parser.add_argument(
         'points',
         type=Path,

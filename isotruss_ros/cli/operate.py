@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Executable `isotruss`: pick, move and place the object from a terminal, and stop the robot.
+Commands `isotruss pick`, `move`, `place`, `stop` and `release`.
 
 One goal for the running node `pick_and_place`, or a call of `manipulation`; where there is no
 `ros2` command, or none that one wants to type.

@@ -128,7 +128,7 @@ def _tell(plan: GraspPlan, needs: GraspRequirements) -> None:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog='plan_grasps',
+        prog='isotruss plan_grasps',
         description='Find grasps of an object that lies free inside a loop of the robot.',
         epilog='exit codes: 0 found, 1 none found, 2 bad arguments, 3 the search failed',
     )

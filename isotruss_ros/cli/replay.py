@@ -101,7 +101,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     :param arguments: of the command line; those of the process if None.
     :return: 0 after Ctrl-C or with the page, 1 where the recording cannot be shown.
     """
-    parser = argparse.ArgumentParser(prog='replay', description=__doc__)
+    parser = argparse.ArgumentParser(prog='isotruss replay', description=__doc__)
     parser.add_argument('file', type=Path, help='MCAP file of the node record')
     parser.add_argument('--robot', default='nine_member', help='preset, or path of a robot file')
     parser.add_argument('--diameter', type=float, default=0.3, help='of the object [m]')

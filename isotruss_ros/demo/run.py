@@ -72,7 +72,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
     :param arguments: of the command line; those of the process if None.
     :return: 0 where the object was held and came to its places, else 1.
     """
-    parser = argparse.ArgumentParser(prog='demo', description=__doc__)
+    parser = argparse.ArgumentParser(prog='isotruss demo', description=__doc__)
     parser.add_argument(
         '--output', type=Path, default=Path('demo_output'), help='folder for pictures and logs'
     )

@@ -36,7 +36,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     :param arguments: of the command line; those of the process if None.
     :return: 0 after Ctrl-C, 1 where a node ended.
     """
-    parser = argparse.ArgumentParser(prog='view', description=__doc__)
+    parser = argparse.ArgumentParser(prog='isotruss view', description=__doc__)
     parser.add_argument('--plant', choices=PLANTS, default=ELASTIC, help='of the simulator')
     parser.add_argument('--port', type=int, default=8080, help='of the viewer')
     parser.add_argument('--object', type=Path, help='YAML file of one that is no disc')

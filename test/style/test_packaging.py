@@ -7,6 +7,7 @@ import ast
 import importlib
 from pathlib import Path
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -42,12 +43,13 @@ ONLY_FROM_PYPI = {
     'daqp',
     'distributed',
     'mcap',
+    'msgspec',
     'mujoco',
     'openseespylinux',
     'playwright',
     'qpsolvers',
 }
-ONLY_FROM_PYPI |= {'quadprog', 'rosbags', 'vermin', 'viser'}
+ONLY_FROM_PYPI |= {'quadprog', 'rosbags', 'vermin', 'viser', 'websockets', 'zstandard'}
 # Distribution name to import name, where they differ.
 IMPORT_NAMES = {'pillow': 'PIL', 'pyyaml': 'yaml', 'ruamel.yaml': 'ruamel'}
 
@@ -57,15 +59,20 @@ def manifest():
     return ElementTree.parse(ROOT / 'package.xml').getroot()
 
 
-@pytest.fixture(scope='module')
-def setup_arguments():
-    """Return what setup.py hands to setuptools, without letting it build anything."""
+def read_setup(command):
+    """Return the arguments of setuptools.setup for a command; nothing is built."""
     arguments = {}
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(ROOT)
+        patch.setattr(sys, 'argv', ['setup.py', command])
         patch.setattr(setuptools, 'setup', arguments.update)
         exec(compile((ROOT / 'setup.py').read_text(), 'setup.py', 'exec'), {})
     return arguments
+
+
+@pytest.fixture(scope='module')
+def setup_arguments():
+    return read_setup('bdist_wheel')
 
 
 @pytest.fixture(scope='module')
@@ -115,39 +122,90 @@ def test_descriptions_agree(manifest, setup_arguments):
 
 def test_both_packages_have_what_a_release_needs(manifest):
     messages = ElementTree.parse(ROOT / 'msg_defs' / 'package.xml').getroot()
-    urls = [
-        [(url.get('type'), url.text) for url in each.findall('url')]
-        for each in (manifest, messages)
-    ]
-    assert urls[0] == urls[1]
-    assert [kind for kind, _ in urls[0]] == ['website', 'repository', 'bugtracker']
+    assert messages.find('maintainer').attrib == manifest.find('maintainer').attrib
+    for text in ('package.xml', 'msg_defs/package.xml', 'setup.py'):
+        assert 'example.org' not in (ROOT / text).read_text()
     assert (ROOT / 'msg_defs' / 'LICENSE').read_bytes() == (ROOT / 'LICENSE').read_bytes()
     for folder in (ROOT, ROOT / 'msg_defs'):
         changes = (folder / 'CHANGELOG.rst').read_text()
         assert f'\n{manifest.findtext("version")} (' in changes
 
 
-def test_entry_points_are_mains(setup_arguments):
-    nodes = []
-    for line in setup_arguments['entry_points']['console_scripts']:
+def test_pip_puts_one_command_on_path(setup_arguments):
+    scripts = setup_arguments['entry_points']['console_scripts']
+    assert scripts == ['isotruss = isotruss_ros.executables:isotruss']
+
+
+def copy_sources(folder):
+    left_out = shutil.ignore_patterns('.*', 'build', '*.egg-info', 'paper', 'docs', 'test')
+    return shutil.copytree(ROOT, folder / 'source', ignore=left_out)
+
+
+def test_a_wheel_has_one_command(tmp_path):
+    build = 'from setuptools.build_meta import __legacy__ as b; b.prepare_metadata_for_build_wheel'
+    source = copy_sources(tmp_path)
+    subprocess.run(
+        [sys.executable, '-c', f'{build}("..")'], cwd=source, check=True, capture_output=True
+    )
+    (found,) = tmp_path.glob('*.dist-info/entry_points.txt')
+    kind, *scripts = found.read_text().split('\n')
+    assert kind == '[console_scripts]'
+    assert ''.join(scripts) == 'isotruss = isotruss_ros.executables:isotruss'
+
+
+@pytest.mark.parametrize('command', ['install', 'develop'])
+def test_colcon_installs_every_executable(command):
+    scripts = read_setup(command)['entry_points']['console_scripts']
+    names = [line.partition(' = ')[0] for line in scripts]
+    assert names == ['isotruss', *executables.NODES, *executables.PROGRAMS]
+    for line in scripts:
         module, function = re.fullmatch(r'\w+ = ([\w.]+):(\w+)', line).groups()
-        entry = getattr(importlib.import_module(module), function, None)
-        assert callable(entry), f'{line}: {module} has no {function}()'
-        nodes += [function] if module == executables.__name__ else []
-    assert sorted(nodes) == sorted(executables.NODES)
-    for name in nodes:
+        assert callable(getattr(importlib.import_module(module), function, None)), line
+    for name in executables.NODES:
         assert callable(find_node(name))
 
 
-def test_every_executable_prints_help_and_does_nothing_else(setup_arguments, monkeypatch, capsys):
+def test_ros2_run_finds_the_executables_that_setup_installs(tmp_path):
+    """By the command line of colcon."""
+    source = copy_sources(tmp_path)
+    (tmp_path / 'build').mkdir()
+    line = (
+        'egg_info --egg-base ../build build --build-base ../build/build install '
+        '--prefix ../prefix --record ../build/install.log --single-version-externally-managed'
+    )
+    subprocess.run(
+        [sys.executable, 'setup.py', *line.split()], cwd=source, check=True, capture_output=True
+    )
+    installed = {path.name for path in (tmp_path / 'prefix' / 'lib' / 'isotruss_ros').iterdir()}
+    assert installed == {'isotruss', *executables.NODES, *executables.PROGRAMS}
+
+
+def test_help_lists_every_subcommand(monkeypatch, capsys):
+    monkeypatch.setattr(sys, 'argv', ['isotruss', '--help'])
+    with pytest.raises(SystemExit) as ended:
+        executables.isotruss()
+    assert ended.value.code == 0
+    words = set(re.findall(r'\w+', capsys.readouterr().out))
+    assert words >= {*executables.REQUESTS, *executables.PROGRAMS, *executables.NODES}
+
+
+@pytest.mark.parametrize('arguments', [[], ['demos']])
+def test_command_line_without_a_known_subcommand_is_refused(arguments, monkeypatch, capsys):
+    monkeypatch.setattr(sys, 'argv', ['isotruss', *arguments])
+    with pytest.raises(SystemExit) as ended:
+        executables.isotruss()
+    assert ended.value.code == 2
+    assert 'COMMAND' in capsys.readouterr().err
+
+
+def test_every_subcommand_prints_help_and_does_nothing_else(monkeypatch, capsys):
     before = {which: signal.getsignal(which) for which in (signal.SIGINT, signal.SIGTERM)}
-    for line in setup_arguments['entry_points']['console_scripts']:
-        name, module, function = re.fullmatch(r'(\w+) = ([\w.]+):(\w+)', line).groups()
-        monkeypatch.setattr(sys, 'argv', [name, '--help'])
+    for name in (*executables.REQUESTS, *executables.PROGRAMS, *executables.NODES):
+        monkeypatch.setattr(sys, 'argv', ['isotruss', name, '--help'])
         with pytest.raises(SystemExit) as ended:
-            getattr(importlib.import_module(module), function)()
+            executables.isotruss()
         assert ended.value.code == 0, name
-        assert f'usage: {name} ' in capsys.readouterr().out, name
+        assert f'usage: isotruss {name} ' in capsys.readouterr().out, name
     for which, handler in before.items():
         signal.signal(which, handler)
 
@@ -169,7 +227,8 @@ def test_what_pip_installs_rosdep_installs_too(manifest, setup_arguments):
     extras = setup_arguments['extras_require']
     wanted = {*setup_arguments['install_requires'], *extras['demo'], *extras['test']}
     for requirement in wanted - ONLY_FROM_PYPI:
-        name = IMPORT_NAMES.get(requirement.lower(), requirement.replace('-', '_'))
+        bare = requirement.split('!')[0]
+        name = IMPORT_NAMES.get(bare.lower(), bare.replace('-', '_'))
         assert ROSDEP_KEYS.get(name, name) in declared, f'{requirement} is not in package.xml'
 
 
@@ -185,7 +244,7 @@ def test_requirements_cover_setup(pins, setup_arguments):
     wanted = list(setup_arguments['install_requires'])
     for extra in setup_arguments['extras_require'].values():
         wanted += extra
-    assert {re.split('[<>=]', name)[0].lower() for name in wanted} <= pinned
+    assert {re.split('[<>=!]', name)[0].lower() for name in wanted} <= pinned
 
 
 def test_sources_need_no_newer_python_than_setup_says(setup_arguments):

@@ -162,9 +162,11 @@ def _load_tubes(structure: Structure, tube_loads: Mapping[str, ArrayLike]) -> tu
 
 def _bend(frame: Frame, loads: Array) -> FrameState:
     """Return the bent frame in equilibrium with loads."""
-    linear = frame.solve(loads)
-    found = frame.bend(loads) if np.isfinite(linear.displacements).all() else None
-    if found is not None:
+    with np.errstate(over='ignore', invalid='ignore'):
+        found = frame.bend(loads)
+    if found is None:
+        frame.solve(loads)  # refuses what is beyond all numbers
+    else:
         turned = np.abs(np.angle(found.axis / frame.axis)).max()
         if turned < MAX_TURN and frame.is_stable(found):
             return frame.state(found, loads)

@@ -182,14 +182,23 @@ class Frame:
 
         :raises StructureError: the frame is a mechanism; names the nodes that move.
         """
-        return self.tangent(np.zeros((len(self.points), 3)), np.zeros(self.rows.count), True)
+        return self.tangent(
+            np.zeros((len(self.points), 3)), np.zeros(self.rows.count), checked=True
+        )
 
-    def tangent(self, displacements: Array, multipliers: Array, checked: bool = False) -> Tangent:
+    def tangent(
+        self,
+        displacements: Array,
+        multipliers: Array,
+        pull: Array | None = None,
+        checked: bool = False,
+    ) -> Tangent:
         """
         Linearise the frame about displacements.
 
         :param displacements: (n, 3) ux, uy [m], theta [rad].
         :param multipliers: (c,) of the constraints.
+        :param pull: (k,) axial forces N, see `BeamColumns.evaluate`; those there if None [N].
         :param checked: whether to look for a mechanism.
         :raises StructureError: the frame is a mechanism there.
         """
@@ -201,7 +210,7 @@ class Frame:
         axis = self.axis * span / length
         # Of the two lengths, without the rounding of their difference.
         longer = (2.0 * self.length * apart.real + np.abs(apart) ** 2) / (length + self.length)
-        forces = self._columns.evaluate(longer, ends[:, 2::3] - np.angle(span)[:, None])
+        forces = self._columns.evaluate(longer, ends[:, 2::3] - np.angle(span)[:, None], pull)
         local = chord_stiffness(length, forces)
         turn = directions(axis)
         matrices = turn.transpose(0, 2, 1) @ local @ turn
@@ -343,11 +352,22 @@ class Frame:
             # What ends elsewhere than the linear response tends to is another branch.
             elif not np.abs(displacements - origin)[:, :2].max() <= growth * reach:
                 return None
+            pull = self._pull_after(tangent, step[:, 0])
             with np.errstate(over='ignore', invalid='ignore', divide='ignore'):
-                tangent = self.tangent(displacements, tangent.multipliers + multipliers[:, 0])
+                tangent = self.tangent(
+                    displacements, tangent.multipliers + multipliers[:, 0], pull
+                )
             if size <= STEP_TOLERANCE:
                 return tangent
         return None
+
+    def _pull_after(self, tangent: Tangent, step: Array) -> Array:
+        """Return the axial forces (k,) of the members after a step (3 n,) of the nodes [N]."""
+        turn, length = directions(tangent.axis), tangent.length
+        ends = (turn @ step[self._pattern.places][:, :, None])[..., 0]
+        turned = (ends[:, 4] - ends[:, 1]) / length
+        moved = np.stack([ends[:, 3] - ends[:, 0], ends[:, 2] - turned, ends[:, 5] - turned], 1)
+        return tangent.forces.pull + (tangent.forces.stiffness[:, 0] * moved).sum(axis=1)
 
     def is_stable(self, tangent: Tangent) -> bool:
         """

@@ -32,7 +32,7 @@ def refuse_arguments(kind: Any, arguments: Sequence[str]) -> None:
         elif not of_ros:
             own.append(argument)
     parser = argparse.ArgumentParser(
-        prog=kind.node_name,
+        prog=f'isotruss {kind.node_name}',
         usage='%(prog)s [-h] [--ros-args -p PARAMETER:=VALUE ...]',
         description=inspect.getdoc(inspect.getmodule(kind)),
         epilog='\n'.join(['parameters:', *map(_describe, (*kind.base_specs, *kind.specs))]),

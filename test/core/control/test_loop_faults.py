@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Late loops, stale estimates and corrected zeros, as the loop deals with them."""
+"""Late loops and corrected zeros, as the loop deals with them."""
 
 from types import SimpleNamespace
 
@@ -17,7 +17,6 @@ from isotruss_ros.core import (
     TwistServo,
 )
 from isotruss_ros.core.control.inputs import RollerState, StampedInput
-from isotruss_ros.core.control.state_estimate import EstimatedTravel
 from isotruss_ros.core.manipulation.status import RollerCommand
 import numpy as np
 import pytest
@@ -36,19 +35,18 @@ class NotedSqueeze:
     fault = frequency = squeeze = None
     grasp = 'held'
     gains = SimpleNamespace(pose=1.0)
-    model = SimpleNamespace(grip=GRIP)
+    belief = SimpleNamespace(grip=GRIP, delay=0.0)
 
     def __init__(self):
-        self.estimates, self.elapsed = [], []
+        self.elapsed = []
 
     def take_pressures(self, _pressures):
         """Forget them."""
 
-    def take_estimate(self, estimate, _offsets):
-        """Note the estimate."""
-        self.estimates.append(estimate)
+    def take_offsets(self, _offsets, _covariance):
+        """Forget them."""
 
-    def follow(self, _config, _grip, elapsed):
+    def follow(self, _config, _grip, elapsed, _sample):
         """Note the time since the cycle before."""
         self.elapsed.append(elapsed)
         return HoldStatus.HELD
@@ -79,14 +77,6 @@ def feed(made, now):
     made.twist = StampedInput((0.0, 0.01, 0.0), now)
     made.rollers = StampedInput(RollerState(HOME, HOME), now)
     made.pose = StampedInput(Pose(*CENTER, 0.0), now)
-
-
-@pytest.mark.parametrize(('age', 'used'), [(0.19, True), (0.21, False), (100.0, False)])
-def test_an_estimate_regulates_the_squeeze_while_it_is_fresh(age, used):
-    estimate = EstimatedTravel(HOME, 30.0, 1.0)
-    made = servo(squeeze=NotedSqueeze(), estimate=StampedInput(estimate, NOW - age))
-    assert made.decide(NOW).command.status < Status.HALT_NO_TWIST
-    assert made.squeeze.estimates == [estimate if used else None]
 
 
 def test_a_late_loop_counts_no_more_than_the_timeout_as_one_cycle():

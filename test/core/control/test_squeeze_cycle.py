@@ -252,7 +252,7 @@ def moved_part(left):
     held = Grip.at_module(CONFIG.robot, 'north/Z', MODEL.body, friction)
     assert control.follow(CONFIG, held, 0.0) is HoldStatus.HELD
     travel = 0.02 * solve_at_rest(np.array(twist), 0.0).roller_velocities
-    control.model.usage.learn(control.grasp, -10.0, travel)
+    control.belief.usage.learn(control.grasp, -10.0, travel)
     return control.solve(np.array(twist), 0.02, solve_at_rest).scale
 
 
