@@ -59,9 +59,10 @@ def solve_sliding_contact(
     first = undeformed if normals is None else normals
     active = None if forces is None else forces > 0.0
     found = _iterate(contact_points, surface, active, first, 0)
-    if found is None:
-        # Full steps may cycle between a few sets of points.
-        found = _iterate(contact_points, surface, None, undeformed, DAMPED_STEPS)
+    if found is not None:
+        return found
+    # Full steps may cycle between a few sets of points.
+    found = _iterate(contact_points, surface, None, undeformed, DAMPED_STEPS)
     # Skin beyond the far side of a small object touches nothing: that is no answer here.
     if found is None or not found.forces.any():
         raise SolverError(
