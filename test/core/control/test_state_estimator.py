@@ -211,17 +211,12 @@ def test_the_error_of_the_modelled_pose_turns_the_object_by_its_arm():
     assert more == pytest.approx(expected, rel=1e-6, abs=1e-12)
 
 
-def test_the_error_of_the_modelled_pose_counts_as_noise_of_the_tracker():
-    size, found = 2e-3, []
-    for error, noise in ((size, 0.0), (0.0, size)):
-        drawn = with_pose_error(error)
-        drawn.move()
-        deviations = np.hypot(POSE, noise / np.array([1.0, 1.0, drawn.grip.arm]))
-        off = Pose(*np.add(drawn.grip.pose, (1e-3, -1e-3, 0.01)))
-        assert drawn.estimator.take_pose(drawn.time, off, deviations)
-        drawn.estimator.settings = EXACT
-        found.append(drawn.estimator.estimate().pose)
-    assert found[0] == pytest.approx(found[1], abs=1e-9)
+def test_noise_of_the_angle_turns_the_object_by_its_arm():
+    drawn = DrawnRobot(3, held=True)
+    drawn.move()
+    noise = np.array([1e-4, 1e-4, 0.05])
+    drawn.estimator.take_pose(drawn.time, Pose(*drawn.grip.pose), noise)
+    assert drawn.estimator.belief.noise.deviation == pytest.approx(0.05 * drawn.grip.arm, rel=1e-6)
 
 
 def _told_late(order):
