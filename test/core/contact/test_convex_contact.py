@@ -23,6 +23,7 @@ from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
+from random_grips import scaled
 import robots
 from shapes import dense_outline, random_shape, random_shape_of, regular_polygon, surface_distance
 
@@ -166,6 +167,30 @@ def test_any_shape_at_any_depth_has_an_answer(seed, depth, flattening):
     assert stiffness.min() >= -1e-9 * max(1.0, stiffness.max())
     if depth > 0.002:
         assert len(analysis.contact_forces) >= 2
+
+
+def press_polygon(seed):
+    """Return a polygon of random size that is pressed in at a random angle."""
+    generator = np.random.default_rng(seed)
+    shape = scaled(random_shape_of(Polygon, generator), generator.uniform(0.1, 1.5))
+    module = HOME.robot.module_names[generator.integers(9)]
+    depth, angle = generator.uniform(0.005, 0.08), generator.uniform(-3.0, 3.0)
+    return pressed_into(HOME, module, shape, angle, depth)
+
+
+# Full steps alone cycle between two to four sets of points.
+@pytest.mark.parametrize('seed', [117, 538, 1223, 1367, 1684, 1961])
+def test_contacts_settle_where_full_steps_cycle(seed):
+    analysis = analyze_grasp(HOME, press_polygon(seed))
+    assert sum(analysis.contact_forces.values()) > 0.0
+
+
+@robots.examples(30)
+@given(SEEDS)
+def test_contacts_of_polygons_wider_than_the_tube_settle_in_any_size(seed):
+    held = press_polygon(seed)
+    if held.arm > TUBE_RADIUS:
+        assert analyze_grasp(HOME, held).gaps.min() >= -GAP_TOLERANCE
 
 
 @pytest.mark.parametrize('angle', [-3.0, -1.0, 0.0, 1.0])
