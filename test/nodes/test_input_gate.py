@@ -137,10 +137,12 @@ def test_an_estimate_of_another_time_is_not_added_to_the_encoders(age):
         estimates = w.probe.create_publisher(StateEstimate, 'state_estimate', 1)
         w.until_code(Status.OK, w.probe.send_all)
         message = StateEstimate(roller_names=NAMES, offsets=[0.02] * N)
-        message.header = make_header(w.probe.past(age), 'truss')
-        estimates.publish(message)
-        w.spin(0.1, w.probe.send_all)
-        assert not np.any(w.nodes[1]._servo.rollers.value.offsets)
+        message.offset_covariance = (1e-6 * np.eye(N)).ravel().tolist()
+        for late, added in ((age, False), (0.0, True)):
+            message.header = make_header(w.probe.past(late), 'truss')
+            estimates.publish(message)
+            w.spin(0.1, w.probe.send_all)
+            assert np.any(w.nodes[1]._servo.rollers.value.offsets) == added
 
 
 @pytest.mark.parametrize(('ahead', 'right'), [(0.002, True), (0.02, False)])
