@@ -4,13 +4,16 @@
 """Find where the encoders read zero from markers on three joints."""
 
 from isotruss_ros import core
+from isotruss_ros.core.control.state_estimate import EstimatorSettings
 from isotruss_ros.core.control.state_estimator import StateEstimator
 
 robot = core.load_robot('nine_member')
 true = robot.configuration([0.005] * 6)  # every encoder misses 5 mm of travel
 joints = dict(zip(robot.topology.joint_names, true.nodes, strict=False))
 
-estimator = StateEstimator(robot)
+# The frame of the tracker and the markers are where they should be.
+settings = EstimatorSettings(marker_shift=0.0, marker_turn=0.0, joint_error=1e-4)
+estimator = StateEstimator(robot, settings)
 estimator.take_encoders(0.0, [0.0] * 6)
 for _ in range(20):  # messages of markers, good to 1 mm
     estimator.take_markers(0.0, {name: joints[name] for name in 'QRZ'}, 1e-3)

@@ -44,7 +44,7 @@ def fit_oscillation(times: ArrayLike, poses: ArrayLike, arm: float) -> Oscillati
         oscillation does not explain them.
     """
     moved = finite_rows(poses, 3, 'poses (x, y, angle) [m, rad]', MeasurementError, MAX_DISTANCE)
-    at = finite_array(times, len(moved), 'times [s]', MeasurementError, MAX_DISTANCE)
+    at = finite_array(times, len(moved), 'times [s]', MeasurementError)
     finite_array([arm], 1, 'arm [m]', MeasurementError, MAX_DISTANCE)
     if len(at) < FEWEST or not (np.diff(at) > 0.0).all():
         raise MeasurementError(

@@ -37,11 +37,11 @@ def written(path):
 
 def test_finds_what_the_core_finds_on_one_process_or_two(tmp_path, capsys):
     needs = GraspRequirements(
-        friction=0.6, module='north/Z', min_margin=1e-3, measure='total_force', count=2
+        friction=0.6, module='north/Z', min_slip_margin=0.5, measure='total_force', count=2
     )
     expected = plan_grasps(ROBOT.home, ConvexObject.disc((0.716, 0.43), 0.3), needs, seed=4)
     assert expected.grasps
-    options = ['--friction', '0.6', '--min-margin', '0.001', '--measure', 'total_force']
+    options = ['--friction', '0.6', '--min-slip-margin', '0.5', '--measure', 'total_force']
     options += ['--count', '2', '--seed', '4', '--module', 'north/Z']
     found = []
     for number in '12':

@@ -46,7 +46,7 @@ def slowed(w):
 
 
 def test_a_barrier_of_ones_own_is_kept_in_the_node_whatever_changes():
-    with world(lambda: Careful(overrides(failure_time=0.0))) as w:
+    with world(lambda: Careful(overrides(failure_time=0.0, slide_along_limits=False))) as w:
         assert 'a wall' in slowed(w)
         w.change(min_clearance=0.03)
         assert w.nodes[1]._servo.guard.bounds.min_clearance == 0.03

@@ -82,7 +82,7 @@ REFUSED = [
     ('simulator', {'tracker_noise': -1.0}, 'range'),
     ('simulator', {'tracker_rate': math.nan}, 'range'),
     ('simulator', {'seed': -1}, 'seed: -1: out of range'),
-    ('viewer', {'port': 0}, 'port: 0: out of range'),
+    ('viewer', {'port': -1}, 'port: -1: out of range'),
     ('simulator', {'indentation': -0.01}, 'range'),
     ('simulator', {'stiffness_scale': 0.0}, 'stiffness_scale'),
     ('simulator', {'rate': 1e9}, 'range'),

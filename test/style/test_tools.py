@@ -79,7 +79,7 @@ def test_plotjuggler_plots_fields_of_the_topics(topics):
 
 
 def test_the_aggregator_has_every_managed_node_in_one_group():
-    said = YAML(typ='safe').load(CONFIG / 'diagnostic_aggregator.yaml')
+    said = YAML(typ='safe').load(CONFIG / 'nodes' / 'diagnostic_aggregator.yaml')
     groups = [g for g in said['/**']['ros__parameters'].values() if isinstance(g, dict)]
     assert {group['type'] for group in groups} == {'diagnostic_aggregator/GenericAnalyzer'}
     names = [name for group in groups for name in group['contains']]

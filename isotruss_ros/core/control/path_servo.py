@@ -143,15 +143,16 @@ class PathServo:
         :param now: time on the clock of the inputs [s].
         """
         elapsed, self._before = now - self._before, now
-        try:
-            (pose,) = require_fresh(now, self.timeout, object_pose=self.pose)
-        except InputError as error:
-            return Step(np.zeros(3), Outcome.STOPPED, str(error), None)
         self.tracker.clock.period = self.period
         feedback = self._last_feedback(now)
         held = feedback.code >= Status.HALT_NO_TWIST
         self.tracker.allow_for_inertia(feedback.frequency)
-        tracking = self.tracker.update(pose.value, now - pose.time, elapsed, feedback.scale, held)
+        try:
+            (pose,) = require_fresh(now, self.timeout, object_pose=self.pose)
+            age = now - pose.time
+            tracking = self.tracker.update(pose.value, age, elapsed, feedback.scale, held)
+        except (InputError, PathError) as error:
+            return Step(np.zeros(3), Outcome.STOPPED, str(error), None)
         if tracking.phase not in FINISHED:
             return Step(tracking.twist, None, '', tracking)
         outcome, message = OUTCOMES[tracking.phase], tracking.message

@@ -42,7 +42,7 @@ BOUNDS = {
 }
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Violation:
     """The requirement that a grasp candidate violates."""
 

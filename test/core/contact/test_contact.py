@@ -233,7 +233,7 @@ def test_relaxation_finds_what_touches_by_the_force_at_another_point():
 
 # Objects where none should be
 
-SIZES = [1e-3, 1e-2, 0.05, 0.102, 0.2, 0.4, 1.0, 3.0, 10.0]
+SIZES = [1e-3, 1e-2, 0.05, 0.102, 0.2, 0.4, 1.0, 3.0, 9.8]
 
 
 @pytest.mark.parametrize('diameter', SIZES)
