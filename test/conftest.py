@@ -12,7 +12,7 @@ import pytest
 
 # Before NumPy is loaded: BLAS threads that wait for each other make a busy machine crawl.
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
-from isotruss_ros.demo.domains import DOMAINS, lock_domain
+from isotruss_ros.demo.domains import DOMAINS, lock_domain  # noqa: E402,I100
 
 # A domain that is set is where the counting begins; each worker begins elsewhere, so that the
 # traces of a killed process are left alone for long.

@@ -50,7 +50,7 @@ def evaluate(pair: Pair, needs: GraspRequirements, seed: int) -> dict[str, Any]:
     :param seed: of the search.
     """
     (robot, item), description, body = pair
-    row = dict(robot=robot, object=item, name=description.name, diameter=2.0 * body.arm)
+    row = {'robot': robot, 'object': item, 'name': description.name, 'diameter': 2.0 * body.arm}
     row |= dict(zip('xy', body.pose[:2], strict=True)) | {'found': 0, 'error': ''}
     try:
         plan = plan_grasps(Robot(description).home, body, needs, seed)

@@ -56,7 +56,7 @@ def smallest_distance(colors, sight):
 
 @pytest.mark.parametrize('sight', sorted(SIGHTS))
 def test_tubes_are_told_apart_by_their_colours(sight):
-    colors = [[int(color[i : i + 2], 16) / 255 for i in (1, 3, 5)] for color in TUBE_COLORS]
+    colors = [[each / 255 for each in bytes.fromhex(color[1:])] for color in TUBE_COLORS]
     assert smallest_distance(colors[:3], sight) > APART
     assert smallest_distance(colors, sight) > 0.5 * APART
 

@@ -14,9 +14,9 @@ from isotruss_ros.viewer.picture import Picture
 import pytest
 
 pytest.importorskip('viser')
-from isotruss_ros.viewer.controls import Controls
-from isotruss_ros.viewer.requests import check_request, list_choices, RequestError
-from isotruss_ros.viewer.view import View
+from isotruss_ros.viewer.controls import Controls  # noqa: E402,I100
+from isotruss_ros.viewer.requests import check_request, list_choices, RequestError  # noqa: E402
+from isotruss_ros.viewer.view import View  # noqa: E402
 
 ROBOT = load_robot('nine_member')
 CHOICES = list_choices(['P', 'Q'])
@@ -42,7 +42,7 @@ class Session:
         self.set('control', True)
         self.until(lambda: self.control.browser is not None)
 
-    def set(self, label, value):
+    def set(self, label, value):  # noqa: A003
         """Give a control of the page a value; True presses a button."""
         self.until(lambda: label in self.browser.controls)
         self.browser.set(label, value)

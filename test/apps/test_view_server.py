@@ -14,7 +14,7 @@ from isotruss_ros.viewer.picture import Picture
 import pytest
 
 viser = pytest.importorskip('viser')
-from isotruss_ros.viewer.heartbeat import SCRIPT  # noqa: E402
+from isotruss_ros.viewer.heartbeat import SCRIPT  # noqa: E402,I100
 from isotruss_ros.viewer.server import ViewError  # noqa: E402
 from isotruss_ros.viewer.view import View  # noqa: E402
 from websockets.exceptions import InvalidStatus  # noqa: E402

@@ -70,7 +70,7 @@ class FakeBrowser:
         for thread in self._threads:
             thread.join()
 
-    def set(self, label: str, value: object) -> None:
+    def set(self, label: str, value: object) -> None:  # noqa: A003
         """Give a control a value, once the page shows it."""
         message = {'type': 'GuiUpdateMessage', 'uuid': self.controls[label]}
         self._send(message | {'updates': {'value': value}})
@@ -96,10 +96,9 @@ class FakeBrowser:
         with contextlib.suppress(ConnectionClosed):
             while True:
                 data = self._socket.recv()
-                size = int.from_bytes(data[8:16], 'little')
-                text = zstandard.ZstdDecompressor().decompress(
-                    data[16 : 16 + size], int.from_bytes(data[:8], 'little')
-                )
+                packed = data[16:][: int.from_bytes(data[8:16], 'little')]
+                whole = int.from_bytes(data[:8], 'little')
+                text = zstandard.ZstdDecompressor().decompress(packed, whole)
                 for message in msgspec.msgpack.decode(text)['messages']:
                     self._take(message)
 

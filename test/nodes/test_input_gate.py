@@ -23,7 +23,7 @@ estimator = maker(StateEstimatorNode)
 def codes(w):
     """Return all statuses since the first one that was OK."""
     told = [message.code for _, message in w.probe.seen['status']]
-    return set(told[told.index(Status.OK) :])
+    return set(told[told.index(Status.OK) :])  # noqa: E203
 
 
 def others(w):
@@ -193,7 +193,7 @@ def moving_frame(monkeypatch):
         made = world(*makers)
 
         class Entered:
-            def __enter__(self):
+            def __enter__(self):  # noqa: CNL100
                 place['world'] = made.__enter__()
                 return place['world']
 
@@ -211,7 +211,7 @@ def test_a_pose_waits_for_its_transform(late, moving_frame):
         w.until_code(Status.IDLE, lambda: send_in_camera(w))
         w.spin(1.5, lambda: send_in_camera(w))
         told = [message.code for _, message in w.probe.seen['status']]
-        assert set(told[told.index(Status.IDLE) :]) == {Status.IDLE}
+        assert set(told[told.index(Status.IDLE) :]) == {Status.IDLE}  # noqa: E203
 
 
 def test_a_pose_waits_no_longer_than_the_timeout(moving_frame):

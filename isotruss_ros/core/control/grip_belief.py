@@ -174,7 +174,7 @@ class GripBelief:
         count, owners = len(self._corrected), grasp.contacts.owners
         travel = travel_rates(grasp.config, grasp.contacts.members)
         along = grasp.statics.sides[:, None] * travel + self._sensitivity[SHIFTS:, :-1][owners]
-        return found.joints[:, :count] + found.joints[:, count + 4 :] @ along
+        return found.joints[:, :count] + found.joints[:, count + 4 :] @ along  # noqa: E203
 
     @property
     def regulated_pose(self) -> Array:
@@ -339,7 +339,7 @@ class GripBelief:
         squeeze = moved[places.normal].sum() / len(grasp.members)
         self._anchors = self._anchors + shifts
         self._pending = self._pending + np.append(moved[:3], squeeze)
-        self._pending_forces = self._pending_forces + moved[-2 * len(shifts) :]
+        self._pending_forces = self._pending_forces + moved[-2 * len(shifts) :]  # noqa: E203
         self.load, self.bias = self.load + change[LOAD], self.bias + change[BIAS]
         given = moved[:3] + grasp.response.pose @ change[LOAD] + change[BIAS] / self._even
         pressed = squeeze + float(grasp.response.squeeze @ change[LOAD])

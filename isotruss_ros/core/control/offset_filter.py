@@ -46,12 +46,12 @@ class OffsetFilter:
 
     @property
     def offsets(self) -> Array:
-        """Return the offsets (r,) [m]."""
+        """Return the mean of the offsets, (r,) [m]."""
         return self.belief.mean[: self._count]
 
     @property
     def covariance(self) -> Array:
-        """Return the covariance (r, r) of the offsets [m^2]."""
+        """Return the (r, r) covariance of the offsets [m^2]."""
         return self.belief.covariance[: self._count, : self._count]
 
     def predict(self, elapsed: float, travel: Array) -> None:
@@ -93,7 +93,7 @@ class OffsetFilter:
         """
         constant = self._constant[rows]
         mean = self.belief.mean if mean is None else mean
-        expected = values[rows] + constant @ mean[self._count :]
+        expected = values[rows] + constant @ mean[self._count :]  # noqa: E203
         return Expectation(expected, np.hstack([rates[rows], constant]))
 
     def update(

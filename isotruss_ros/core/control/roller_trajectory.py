@@ -115,7 +115,7 @@ class RollerTrajectory:
         left = self._halves[corner] - abs(time - times[corner])
         if left <= 0.0:
             return RollerState(positions, slope)
-        before, after = slopes[corner : corner + 2]
+        before, after = slopes[corner : corner + 2]  # noqa: E203
         acceleration = (after - before) / (2.0 * self._halves[corner])
         return RollerState(
             positions + 0.5 * left**2 * acceleration,

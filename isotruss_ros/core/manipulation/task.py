@@ -145,7 +145,7 @@ class Reach(NamedTuple):
     @property
     def contact_rows(self) -> Array:
         """Return the rows (g, r) on the speeds of all rollers that keep the contacts [-]."""
-        rows, working = self.rows[len(self.directions) :], self.working
+        rows, working = self.rows[len(self.directions) :], self.working  # noqa: E203
         if len(working.places) == working.count:
             return rows
         found = np.zeros((len(rows), working.count))

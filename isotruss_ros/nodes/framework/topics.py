@@ -61,7 +61,6 @@ def subscribe_newest(
     :param topic: relative name of the topic.
     :param callback: called with a message.
     """
-
     return _subscribe(node, kind, topic, NEWEST, lambda messages: callback(messages[-1]))
 
 
