@@ -32,7 +32,7 @@ PATIENT = {'command_timeout': 4.0}
 #: Rollers whose commands are late stop soon, and push no object away meanwhile.
 STOPPING = {'command_timeout': 0.2}
 #: Whether or not the middleware has noticed that the node was gone for a while.
-ENDED = re.compile('does not know the goal|no node offers the action')
+ENDED = re.compile('does not know the goal|no node offers the action|has sent no feedback for')
 #: With so much progress the node under the goal has begun.
 BEGUN = 0.05
 PICK = PickObject.Goal(squeeze=15.0, module='north/Z')

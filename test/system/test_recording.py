@@ -101,7 +101,7 @@ def test_a_recording_that_has_no_room_for_its_end_says_so(tmp_path):
 
 def test_a_full_disk_ends_the_process_with_one_line_and_what_was_written_is_played(tmp_path):
     """A limit to the size of files, 4 MB, is as a full disk."""
-    from isotruss_ros.viewer.recording import read_recording
+    from isotruss_ros.viewer.recording import BrokenRecordingError, read_recording
 
     path, log = tmp_path / 'full.mcap', tmp_path / 'log'
     node = f'{sys.executable} -m isotruss_ros.executables record --ros-args -p file:={path}'
@@ -124,7 +124,9 @@ def test_a_full_disk_ends_the_process_with_one_line_and_what_was_written_is_play
     started, ended = log.read_text().splitlines()
     assert started == f'record: {path}'
     assert ended.startswith(f'cannot go on: {path}: File too large')
-    messages = list(read_recording(path))
+    messages = []
+    with pytest.raises(BrokenRecordingError, match='ends after'):
+        messages.extend(read_recording(path))
     assert messages
     assert all(np.array_equal(message.position, positions) for _, _, message in messages)
 
