@@ -38,9 +38,6 @@ exclude_patterns = ['_build', '_ext', 'isotruss_ros*.rst', 'modules.rst', 'stand
 smartquotes_action = 'D'
 html_theme = 'furo'
 html_title = f'{project} {version}'
-html_theme_options = {
-    'source_edit_link': f'{_manifest.findtext("url")}/edit/main/docs/{{filename}}'
-}
 html_static_path = ['_static']
 html_css_files = ['site.css']
 html_js_files = ['fit_formulas.js']
