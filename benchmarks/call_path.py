@@ -29,7 +29,7 @@ from types import FrameType
 
 import isotruss_ros
 from isotruss_ros import core
-from isotruss_ros.core.control.inputs import RollerState, StampedInput
+from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.safety.roller_failure import FailureCriterion, FailureDetector
 from isotruss_ros.nodes.grasp.grasp_monitor import GraspMonitor
 from isotruss_ros.nodes.grasp.grasp_report import GraspCode, GraspQuery
@@ -53,9 +53,9 @@ PARTS = {
     '+ analysis': ('contact.analyze_grasp',),
     '+ equilibrium': ('holding.settle_grasp',),
     '+ safety': ('safety.shape_guard', 'safety.roller_failure'),
-    '+ servo': ('control.twist_servo',),
-    '+ paths': ('control.path_servo', 'control.roller_trajectory'),
-    '+ estimator': ('control.state_estimator',),
+    '+ servo': ('servo.twist_servo',),
+    '+ paths': ('paths.path_servo', 'paths.roller_trajectory'),
+    '+ estimator': ('estimation.state_estimator',),
     '+ planner': ('planning.plan_grasps',),
 }
 

@@ -33,8 +33,8 @@ from isotruss_ros.core import (
     tangent_center,
     TwistServo,
 )
-from isotruss_ros.core.control.inputs import RollerState, StampedInput
 from isotruss_ros.core.errors import ConfigurationError
+from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 from isotruss_ros.core.manipulation.solve_twist import default_limits
 from isotruss_ros.core.safety.roller_failure import FailureCriterion, FailureDetector

@@ -42,9 +42,9 @@ from isotruss_ros.core import (
     Status,
     tangent_center,
 )
-from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
 from isotruss_ros.core.holding.attach_grip import attach_grip, rest
 from isotruss_ros.core.manipulation.status import RollerCommand
+from isotruss_ros.core.servo.squeeze_control import SqueezeControl, SqueezeSettings
 from measuring import part, print_machine, print_table, SHARE, timed
 import numpy as np
 from scipy.optimize import root

@@ -34,8 +34,8 @@ from isotruss_ros.core import (
     tangent_center,
     TwistServo,
 )
-from isotruss_ros.core.control.inputs import RollerState, StampedInput
-from isotruss_ros.core.control.path_tracking import FINISHED, PathPhase, TrackingSettings
+from isotruss_ros.core.inputs import RollerState, StampedInput
+from isotruss_ros.core.paths.path_tracking import FINISHED, PathPhase, TrackingSettings
 from measuring import part, print_machine, print_table, SHARE
 import numpy as np
 

@@ -12,7 +12,7 @@ from comparison.grips import press, PressedCase, release
 from comparison.section import Check, Section
 from comparison.wedge import MODULE
 from isotruss_ros.core import Grip, settle_grasp
-from isotruss_ros.core.control.squeeze_control import SqueezeSettings
+from isotruss_ros.core.servo.squeeze_control import SqueezeSettings
 from isotruss_ros.demo.path import figure_9, Phase
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from matplotlib import rc_context

@@ -23,9 +23,9 @@ from isotruss_ros.core import (
     Status,
     TwistServo,
 )
-from isotruss_ros.core.control.inputs import RollerState, StampedInput
-from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
+from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.servo.squeeze_control import SqueezeControl, SqueezeSettings
 from isotruss_ros.demo.path import Phase
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.plant import MujocoPlant

@@ -21,12 +21,12 @@ from comparison.grips import hold_at_home, round_robot, soften
 from comparison.random_carries import BOX, DISC, draw_grip, FRICTION, NOISE
 from isotruss_ros.calibration.home import move_home
 from isotruss_ros.core import Grip, place_between, Pose, Robot
-from isotruss_ros.core.control.inputs import RollerState, StampedInput
-from isotruss_ros.core.control.squeeze_control import SqueezeSettings
-from isotruss_ros.core.control.state_estimate import EstimatedTravel, EstimatorSettings
-from isotruss_ros.core.control.state_estimator import StateEstimator
+from isotruss_ros.core.estimation.state_estimate import EstimatedTravel, EstimatorSettings
+from isotruss_ros.core.estimation.state_estimator import StateEstimator
+from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.planning.foresee_path import foresee_path
+from isotruss_ros.core.servo.squeeze_control import SqueezeSettings
 from isotruss_ros.mujoco_plant.options import PlantOptions
 import numpy as np
 

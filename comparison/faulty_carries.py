@@ -24,11 +24,11 @@ from comparison.grips import hold_at_home, round_robot, soften
 from comparison.random_carries import BOX, DISC, draw_grip, FRICTION
 from isotruss_ros.calibration.home import move_home
 from isotruss_ros.core import Grip, place_between, Pose, Robot, Status
-from isotruss_ros.core.control.inputs import RollerState, StampedInput
-from isotruss_ros.core.control.squeeze_control import SqueezeSettings
 from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.planning.foresee_path import foresee_path
+from isotruss_ros.core.servo.squeeze_control import SqueezeSettings
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np

@@ -13,8 +13,8 @@ from comparison.carrying import carry, RATE, Regulated
 from comparison.grips import mesh, round_robot
 from comparison.section import Check, Section
 from isotruss_ros.core import ConvexObject, GraspRequirements, plan_grasps
-from isotruss_ros.core.control.object_path import ObjectPath
-from isotruss_ros.core.control.path_tracking import (
+from isotruss_ros.core.paths.object_path import ObjectPath
+from isotruss_ros.core.paths.path_tracking import (
     FINISHED,
     PathPhase,
     PathTracker,
@@ -22,9 +22,9 @@ from isotruss_ros.core.control.path_tracking import (
     RETURN_SPEED,
     RETURN_TURN_RATE,
 )
-from isotruss_ros.core.control.squeeze_control import SqueezeSettings
 from isotruss_ros.core.planning.describe_plan import export_path
 from isotruss_ros.core.planning.grasp_plan import PlannedGrasp
+from isotruss_ros.core.servo.squeeze_control import SqueezeSettings
 from isotruss_ros.demo.path import figure_9
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.plant import MujocoPlant

@@ -24,13 +24,13 @@ from isotruss_ros.core import (
     Robot,
     Status,
 )
-from isotruss_ros.core.control.squeeze_control import SqueezeSettings
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.planning.foresee_path import foresee_path
+from isotruss_ros.core.servo.squeeze_control import SqueezeSettings
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np

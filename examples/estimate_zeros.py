@@ -4,8 +4,8 @@
 """Find where the encoders read zero from markers on three joints."""
 
 from isotruss_ros import core
-from isotruss_ros.core.control.state_estimate import EstimatorSettings
-from isotruss_ros.core.control.state_estimator import StateEstimator
+from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
+from isotruss_ros.core.estimation.state_estimator import StateEstimator
 
 robot = core.load_robot('nine_member')
 true = robot.configuration([0.005] * 6)  # every encoder misses 5 mm of travel

@@ -4,7 +4,7 @@
 """Carry a held object along a path, closed loop over its measured pose."""
 
 from isotruss_ros import core
-from isotruss_ros.core.control.path_tracking import PathPhase, TrackingSettings
+from isotruss_ros.core.paths.path_tracking import PathPhase, TrackingSettings
 import numpy as np
 
 PERIOD = 0.02  # [s]

@@ -26,8 +26,11 @@ PACKAGES = (
     'holding',
     'manipulation',
     'safety',
-    'control',
+    'inputs',
+    'estimation',
+    'paths',
     'planning',
+    'servo',
     'simulation',
 )
 
@@ -70,7 +73,7 @@ def write_pages(folder: Path) -> None:
     :raises ValueError: packages, pages and examples are not the same.
     """
     folder.mkdir(exist_ok=True)
-    found = {info.name for info in pkgutil.iter_modules(core.__path__) if info.ispkg}
+    found = {info.name for info in pkgutil.iter_modules(core.__path__)} - {'errors'}
     if found != set(PACKAGES):
         raise ValueError(f'packages of the core and of the reference differ: {found}')
     examples = dict(EXAMPLE.findall(EXAMPLES.read_text(encoding='utf-8')))

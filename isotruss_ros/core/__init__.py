@@ -11,9 +11,6 @@ Imports NumPy, SciPy, ruamel.yaml and jsonschema, no ROS.
 """
 
 from isotruss_ros.core.contact.analyze_grasp import analyze_grasp
-from isotruss_ros.core.control.object_path import ObjectPath
-from isotruss_ros.core.control.path_tracking import PathTracker
-from isotruss_ros.core.control.twist_servo import TwistServo
 from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.holding.grasp_gradient import grasp_gradient
 from isotruss_ros.core.holding.held_grip import HoldStatus
@@ -36,10 +33,13 @@ from isotruss_ros.core.model.object_file import read_object
 from isotruss_ros.core.model.polygon import Polygon
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.model.shapes import Disc
+from isotruss_ros.core.paths.object_path import ObjectPath
+from isotruss_ros.core.paths.path_tracking import PathTracker
 from isotruss_ros.core.planning.plan_grasps import plan_grasps
 from isotruss_ros.core.planning.reach_pose import reach_pose
 from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.safety.shape_guard import ShapeGuard
+from isotruss_ros.core.servo.twist_servo import TwistServo
 from isotruss_ros.core.simulation.elastic_object import ElasticObject
 from isotruss_ros.core.simulation.rigid_object import RigidObject
 from isotruss_ros.core.simulation.simulated_robot import RollerFaults, SimulatedRobot

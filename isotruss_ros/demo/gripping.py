@@ -12,7 +12,7 @@ from typing import Any
 from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.action import PlanGrasp
 from isotruss_msgs.msg import GraspState, PlannedGrasp, StateEstimate
-from isotruss_ros.core.control.roller_trajectory import START_TOLERANCE
+from isotruss_ros.core.paths.roller_trajectory import START_TOLERANCE
 from isotruss_ros.demo.client import DEADLINE, DemoClient, DemoError
 from isotruss_ros.demo.record import PhaseRecord
 from isotruss_ros.nodes.conversions.messages import to_pose_message

@@ -12,9 +12,9 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import WrenchStamped
 from isotruss_msgs.msg import GraspState
 from isotruss_msgs.srv import AnalyzeGrasp
-from isotruss_ros.core.control.inputs import StampedInput
 from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.holding.settled_grasp import SettledGrasp
+from isotruss_ros.core.inputs import StampedInput
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.shapes import Disc
 from isotruss_ros.core.statics.wrinkling import MAX_UTILISATION

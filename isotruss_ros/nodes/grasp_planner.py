@@ -10,8 +10,8 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_msgs.action import PlanGrasp
 from isotruss_ros.core import IsotrussError
-from isotruss_ros.core.control.inputs import InputError
 from isotruss_ros.core.errors import ConfigurationError
+from isotruss_ros.core.inputs import InputError
 from isotruss_ros.core.planning.searcher import Answer, Outcome, Searcher
 from isotruss_ros.core.planning.workers import MAX_WORKERS
 from isotruss_ros.nodes.conversions.plan_messages import (

@@ -12,11 +12,11 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_msgs.action import FollowObjectPath
 from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.core import IsotrussError, Robot
-from isotruss_ros.core.control.inputs import Input, InputError, require_fresh
-from isotruss_ros.core.control.object_path import ObjectPath
-from isotruss_ros.core.control.path_servo import Outcome, PathServo, ServoFeedback
-from isotruss_ros.core.control.path_tracking import Tracking, TrackingSettings
 from isotruss_ros.core.errors import GraspError, NoMotionError, PathError
+from isotruss_ros.core.inputs import Input, InputError, require_fresh
+from isotruss_ros.core.paths.object_path import ObjectPath
+from isotruss_ros.core.paths.path_servo import Outcome, PathServo, ServoFeedback
+from isotruss_ros.core.paths.path_tracking import Tracking, TrackingSettings
 from isotruss_ros.core.planning.foresee_path import foresee_grip
 from isotruss_ros.nodes.conversions.path_messages import (
     read_object_path,

@@ -11,8 +11,10 @@ from dataclasses import replace
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_msgs.msg import StateEstimate as StateEstimateMessage
-from isotruss_ros.core.control.decision import describe_squeeze
-from isotruss_ros.core.control.inputs import (
+from isotruss_ros.core.errors import IsotrussError
+from isotruss_ros.core.estimation.state_estimate import EstimatorSettings, StateEstimate
+from isotruss_ros.core.estimation.state_estimator import OLDEST, StateEstimator
+from isotruss_ros.core.inputs import (
     fresh_pressures,
     Input,
     InputError,
@@ -20,10 +22,8 @@ from isotruss_ros.core.control.inputs import (
     require_fresh,
     StampedInput,
 )
-from isotruss_ros.core.control.state_estimate import EstimatorSettings, StateEstimate
-from isotruss_ros.core.control.state_estimator import OLDEST, StateEstimator
-from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.manipulation.grip import Grip
+from isotruss_ros.core.servo.decision import describe_squeeze
 from isotruss_ros.nodes.conversions.estimate_messages import to_estimate_message
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.cycle import Cycle

@@ -16,10 +16,10 @@ import math
 from typing import Any
 
 from isotruss_ros.core import Pose, Robot, Status
-from isotruss_ros.core.control.decision import describe_squeeze
 from isotruss_ros.core.kinematics.configuration import ConfigurationTracker
 from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.servo.decision import describe_squeeze
 from isotruss_ros.viewer.message_checks import (
     check_pose,
     check_state,

@@ -21,7 +21,7 @@ from isotruss_ros.core import (
     reach_pose,
     tangent_center,
 )
-from isotruss_ros.core.control.path_tracking import TrackingSettings
+from isotruss_ros.core.paths.path_tracking import TrackingSettings
 from isotruss_ros.core.planning.foresee_path import foresee_grip
 import numpy as np
 import pytest

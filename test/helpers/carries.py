@@ -18,9 +18,9 @@ from isotruss_ros.core import (
     Robot,
     tangent_center,
 )
-from isotruss_ros.core.control.squeeze_control import SqueezeSettings
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.manipulation.grip import members_at
+from isotruss_ros.core.servo.squeeze_control import SqueezeSettings
 from isotruss_ros.mujoco_plant.options import PlantOptions
 import numpy as np
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 from carries import FRICTION, make_robot, place
 from isotruss_ros.core import place_between, Pose
-from isotruss_ros.core.control.state_estimate import EstimatorSettings
-from isotruss_ros.core.control.state_estimator import StateEstimator
+from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
+from isotruss_ros.core.estimation.state_estimator import StateEstimator
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.loaded_frame import held_joints
 from isotruss_ros.core.holding.roll_grip import roll_contacts

@@ -22,18 +22,18 @@ from isotruss_ros.calibration.roller_check import judge_roller as roller_verdict
 from isotruss_ros.calibration.stiffness_scale import (
     calibrate_stiffness as calibration_of_stiffness,
 )
-from isotruss_ros.core.control.inputs import RollerState, StampedInput
-from isotruss_ros.core.control.path_tracking import TrackingSettings
-from isotruss_ros.core.control.roller_trajectory import RollerTrajectory
-from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
-from isotruss_ros.core.control.state_estimator import StateEstimator
 from isotruss_ros.core.errors import ConfigurationError
+from isotruss_ros.core.estimation.state_estimator import StateEstimator
+from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.kinematics.rigidity import worst_case_rigidity_index
 from isotruss_ros.core.manipulation.grip import find_contacts
 from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 from isotruss_ros.core.model.presets import preset_names
+from isotruss_ros.core.paths.path_tracking import TrackingSettings
+from isotruss_ros.core.paths.roller_trajectory import RollerTrajectory
 from isotruss_ros.core.planning import foresee_path, release
 from isotruss_ros.core.safety.margins import shape_margins
+from isotruss_ros.core.servo.squeeze_control import SqueezeControl, SqueezeSettings
 from isotruss_ros.nodes.grasp.grasp_monitor import GraspMonitor
 from isotruss_ros.nodes.grasp.grasp_report import GraspQuery
 import numpy as np

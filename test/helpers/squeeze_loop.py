@@ -14,8 +14,8 @@ from isotruss_ros.core import (
     SimulatedRobot,
     solve_twist,
 )
-from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
 from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.servo.squeeze_control import SqueezeControl, SqueezeSettings
 import numpy as np
 
 #: Of a loop that is not regulated, on the pose [1/s].

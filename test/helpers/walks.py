@@ -21,8 +21,8 @@ from isotruss_ros.core import (
     tangent_center,
     TwistServo,
 )
-from isotruss_ros.core.control.inputs import RollerState, StampedInput
 from isotruss_ros.core.errors import ConfigurationError
+from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.safety.margins import shape_margins
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 import numpy as np

@@ -19,9 +19,9 @@ from isotruss_msgs.action import (
 )
 from isotruss_msgs.msg import GraspState
 from isotruss_ros.core import ConvexObject, Ellipse, Pose
-from isotruss_ros.core.control.inputs import InputError, StampedInput
-from isotruss_ros.core.control.path_tracking import RETURN
 from isotruss_ros.core.errors import ConfigurationError, GraspError
+from isotruss_ros.core.inputs import InputError, StampedInput
+from isotruss_ros.core.paths.path_tracking import RETURN
 from isotruss_ros.core.planning.describe_plan import NEAR_SHARE
 from isotruss_ros.nodes.conversions.messages import to_pose_message
 from isotruss_ros.nodes.conversions.path_messages import read_duration

@@ -27,7 +27,7 @@ from hypothesis import strategies as st
 from isotruss_msgs.msg import GraspState, ManipulationStatus
 from isotruss_msgs.srv import AnalyzeGrasp
 from isotruss_ros.core import Pose, Status, TwistServo
-from isotruss_ros.core.control.inputs import RejectedInput, StampedInput
+from isotruss_ros.core.inputs import RejectedInput, StampedInput
 from isotruss_ros.nodes.conversions.joint_state_messages import read_roller_state
 from isotruss_ros.nodes.conversions.messages import make_header, MessageError
 from isotruss_ros.nodes.grasp.grasp_report import GraspCode

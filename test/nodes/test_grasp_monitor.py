@@ -15,7 +15,7 @@ from isotruss_ros.core import (
     settle_grasp,
     tangent_center,
 )
-from isotruss_ros.core.control.inputs import (
+from isotruss_ros.core.inputs import (
     PRESSURE_TIMEOUT,
     RejectedInput,
     RollerState,

@@ -6,7 +6,7 @@
 from geometry_msgs.msg import PoseStamped, TransformStamped
 from isotruss_msgs.msg import StateEstimate
 from isotruss_ros.core import Pose, Status
-from isotruss_ros.core.control.inputs import CLOCK_SKEW
+from isotruss_ros.core.inputs import CLOCK_SKEW
 from isotruss_ros.nodes.bring_up.preflight import Preflight
 from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message
 from isotruss_ros.nodes.framework import robot_frame

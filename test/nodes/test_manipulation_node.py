@@ -10,11 +10,11 @@ from types import SimpleNamespace
 
 from grips import disc_grip
 from isotruss_ros.core import ConvexObject, Disc, Grip, Status, tangent_center, TwistServo
-from isotruss_ros.core.control.decision import Decision
-from isotruss_ros.core.control.squeeze_control import SqueezeSettings
 from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.manipulation.status import RollerCommand
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
+from isotruss_ros.core.servo.decision import Decision
+from isotruss_ros.core.servo.squeeze_control import SqueezeSettings
 from isotruss_ros.nodes.conversions.messages import read_stamp, read_twist
 from isotruss_ros.nodes.manipulation import servo_settings
 from isotruss_ros.nodes.simulator.node import Simulator

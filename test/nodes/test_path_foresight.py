@@ -7,8 +7,8 @@ from types import SimpleNamespace
 
 from carries import FRICTION, make_robot, place
 from isotruss_ros.core import ObjectPath
-from isotruss_ros.core.control.inputs import RollerState, StampedInput
 from isotruss_ros.core.errors import PathError
+from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.nodes.path_follower import _check_path
 import numpy as np
 import pytest

@@ -5,8 +5,8 @@
 
 from geometry_msgs.msg import PoseStamped, Transform, TransformStamped, Vector3
 from isotruss_msgs.msg import StateEstimate
-from isotruss_ros.core.control import state_estimate
-from isotruss_ros.core.control.state_estimator import StateEstimator
+from isotruss_ros.core.estimation import state_estimate
+from isotruss_ros.core.estimation.state_estimator import StateEstimator
 from isotruss_ros.nodes import state_estimator
 from isotruss_ros.nodes.conversions.estimate_messages import read_estimate, to_estimate_message
 from isotruss_ros.nodes.conversions.marker_messages import to_joint_markers

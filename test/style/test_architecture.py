@@ -16,14 +16,15 @@ ROOT = Path(__file__).parents[2]
 CORE = [
     ['core.errors'],
     ['core.numerics'],
+    ['core.inputs'],
     ['core.model'],
     ['core.kinematics'],
     ['core.statics'],
     ['core.contact', 'core.manipulation'],
     ['core.holding'],
     ['core.safety'],
-    ['core.control'],
-    ['core.planning'],
+    ['core.estimation', 'core.paths', 'core.planning'],
+    ['core.servo'],
     ['core.simulation'],
     ['core'],
 ]
@@ -119,7 +120,7 @@ def import_closure(package):
 
 
 MECHANICS = ('model', 'kinematics', 'statics', 'contact', 'manipulation', 'holding', 'safety')
-LOOPS = {'core.control'}
+LOOPS = {'core.servo', 'core.estimation', 'core.paths'}
 
 
 @pytest.mark.parametrize('package', [*MECHANICS, 'planning'])

@@ -5,5 +5,5 @@
 The search for grasps, for the motion that closes them, and for the release.
 
 Entry points: `plan_grasps.plan_grasps`, `foresee_path`, `reach_pose`, `release`.
-Imports `core.safety` and what is below it, not the servo.
+Imports `core.safety` and what is below it, not the servo, paths or estimation.
 """

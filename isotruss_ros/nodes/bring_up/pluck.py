@@ -14,7 +14,7 @@ from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.calibration.oscillation import fit_oscillation, Oscillation
 from isotruss_ros.core import load_robot, Status
-from isotruss_ros.core.control.inputs import StampedInput
+from isotruss_ros.core.inputs import StampedInput
 from isotruss_ros.nodes.bring_up.joint_markers import LATEST
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.commands import create_twist_publisher

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from geometry_msgs.msg import PoseStamped
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.core import IsotrussError, load_robot
-from isotruss_ros.core.control.inputs import Input, InputError, require_fresh
+from isotruss_ros.core.inputs import Input, InputError, require_fresh
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.nodes.bring_up.joint_markers import JointMarkers, LATEST, WINDOW
 from isotruss_ros.nodes.framework import common_parameters as common

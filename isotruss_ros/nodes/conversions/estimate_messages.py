@@ -8,7 +8,7 @@ from __future__ import annotations
 from geometry_msgs.msg import Point
 from isotruss_msgs.msg import StateEstimate as StateEstimateMessage
 from isotruss_ros.core import Pose, Robot
-from isotruss_ros.core.control.state_estimate import EstimatedTravel, StateEstimate
+from isotruss_ros.core.estimation.state_estimate import EstimatedTravel, StateEstimate
 from isotruss_ros.nodes.conversions.messages import (
     check_frame,
     make_header,

@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from isotruss_ros.core import Robot
-from isotruss_ros.core.control.inputs import RollerState
 from isotruss_ros.core.errors import quote, StructureError
+from isotruss_ros.core.inputs import RollerState
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.statics.section import tube_pressures
 from isotruss_ros.nodes.conversions.messages import MAX_DISTANCE, MessageError

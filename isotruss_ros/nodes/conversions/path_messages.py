@@ -12,13 +12,13 @@ from typing import Any
 from builtin_interfaces.msg import Duration
 from isotruss_msgs.action import FollowObjectPath
 from isotruss_ros.core import ObjectPath, PathTracker, Pose, Robot
-from isotruss_ros.core.control.inputs import RollerState
-from isotruss_ros.core.control.object_path import MAX_POSES
-from isotruss_ros.core.control.path_servo import Outcome
-from isotruss_ros.core.control.path_tracking import Tracking
-from isotruss_ros.core.control.roller_trajectory import RollerTrajectory
 from isotruss_ros.core.errors import quote
+from isotruss_ros.core.inputs import RollerState
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.paths.object_path import MAX_POSES
+from isotruss_ros.core.paths.path_servo import Outcome
+from isotruss_ros.core.paths.path_tracking import Tracking
+from isotruss_ros.core.paths.roller_trajectory import RollerTrajectory
 from isotruss_ros.nodes.conversions.messages import (
     check_frame,
     make_header,

@@ -11,8 +11,8 @@ from geometry_msgs.msg import PoseStamped, WrenchStamped
 from isotruss_msgs.action import PlanGrasp
 from isotruss_msgs.msg import PlannedGrasp as PlannedGraspMessage
 from isotruss_ros.core import ConvexObject, GraspRequirements, Robot
-from isotruss_ros.core.control.object_path import MAX_POSES
 from isotruss_ros.core.manipulation.grip import find_members, members_at
+from isotruss_ros.core.paths.object_path import MAX_POSES
 from isotruss_ros.core.planning.describe_plan import export_figures, export_path
 from isotruss_ros.core.planning.grasp_plan import PlannedGrasp, Progress
 from isotruss_ros.core.planning.searcher import Answer

@@ -12,11 +12,11 @@ from typing import Any, NamedTuple
 
 from isotruss_msgs.action import FollowRollerTrajectory
 from isotruss_ros.core import Robot
-from isotruss_ros.core.control.inputs import CLOCK_SKEW
-from isotruss_ros.core.control.roller_trajectory import MAX_DURATION, RollerTrajectory
-from isotruss_ros.core.control.trajectory_tolerances import Tolerance, TrajectoryTolerances
 from isotruss_ros.core.errors import quote
+from isotruss_ros.core.inputs import CLOCK_SKEW
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.paths.roller_trajectory import MAX_DURATION, RollerTrajectory
+from isotruss_ros.core.paths.trajectory_tolerances import Tolerance, TrajectoryTolerances
 from isotruss_ros.nodes.conversions.messages import MessageError, read_stamp
 from isotruss_ros.nodes.conversions.path_messages import read_duration, read_roller_trajectory
 import numpy as np

@@ -7,8 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from isotruss_ros.core import ConvexObject, Disc, read_object, Robot
-from isotruss_ros.core.control import inputs
+from isotruss_ros.core import ConvexObject, Disc, inputs, read_object, Robot
 from isotruss_ros.core.manipulation.grip import find_members, Grip, members_at
 from isotruss_ros.core.model.convex_object import DEFAULT_FRICTION
 from isotruss_ros.nodes.framework.parameters import FixedSpec, Parameters, Spec, Value

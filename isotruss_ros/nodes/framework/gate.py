@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any
 
-from isotruss_ros.core.control.inputs import (
+from isotruss_ros.core.inputs import (
     check_stamp,
     InputError,
     RejectedInput,

@@ -15,7 +15,9 @@ from typing import Any
 from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.msg import StateEstimate
 from isotruss_ros.core import Configuration, Robot
-from isotruss_ros.core.control.inputs import (
+from isotruss_ros.core.errors import ConfigurationError
+from isotruss_ros.core.estimation.roller_parts import RollerParts
+from isotruss_ros.core.inputs import (
     Input,
     keep_latest,
     RejectedInput,
@@ -23,8 +25,6 @@ from isotruss_ros.core.control.inputs import (
     RollerState,
     StampedInput,
 )
-from isotruss_ros.core.control.roller_parts import RollerParts
-from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.kinematics.configuration import ConfigurationTracker
 from isotruss_ros.nodes.conversions.estimate_messages import read_estimate
 from isotruss_ros.nodes.conversions.joint_state_messages import (

@@ -16,13 +16,6 @@ import time
 from typing import Any
 
 from isotruss_ros.core.contact.analyze_grasp import analyze_grasp
-from isotruss_ros.core.control.inputs import (
-    fresh_pressures,
-    Input,
-    InputError,
-    PRESSURE_TIMEOUT,
-    require_fresh,
-)
 from isotruss_ros.core.errors import (
     ConfigurationError,
     GraspError,
@@ -31,6 +24,13 @@ from isotruss_ros.core.errors import (
     StructureError,
 )
 from isotruss_ros.core.holding.settle_grasp import settle_grasp
+from isotruss_ros.core.inputs import (
+    fresh_pressures,
+    Input,
+    InputError,
+    PRESSURE_TIMEOUT,
+    require_fresh,
+)
 from isotruss_ros.core.kinematics.configuration import Configuration, ConfigurationTracker
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.numerics.blas_threads import single_threaded

@@ -9,8 +9,8 @@ from collections.abc import Callable
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from isotruss_ros.core import IsotrussError, reachable_twists, Robot, TwistServo
-from isotruss_ros.core.control.inputs import StampedInput
 from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.inputs import StampedInput
 from isotruss_ros.core.model.topology import check_roller_names
 from isotruss_ros.core.safety.roller_failure import FailureDetector
 from isotruss_ros.nodes.framework.managed import ManagedNode

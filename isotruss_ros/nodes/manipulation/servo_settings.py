@@ -19,10 +19,10 @@ from isotruss_ros.core import (
     Status,
     TwistServo,
 )
-from isotruss_ros.core.control.decision import Decision
-from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
 from isotruss_ros.core.safety.roller_failure import FailureCriterion, FailureDetector
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
+from isotruss_ros.core.servo.decision import Decision
+from isotruss_ros.core.servo.squeeze_control import SqueezeControl, SqueezeSettings
 from isotruss_ros.nodes.conversions.messages import make_header, to_twist_message
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.managed import ManagedNode

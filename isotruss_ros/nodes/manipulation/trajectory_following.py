@@ -18,10 +18,10 @@ from typing import Any
 
 from isotruss_msgs.action import FollowRollerTrajectory
 from isotruss_ros.core import IsotrussError, Status, TwistServo
-from isotruss_ros.core.control.decision import Decision
-from isotruss_ros.core.control.inputs import require_fresh, StampedInput
-from isotruss_ros.core.control.roller_trajectory import RollerTrajectoryServo
+from isotruss_ros.core.inputs import require_fresh, StampedInput
 from isotruss_ros.core.manipulation.status import RollerCommand
+from isotruss_ros.core.paths.roller_trajectory import RollerTrajectoryServo
+from isotruss_ros.core.servo.decision import Decision
 from isotruss_ros.nodes.conversions.messages import MessageError
 from isotruss_ros.nodes.conversions.path_messages import to_roller_feedback
 from isotruss_ros.nodes.conversions.trajectory_goals import read_roller_goal, RollerGoal

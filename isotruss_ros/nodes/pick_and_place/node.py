@@ -12,8 +12,8 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_msgs.action import MoveObject, PickObject, PlaceObject
 from isotruss_msgs.msg import GraspState
 from isotruss_ros.core import IsotrussError
-from isotruss_ros.core.control.inputs import InputError
 from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.inputs import InputError
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.managed import ManagedNode

@@ -7,7 +7,7 @@ import itertools
 
 from grips import disc_grip
 from isotruss_ros.core import load_robot, RollingGrip, solve_twist, Status, TwistServo
-from isotruss_ros.core.control.inputs import RollerState, StampedInput
+from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 from isotruss_ros.core.manipulation.limits import default_limits, Rows
 import numpy as np

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from hypothesis import given
 from isotruss_ros.core import ConvexObject, GraspRequirements, load_robot, plan_grasps
-from isotruss_ros.core.control.roller_trajectory import RollerTrajectory
+from isotruss_ros.core.paths.roller_trajectory import RollerTrajectory
 from isotruss_ros.core.planning.describe_plan import (
     export_figures,
     export_path,

@@ -5,7 +5,7 @@
 
 from grips import disc_grip
 from isotruss_ros.core import load_robot, RollingGrip, ShapeGuard, Status, TwistServo
-from isotruss_ros.core.control.inputs import RollerState, StampedInput
+from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.safety.barrier_law import ActiveValues, BarrierLaw, EVERYTHING, NOTHING
 import numpy as np

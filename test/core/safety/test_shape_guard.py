@@ -12,8 +12,8 @@ from isotruss_ros.core import (
     Status,
     TwistServo,
 )
-from isotruss_ros.core.control.inputs import RollerState, StampedInput
 from isotruss_ros.core.errors import ConfigurationError, GraspError
+from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.safety.barrier_law import BarrierLaw
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 from nightly import some_now

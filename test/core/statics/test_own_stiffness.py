@@ -16,7 +16,7 @@ from isotruss_ros.core import (
     settle_grasp,
     tangent_center,
 )
-from isotruss_ros.core.control.state_estimator import StateEstimator
+from isotruss_ros.core.estimation.state_estimator import StateEstimator
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.statics import tube_stiffness
 from isotruss_ros.core.statics.section import broadcast_members, SectionStiffness

@@ -1,0 +1,9 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Estimates of roller offsets, squeeze and load, from encoders, poses and markers.
+
+Entry points: `state_estimator.StateEstimator`, `grip_belief.GripBelief`.
+Imports `core.safety` and what is below it, not `core.paths`, planning or the servo.
+"""

@@ -1,0 +1,461 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Gaussian belief of how the robot holds an object: a Kalman filter around its equilibrium.
+
+The contacts roll with the tubes, so that the equilibrium follows the configuration. Measured poses
+correct the load w, the contacts' shift a along the members, the pose b that the model leaves
+unexplained, and the delay of the poses; they do not correct the zeros of the rollers or the
+stiffness, which are considered only:
+
+    e = (w, b, a, delay | dphi, s),   z = equilibrium(q + dphi, a, s) + C w + b + v
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+import math
+from typing import NamedTuple
+
+from isotruss_ros.core.estimation.contact_walk import ContactWalk
+from isotruss_ros.core.estimation.laid_grip import laid_grip
+from isotruss_ros.core.estimation.pose_noise import PoseNoise, UNKNOWN_NOISE
+from isotruss_ros.core.estimation.state_estimate import EstimatorSettings, UNKNOWN_SHARE
+from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.contact_forces import slip_conditions
+from isotruss_ros.core.holding.contact_statics import TubeModel
+from isotruss_ros.core.holding.held_gradient import held_gradient
+from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, NotHeldError, travel_rates
+from isotruss_ros.core.holding.roll_grip import roll_grip, with_pressures
+from isotruss_ros.core.inputs import Timeline
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.manipulation.grip import find_members, Grip
+from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
+from isotruss_ros.core.model.pose import Pose, pose_difference
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.safety.usage_limits import UsageLimits
+import numpy as np
+
+#: Share of its way by which the unexplained pose walks, and by which contacts slip, over each
+#: piece of way of that length [m].
+POSE_WALK, CONTACT_SLIP, WALK_LENGTH = 0.03, 0.02, 0.1
+#: Prior deviations of the unexplained pose and of the contacts' shift [m].
+POSE_DEVIATION, CONTACT_DEVIATION = 0.005, 0.001
+#: Prior deviation of the delay of the poses beyond their stamps, and the largest one [s].
+DELAY_DEVIATION, MAX_DELAY = 0.03, 0.15
+#: A larger squared innovation of three degrees of freedom is a jump, once in 60000.
+JUMP = 25.0
+#: After so many poses the object is attached anew to their mean, and where zeros were corrected by
+#: more than this [m].
+FIRST_POSES, MAX_CORRECTION = 15, 2e-3
+#: Derivatives by rollers and stiffness serve for this travel of any roller [m].
+RATE_TRAVEL = 3e-3
+#: Poses of so long tell how fast the object is [s], and older ones than this are not used [s].
+SPEED_TIME, OLDEST = 0.05, 1.0
+#: Gauge pressures (t,) by tube [Pa]; None for those of the robot file.
+Pressures = tuple[float, ...] | None
+#: Parts of the state: load, unexplained pose, delay; then the contacts' shifts by member.
+LOAD, BIAS, DELAY, SHIFTS = slice(0, 3), slice(3, 6), 6, 7
+
+
+class _Rates(NamedTuple):
+    """Derivatives of pose (3, .), turns times the arm, and squeeze (.,)."""
+
+    pose: Array
+    squeeze: Array
+
+    @classmethod
+    def zero(cls, size: int) -> _Rates:
+        """Return derivatives by a state (size,), all zero."""
+        return cls(np.zeros((3, size)), np.zeros(size))
+
+
+class GripBelief:
+    """
+    The equilibrium of a held object, and what measured poses correct of it.
+
+    :ivar grasp: the equilibrium without a load, where the robot is.
+    :ivar grip: whose rows tell how the object moves, see `laid_grip`.
+    :ivar load: estimated wrench (fx, fy, m / arm) [N].
+    :ivar bias: (3,) pose that the model leaves unexplained, turns times the arm [m].
+    :ivar delay: of the measured poses beyond their stamps [s].
+    :ivar innovation: squared normalised innovation of the last pose, of three degrees of freedom.
+    :ivar drift: (4,) what the last travel did beyond the rows of (19): to the pose [m/s, rad/s]
+        and to the squeeze [N/s].
+    :ivar usage: what commands use of slip margin and tubes.
+    :ivar walk: of contacts and pose, by measured poses.
+    :ivar jump: length of the last innovation if that was inconsistent, else 0 [m].
+    :param grasp: the equilibrium near the measured pose, with a `response`.
+    :param grip: its object is where it was measured.
+    :param settings: what is known before.
+    :param zeros: (r, r) covariance of the rollers' zeros [m^2]; by the settings if None.
+    :param noise: (3,) standard deviations of the poses until they are known [m, rad].
+    """
+
+    # Corrections since the last equilibrium, see `_take`.
+    _anchors: Array
+    _anchored: Array
+    _pending: Array
+    _pending_forces: Array
+    _moved_zeros: Array
+
+    def __init__(
+        self,
+        grasp: HeldGrip,
+        grip: Grip,
+        settings: EstimatorSettings,
+        zeros: Array | None = None,
+        noise: Array = UNKNOWN_NOISE,
+    ) -> None:
+        self.settings, self._given, self._friction = settings, grip, grip.friction
+        self._even = np.array([1.0, 1.0, grasp.arm])
+        count, shifts = len(grasp.config.roller_positions), len(grasp.members)
+        variances = np.zeros(SHIFTS + shifts)
+        variances[LOAD], variances[BIAS] = settings.load**2, POSE_DEVIATION**2
+        variances[DELAY], variances[SHIFTS:] = DELAY_DEVIATION**2, CONTACT_DEVIATION**2
+        self._covariance = np.diag(variances)
+        self._considered = np.zeros((count + 1, count + 1))
+        self._considered[-1, -1] = settings.stiffness**2
+        self.take_zeros(settings.zeros**2 * np.eye(count) if zeros is None else zeros)
+        self._sensitivity = np.zeros((len(variances), count + 1))
+        self.load, self.delay = np.zeros(3), 0.0
+        self.innovation = self.jump = 0.0
+        self.bias = self._even * pose_difference(grip.body.pose, grasp.pose)
+        self.drift, self.usage = np.zeros(4), UsageLimits(grasp)
+        self.walk, self.noise = ContactWalk(), PoseNoise(self._even * noise)
+        self._time, self._way, self._poses = 0.0, Timeline(), 0
+        self._corrected = np.zeros(count)
+        self._travelled = np.array(grasp.pose)  # by what the rollers did alone
+        self._way.add(0.0, self._travelled)
+        self._lag = np.zeros((2, 4))  # of pose and squeeze behind each low-pass
+        self._differentiated: HeldGrip | None = None
+        self._take(grasp)
+        self._place_contacts()
+
+    @property
+    def pose(self) -> Array:
+        """Return (x, y, angle) of the object now [m, rad]."""
+        give = self.grasp.response.pose @ self.load
+        return np.array(self.grasp.pose) + self._pending[:3] + give + self.bias / self._even
+
+    @property
+    def squeeze(self) -> float:
+        """Return the mean normal force of the members [N]."""
+        give = self.grasp.response.squeeze @ self.load
+        return self.grasp.squeeze + float(self._pending[3] + give)
+
+    @property
+    def squeeze_deviation(self) -> float:
+        """Return the standard deviation of the squeeze, the model's included [N]."""
+        own, rates = self._rates.squeeze, self._considered_rates.squeeze
+        by_considered = rates + own @ self._sensitivity
+        variance = own @ self._covariance @ own + by_considered @ self._considered @ by_considered
+        return math.sqrt(variance + (self.settings.squeeze_error * self.squeeze) ** 2)
+
+    @property
+    def squeeze_is_unknown(self) -> bool:
+        """Return whether the deviation of the squeeze is more than `UNKNOWN_SHARE` of it."""
+        return self.squeeze_deviation > UNKNOWN_SHARE * self.squeeze
+
+    @property
+    def pose_covariance(self) -> Array:
+        """Return the covariance (3, 3) of the pose [m^2, m rad, rad^2]."""
+        own, rates = self._rates.pose / self._even[:, None], self._considered_rates.pose
+        by_considered = rates / self._even[:, None] + own @ self._sensitivity
+        spread = own @ self._covariance @ own.T
+        return spread + by_considered @ self._considered @ by_considered.T
+
+    def joint_rates(self) -> Array:
+        """Return the derivatives (2j, r) of the joints by the zeros, the object where it is."""
+        found, grasp = self._gradient, self._differentiated
+        count, owners = len(self._corrected), grasp.contacts.owners
+        travel = travel_rates(grasp.config, grasp.contacts.members)
+        along = grasp.statics.sides[:, None] * travel + self._sensitivity[SHIFTS:, :-1][owners]
+        return found.joints[:, :count] + found.joints[:, count + 4 :] @ along  # noqa: E203
+
+    @property
+    def regulated_pose(self) -> Array:
+        """Return the pose that a loop regulates: corrections behind two low-passes (3,)."""
+        return self.pose - self._lag[:, :3].sum(axis=0)
+
+    @property
+    def regulated_squeeze(self) -> float:
+        """Return the squeeze that a loop regulates: corrections behind two low-passes [N]."""
+        return self.squeeze - float(self._lag[:, 3].sum())
+
+    @property
+    def slip_margin(self) -> float:
+        """Return the slip margin without a load: no estimated load is relied on [N]."""
+        return self._margin(self.grasp, self._pending_forces)
+
+    @property
+    def slope(self) -> float:
+        """Return the change of the squeeze as the grip opens, negative [N/m]."""
+        return self.grasp.squeeze_stiffness()
+
+    def follow(
+        self,
+        config: Configuration,
+        elapsed: float,
+        pressures: Pressures,
+    ) -> HoldStatus:
+        """
+        Roll to where the robot is; return whether the object is still held, or why not.
+
+        :param config: where the robot is.
+        :param elapsed: since the last call [s].
+        :param pressures: (t,) gauge, by tube [Pa]; those of the robot file if None.
+        """
+        before = self.grasp
+        given = replace(with_pressures(before, pressures), anchors=self._anchors)
+        rolled = roll_grip(given, config)
+        if rolled is None:
+            return HoldStatus.NO_BALANCE
+        hold = rolled.hold(self._friction)
+        if hold is HoldStatus.HELD and rolled.response is None:
+            return HoldStatus.UNSTABLE
+        if hold is not HoldStatus.HELD:
+            return hold
+        change = pose_difference(rolled.pose, np.array(before.pose) + self._pending[:3])
+        travel = config.roller_positions - before.config.roller_positions
+        if self._moved_zeros.any():
+            # The object stays where it was measured: its model was off by so much.
+            self.bias = self.bias - self._even * change
+            travel, change = travel - self._moved_zeros, np.zeros(3)
+        else:
+            self._learn(before, rolled, travel, change, elapsed)
+        self._time += elapsed
+        self._travelled = self._travelled + change
+        self._way.add(self._time, self._travelled)
+        self._way.discard_before(self._time - OLDEST)
+        self._take(rolled)
+        self._predict(elapsed, self._even * change, np.abs(travel))
+        # One noisy pose is not enough, and large corrections are beyond the first order.
+        if self._poses == FIRST_POSES or np.abs(self._corrected).max() > MAX_CORRECTION:
+            self._poses += 1
+            self.attach(config, pressures)
+        return hold
+
+    def observe(self, pose: Pose, age: float) -> None:
+        """
+        Correct the belief by a measured pose.
+
+        :param pose: of the object.
+        :param age: of the pose before the configuration of the last `follow`, by its stamp [s].
+        """
+        self._poses += self._poses != FIRST_POSES
+        then = self._time - age - self.delay
+        there, speed = self._way.at(then), self._way.at(then) - self._way.at(then - SPEED_TIME)
+        expected = self.pose - pose_difference(self._travelled, there)
+        off = self._even * pose_difference(pose, expected)
+        self.noise.add(self._even * pose_difference(pose, there))
+        rates = self._rates.pose.copy()
+        rates[:, DELAY] = -self._even * speed / SPEED_TIME
+        noise = np.diag(self.noise.variances)
+        self._correct(off, rates, noise)
+
+    def attach(self, config: Configuration, pressures: Pressures) -> bool:
+        """
+        Attach the object anew where it is believed to be; the contacts' history is forgotten.
+
+        :param config: where the robot is.
+        :param pressures: (t,) gauge, by tube [Pa]; those of the robot file if None.
+        :return: whether there is such an equilibrium.
+        """
+        pose = self.pose
+        unloaded = pose - self.grasp.response.pose @ self.load
+        try:
+            found = attach_model(config, self._given.moved_to(unloaded), pressures)
+        except NotHeldError:
+            return False
+        self._take(found)
+        self.usage, self.walk, self.drift = UsageLimits(found), ContactWalk(), np.zeros(4)
+        self._corrected = np.zeros_like(self._corrected)
+        self.bias = np.zeros(3)
+        self.bias = self._even * pose_difference(pose, self.pose)
+        self._place_contacts()
+        return True
+
+    def _place_contacts(self) -> None:
+        """Begin with contacts where the measured pose has them, whatever is considered."""
+        pose, considered = self._rates.pose, self._considered_rates.pose
+        self._sensitivity[:] = 0.0
+        shifts = self._sensitivity[SHIFTS:] = -np.linalg.pinv(pose[:, SHIFTS:]) @ considered
+        self._sensitivity[BIAS] = -considered - pose[:, SHIFTS:] @ shifts
+
+    def take_zeros(self, covariance: Array) -> None:
+        """
+        Take the covariance of the rollers' zeros over.
+
+        :param covariance: (r, r) [m^2].
+        """
+        self._considered[:-1, :-1] = covariance
+
+    def move_zeros(self, moved: Array) -> None:
+        """
+        Correct zeros of the rollers: the object did not roll, and stays where it was measured.
+
+        :param moved: (r,) by which the positions of the rollers change [m].
+        """
+        grasp = self.grasp
+        travel = travel_rates(grasp.config, grasp.contacts.members) @ moved
+        shifts = self._sensitivity[SHIFTS:, :-1] @ moved
+        self._anchors = self._anchors + grasp.statics.sides * travel
+        self._anchors = self._anchors + shifts[grasp.contacts.owners]
+        self._moved_zeros = self._moved_zeros + moved
+        self._corrected = self._corrected + moved
+
+    def _correct(self, off: Array, rates: Array, noise: Array) -> None:
+        """Update the belief by an innovation (3,) of the pose [m]."""
+        prior, walking = self._covariance, np.zeros_like(rates)
+        walking[:, BIAS], walking[:, SHIFTS:] = rates[:, BIAS], rates[:, SHIFTS:]
+        unsure = walking @ prior @ walking.T
+        spread = rates @ prior @ rates.T + noise
+        self.innovation, self.jump = float(off @ np.linalg.solve(spread, off)), 0.0
+        if self.innovation > JUMP:  # contacts and pose are free to go there
+            self.jump = math.hypot(*off)
+            freed = np.zeros(len(prior))
+            freed[BIAS] = freed[SHIFTS:] = self.jump**2
+            prior = prior + np.diag(freed)
+            spread = rates @ prior @ rates.T + noise
+        gain = np.linalg.solve(spread, rates @ prior).T
+        change, left = gain @ off, np.eye(len(prior)) - gain @ rates
+        covariance = left @ prior @ left.T + gain @ noise @ gain.T
+        self._covariance = 0.5 * (covariance + covariance.T)
+        self._sensitivity = left @ self._sensitivity - gain @ self._considered_rates.pose
+        self.delay = min(max(self.delay + float(change[DELAY]), 0.0), MAX_DELAY)
+        self._shift(change)
+        give = self._rates.pose[:, LOAD] * self.settings.load
+        self.walk.add(self._time, walking @ change, unsure, noise + give @ give.T)
+
+    def _shift(self, change: Array) -> None:
+        """Take a correction (n,) over; the equilibrium follows in the next cycle."""
+        grasp, places = self.grasp, self.grasp.state.places
+        shifts = change[SHIFTS:][grasp.contacts.owners]
+        moved = self._anchored @ shifts
+        squeeze = moved[places.normal].sum() / len(grasp.members)
+        self._anchors = self._anchors + shifts
+        self._pending = self._pending + np.append(moved[:3], squeeze)
+        self._pending_forces = self._pending_forces + moved[-2 * len(shifts) :]  # noqa: E203
+        self.load, self.bias = self.load + change[LOAD], self.bias + change[BIAS]
+        given = moved[:3] + grasp.response.pose @ change[LOAD] + change[BIAS] / self._even
+        pressed = squeeze + float(grasp.response.squeeze @ change[LOAD])
+        self._lag[0] += np.append(given, pressed)
+
+    def _predict(self, elapsed: float, moved: Array, travel: Array) -> None:
+        """Propagate the covariance by process noise."""
+        given = self.settings
+        left = math.exp(-elapsed / given.load_time)
+        more, kept = np.zeros(len(self._covariance)), np.ones(len(self._covariance))
+        kept[LOAD] = left
+        more[BIAS] = POSE_WALK**2 * WALK_LENGTH * math.hypot(*moved)
+        more[SHIFTS:] = CONTACT_SLIP**2 * WALK_LENGTH * travel.max()
+        self.walk.spread(self._rates.pose * more @ self._rates.pose.T)
+        more[LOAD] = given.load**2 * (1.0 - left**2)
+        self._covariance = self._covariance * np.outer(kept, kept) + np.diag(more)
+        self._sensitivity *= kept[:, None]
+        self._considered[:-1, :-1] += np.diag(given.slip**2 * WALK_LENGTH * travel)
+        decayed, response = (left - 1.0) * self.load, self.grasp.response
+        self._lag[0] += np.append(response.pose @ decayed, response.squeeze @ decayed)
+        self.load = self.load + decayed
+
+    def pass_corrections(self, elapsed: float, filter_time: float) -> None:
+        """
+        Let corrections through the two low-passes of a loop.
+
+        :param elapsed: since the last call [s].
+        :param filter_time: of the low-passes on the load [s].
+        """
+        left = math.exp(-elapsed / filter_time)
+        self._lag[1] += (1.0 - left) * self._lag[0]
+        self._lag[0] *= left
+        self._lag[1] *= left
+
+    def _take(self, grasp: HeldGrip) -> None:
+        """Go on with an equilibrium."""
+        self.grasp, self.grip = grasp, laid_grip(grasp, self._friction)
+        # Corrections of the contacts since, with which the equilibrium is not solved yet.
+        self._anchors = grasp.anchors
+        self._pending = np.zeros(4)
+        self._moved_zeros = np.zeros(len(grasp.config.roller_positions))
+        if SHIFTS + len(grasp.members) != len(self._covariance):
+            self._resize(SHIFTS + len(grasp.members))
+        self._pending_forces = np.zeros(2 * len(grasp.anchors))
+        places = grasp.state.places
+        right = np.zeros((places.size, len(grasp.anchors)))
+        right[places.closure] = np.eye(len(grasp.anchors))
+        self._anchored = np.linalg.solve(grasp.tangent, right)
+        known, at = self._differentiated, grasp.config.roller_positions
+        far = known is None or known.contacts is not grasp.contacts
+        far = far or len(self._rates.squeeze) != len(self._covariance)
+        if far or np.abs(at - known.config.roller_positions).max() > RATE_TRAVEL:
+            self._differentiate(grasp)
+        owners = np.eye(len(grasp.members))[grasp.contacts.owners]
+        by_shift = self._anchored @ owners
+        mean = np.full(len(grasp.anchors), 1.0 / len(grasp.members))
+        self._rates.pose[:, LOAD] = self._even[:, None] * grasp.response.pose
+        self._rates.squeeze[LOAD] = grasp.response.squeeze
+        self._rates.pose[:, SHIFTS:] = self._even[:, None] * by_shift[:3]
+        self._rates.squeeze[SHIFTS:] = mean @ by_shift[places.normal]
+
+    def _resize(self, size: int) -> None:
+        """Begin with other members: their shifts are as unsure as at first."""
+        before, sensitivity = self._covariance, self._sensitivity
+        self._covariance = CONTACT_DEVIATION**2 * np.eye(size)
+        self._covariance[:SHIFTS, :SHIFTS] = before[:SHIFTS, :SHIFTS]
+        self._sensitivity = np.zeros((size, sensitivity.shape[1]))
+        self._sensitivity[:SHIFTS] = sensitivity[:SHIFTS]
+
+    def _differentiate(self, grasp: HeldGrip) -> None:
+        """Find derivatives by zeros, the feet of the contacts kept, and by the stiffness."""
+        found, count = held_gradient(grasp), len(grasp.config.roller_positions)
+        travel = travel_rates(grasp.config, grasp.contacts.members)
+        along, anchors = grasp.statics.sides[:, None] * travel, slice(count + 4, None)
+        self._rates = _Rates.zero(len(self._covariance))
+        self._rates.pose[:, BIAS] = np.eye(3)
+        forces = found.normal_forces.mean(axis=0)
+        given = np.vstack([self._even[:, None] * found.pose, forces])
+        considered = np.append(
+            given[:, :count] + given[:, anchors] @ along, given[:, [count + 3]], axis=1
+        )
+        self._considered_rates = _Rates(considered[:3], considered[3])
+        self._gradient, self._differentiated = found, grasp
+
+    def _margin(self, grasp: HeldGrip, more: Array) -> float:
+        """Return the slip margin where forces (2k,) come to those of an equilibrium [N]."""
+        reserve, _, size = grasp.slip_reserves(self._friction)
+        rows = slip_conditions(grasp.contacts.owners, self._friction)
+        return float(((reserve + rows @ more) / size).min())
+
+    def _learn(
+        self, before: HeldGrip, grasp: HeldGrip, travel: Array, change: Array, elapsed: float
+    ) -> None:
+        """Take in what the last travel did beyond the rows of (19), and to margin and tubes."""
+        moved = grip_jacobian(before.config, self.grip) @ travel
+        pressed = grasp.squeeze - before.squeeze - self._pending[3]
+        pressed -= before.squeeze_stiffness() * moved[3]
+        beyond = np.append(change - moved[:3], pressed)
+        self.drift = beyond / elapsed if elapsed > 0.0 else np.zeros(4)
+        was = self._margin(before, self._pending_forces)
+        self.usage.learn(grasp, grasp.slip_margin(self._friction) - was, travel)
+
+
+def attach_model(config: Configuration, grip: Grip, pressures: Pressures = None) -> HeldGrip:
+    """
+    Return the equilibrium near the measured pose, with a `response`.
+
+    :param config: where the robot is.
+    :param grip: its object is where it was measured.
+    :param pressures: (t,) gauge, by tube [Pa]; those of the robot file if None.
+    :raises NotHeldError: there is no such equilibrium.
+    :raises GraspError: no such members.
+    :raises StructureError: see `structure_of`.
+    """
+    members = find_members(config.robot, grip.members).members
+    found = attach_grip(
+        config, grip.body, members, tubes=TubeModel(pressure=pressures), quick=True
+    )
+    if found.response is None:
+        raise NotHeldError(HoldStatus.UNSTABLE)
+    return found

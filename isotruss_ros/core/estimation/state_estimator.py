@@ -1,0 +1,288 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Where the robot is, and how hard it squeezes: encoders, the object's pose and markers together.
+
+Encoders miss what slips, and zeros are as good as the homing. Markers correct the zeros, see
+`OffsetFilter`; poses correct how the object is held, see `GripBelief`, which considers the zeros
+with the covariance that markers leave. A measurement counts at its stamp.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+import math
+
+from isotruss_ros.core.errors import ConfigurationError, GraspError, StructureError
+from isotruss_ros.core.estimation.contact_walk import JUMP_LENGTH
+from isotruss_ros.core.estimation.grip_belief import attach_model, GripBelief
+from isotruss_ros.core.estimation.marker_gate import find_swap, judge_markers
+from isotruss_ros.core.estimation.offset_filter import OffsetFilter
+from isotruss_ros.core.estimation.slip_watch import SlipWatch
+from isotruss_ros.core.estimation.state_estimate import EstimatorSettings, StateEstimate
+from isotruss_ros.core.holding.held_grip import HoldStatus
+from isotruss_ros.core.holding.loaded_frame import held_joints
+from isotruss_ros.core.inputs import steady_pressures, Timeline
+from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.manipulation.grip import find_members, Grip
+from isotruss_ros.core.model.pose import Pose
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.blas_threads import single_threaded
+import numpy as np
+
+#: After so many messages of markers of which none fits, the zeros are elsewhere.
+LOST = 5
+#: Measurements count that are no older than this, and ahead of the encoders by no more [s].
+OLDEST, AHEAD = 1.0, 0.05
+#: An object is held where its squeeze is by so many deviations above zero.
+SURE = 1.0
+
+
+class StateEstimator:
+    """
+    Kalman filters over the zeros of the rollers and how an object is held.
+
+    :ivar settings: what is known of the robot.
+    :ivar belief: how the object is held; None where it is not.
+    :param robot: the robot, with its zeros and stiffness as far as they are known.
+    :param settings: what else is known of it; as for one that was not homed if None.
+    """
+
+    def __init__(self, robot: Robot, settings: EstimatorSettings | None = None) -> None:
+        self.settings = given = settings or EstimatorSettings()
+        self._robot = robot
+        self._grip: Grip | None = None
+        self._zeros, self._config = OffsetFilter(robot, given), robot.home
+        self.belief: GripBelief | None = None
+        self._readings, self._slips = Timeline(), SlipWatch(len(robot.roller_names))
+        self._pressures: tuple[float, ...] | None = None
+        self._rolled, self._corrected, self._strange = 0.0, False, 0
+        self._used: tuple[str, ...] = ()
+        self._left_out: tuple[str, ...] = ()
+        self._swapped: tuple[str, ...] = ()
+
+    @property
+    def grip(self) -> Grip | None:
+        """Return members and object that are held where the measured pose says so."""
+        return self._grip
+
+    @grip.setter
+    def grip(self, grip: Grip | None) -> None:
+        """
+        Choose what can be held.
+
+        :param grip: with the object anywhere; None for nothing.
+        :raises GraspError: the robot has no such members.
+        :raises ConfigurationError: what was held is let go in a singular configuration.
+        """
+        if grip is not None:
+            find_members(self._robot, grip.members)
+        self._grip, self.belief = grip, None
+
+    def take_encoders(self, time: float, readings: Array) -> None:
+        """
+        Go on to a reading of the encoders; one that is not later than the last does not count.
+
+        :param time: of the reading [s].
+        :param readings: (r,) roller travel since home [m].
+        """
+        if self._readings:
+            before, last = self._readings.last
+            if time <= before:
+                return
+            self._zeros.predict(time - before, np.abs(readings - last))
+        self._readings.add(time, np.array(readings, dtype=float))
+        self._readings.discard_before(time - OLDEST)
+
+    def take_pressures(self, pressures: tuple[float, ...] | None) -> None:
+        """
+        Model the tubes with measured pressures from now on, see `steady_pressures`.
+
+        :param pressures: (t,) gauge, by tube in the order of the robot file [Pa]; None for those
+            of the file.
+        """
+        self._pressures = steady_pressures(self._pressures, pressures)
+
+    @single_threaded
+    def take_pose(self, time: float, pose: Pose, deviations: Array) -> bool:
+        """
+        Take in where the object was measured.
+
+        :param time: of the measurement [s].
+        :param pose: of the object, robot frame.
+        :param deviations: (3,) standard deviations of x, y [m] and angle [rad], positive.
+        :return: whether it counts: in time, of an object that the robot holds.
+        :raises ConfigurationError: no configuration of the robot fits the encoders.
+        """
+        if self._grip is None or not self._in_time(time):
+            return False
+        self._roll()
+        belief = self.belief
+        if belief is not None:
+            belief.observe(pose, self._rolled - time)
+            if belief.jump <= JUMP_LENGTH and not belief.walk.slipped:
+                return True
+        self.belief = self._attach(pose, deviations)
+        return self.belief is not None
+
+    @single_threaded
+    def take_markers(
+        self, time: float, joints: Mapping[str, tuple[float, float]], deviation: float
+    ) -> bool:
+        """
+        Take in where joints were measured; those that do not fit are left out.
+
+        :param time: of the measurement [s].
+        :param joints: (x, y) by the name of the joint, robot frame [m].
+        :param deviation: standard deviation of a coordinate, positive [m].
+        :return: whether some of them count.
+        :raises ConfigurationError: no configuration of the robot fits the encoders.
+        :raises GraspError: the robot has no such joint.
+        """
+        names = self._robot.topology.joint_names
+        for name in joints:
+            if name not in names:
+                raise GraspError(f'joint {name!r}: must be one of {", ".join(names)}')
+        if not joints or not self._in_time(time):
+            return False
+        readings, zeros = self._readings.at(time), self._zeros
+        self._roll()
+        values, rates = self._place_joints(readings, zeros.offsets)
+        rows = np.array([2 * names.index(name) + i for name in joints for i in (0, 1)])
+        expected = zeros.expect(values, rates, rows)
+        measured = np.array(list(joints.values()), dtype=float).ravel()
+        noise = (deviation**2) * np.eye(len(rows)) + self._encoder_noise(rates[rows])
+        covariance = zeros.belief.spread(expected.rates) + noise
+        used, slipped = judge_markers(
+            (measured - expected.values).reshape(-1, 2),
+            covariance,
+            rates[rows],
+            np.ptp(self._readings.values, axis=0),
+        )
+        zeros.inflate(slipped**2)
+        self._name(np.array(list(joints)), used, measured, expected.values, covariance)
+        chosen = np.flatnonzero(np.repeat(used, 2))
+        if not len(chosen):
+            return False
+        before = zeros.offsets
+        zeros.update(
+            measured[chosen],
+            noise[np.ix_(chosen, chosen)],
+            rows[chosen],
+            lambda offsets: self._place_joints(readings, offsets),
+        )
+        if self.belief is not None:
+            self.belief.move_zeros(zeros.offsets - before)
+            self.belief.take_zeros(zeros.covariance)
+            self._corrected = True
+        variances = np.diag(zeros.covariance) + self.settings.joint_error**2
+        self._slips.add(time, readings, zeros.offsets, variances)
+        return True
+
+    @single_threaded
+    def estimate(self) -> StateEstimate | None:
+        """
+        Return what is estimated at the last reading of the encoders; None before the first.
+
+        :raises ConfigurationError: no configuration of the robot fits the encoders.
+        """
+        if not self._readings:
+            return None
+        self._roll()
+        time, readings = self._readings.last
+        zeros, belief = self._zeros, self.belief
+        values, rates = self._place_joints(readings, zeros.offsets)
+        spread = rates @ zeros.covariance @ rates.T
+        slipping = zip(self._robot.roller_names, self._slips.slipping, strict=True)
+        found = StateEstimate(
+            time,
+            zeros.offsets.copy(),
+            zeros.covariance.copy(),
+            readings + zeros.offsets,
+            values.reshape(-1, 2),
+            spread + self.settings.joint_error**2 * np.eye(len(values)),
+            used=self._used,
+            left_out=self._left_out,
+            swapped=self._swapped,
+            slipping=tuple(name for name, slips in slipping if slips),
+        )
+        if belief is None:
+            return found
+        errors = self.settings.pose_error / np.array([1.0, 1.0, belief.grasp.arm])
+        return replace(
+            found,
+            pose=belief.pose,
+            pose_covariance=belief.pose_covariance + np.diag(errors**2),
+            squeeze=belief.squeeze,
+            squeeze_deviation=belief.squeeze_deviation,
+            delay=belief.delay,
+        )
+
+    def _name(
+        self, names: Array, used: Array, measured: Array, expected: Array, covariance: Array
+    ) -> None:
+        """Take note of which markers count, and which are swapped; forget zeros that none fits."""
+        self._used = tuple(sorted(names[used].tolist()))
+        self._left_out = tuple(sorted(names[~used].tolist()))
+        swapped = None
+        if self._left_out:
+            swapped = find_swap(measured.reshape(-1, 2), expected.reshape(-1, 2), covariance)
+        self._swapped = () if swapped is None else tuple(sorted(names[list(swapped)].tolist()))
+        self._strange = 0 if self._used or self._swapped else self._strange + 1
+        if self._strange >= LOST:  # such as after the encoders began anew
+            self._zeros.forget()
+            self._strange = 0
+
+    def _roll(self) -> None:
+        """Roll what is held to the last reading; release what no equilibrium holds there."""
+        (time, readings), belief = self._readings.last, self.belief
+        travel, elapsed = readings + self._zeros.offsets, time - self._rolled
+        self._rolled = time
+        if belief is None or (elapsed == 0.0 and not self._corrected):
+            return
+        self._corrected = False
+        try:
+            config = belief.grasp.config.moved_to(travel)
+            hold = belief.follow(config, elapsed, self._pressures)
+            if hold is not HoldStatus.HELD and not belief.attach(config, self._pressures):
+                self.belief = None
+        except (ConfigurationError, GraspError, StructureError):
+            self.belief = None
+
+    def _attach(self, pose: Pose, deviations: Array) -> GripBelief | None:
+        """Return the belief of an object that surely is held where it was measured, or None."""
+        zeros = self._zeros
+        self._config = self._config.moved_to(self._readings.last[1] + zeros.offsets)
+        grip = self._grip.moved_to(pose)
+        try:
+            found = attach_model(self._config, grip, self._pressures)
+            if found.hold(math.inf) is not HoldStatus.HELD:
+                return None
+            belief = GripBelief(found, grip, self.settings, zeros.covariance, deviations)
+        except (ConfigurationError, GraspError, StructureError):
+            return None
+        return belief if belief.squeeze > SURE * belief.squeeze_deviation else None
+
+    def _place_joints(self, readings: Array, offsets: Array) -> tuple[Array, Array]:
+        """Return where joints are (2j,) [m], and the derivatives (2j, r) by the offsets."""
+        count, belief = 2 * len(self._robot.topology.joint_names), self.belief
+        config = self._config = self._config.moved_to(readings + offsets)
+        places, rates = config.nodes.ravel()[:count], config.node_jacobian[:count]
+        if belief is None:
+            return places, rates
+        # What the contact forces displace, and the zeros change of that.
+        held, own = belief.grasp.config, belief.joint_rates()
+        beyond = own - held.node_jacobian[:count]
+        displaced = held_joints(belief.grasp).ravel() - held.nodes.ravel()[:count]
+        return places + displaced + beyond @ (offsets - self._zeros.offsets), rates + beyond
+
+    def _encoder_noise(self, rates: Array) -> Array:
+        """Return what noise of the encoders does to joints of some rates (m, r), (m, m)."""
+        return self.settings.encoders**2 * rates @ rates.T
+
+    def _in_time(self, time: float) -> bool:
+        """Return whether the readings of the encoders at a time are known."""
+        known = self._readings
+        return bool(known) and known.first[0] <= time <= known.last[0] + AHEAD

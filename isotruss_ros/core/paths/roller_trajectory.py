@@ -1,0 +1,314 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Roller trajectories: straight lines of roller travel with rounded corners, and a servo along them.
+
+The servo begins where the rollers are and closes the loop over measured positions. While a roller
+lags, trajectory time waits; an input that is missing, timed out or rejected ends the trajectory,
+and so does a tolerance of the goal that is violated.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from isotruss_ros.core.errors import ConfigurationError, IsotrussError
+from isotruss_ros.core.inputs import Input, require_fresh, RollerState
+from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.numerics.arrays import Array, finite_array
+from isotruss_ros.core.paths.trajectory_tolerances import TrajectoryTolerances
+import numpy as np
+from numpy.typing import ArrayLike
+
+#: What takes longer is a mistake [s].
+MAX_DURATION = 86_400.0
+#: Rate at which errors of the roller positions decay [1/s].
+GAIN = 5.0
+#: Largest distance of the rollers from the first waypoint [m].
+START_TOLERANCE = 0.01
+#: Of the last waypoint, within which the rollers rest [m], for as long as this [s]; and where they
+#: come no nearer: what encoders resolve or drives reach is less fine [m].
+TOLERANCE, SETTLING_TIME, NEAR_TOLERANCE = 2e-5, 0.1, 5e-4
+#: Trajectory time waits while a roller lags by more than this [m].
+MAX_LAG = 5e-3
+#: After this time without progress a trajectory is given up [s].
+PROGRESS_TIMEOUT = 3.0
+#: A cycle takes the trajectory on by at most so much: one that comes later than that would cut its
+#: corners [s].
+MAX_STEP = 0.2
+
+
+class RollerTrajectory:
+    """
+    Waypoints of the rollers at given times, straight lines of travel between them.
+
+    Corners, with start and end, are rounded by parabolas at the largest acceleration, half of it
+    before the waypoint and half of it after. So the start takes longer, by half of its parabola.
+
+    :ivar duration: of the whole trajectory [s].
+    :param robot: the robot.
+    :param positions: (k, r) waypoints [m], at least one.
+    :param times: (k,) when to be there [s], from 0 on, increasing, at most a day.
+    :raises ConfigurationError: shapes that do not fit, numbers that are not finite, times that do
+        not increase or do not end, or a speed or an acceleration beyond what the robot's rollers
+        can do.
+    """
+
+    def __init__(self, robot: Robot, positions: ArrayLike, times: ArrayLike) -> None:
+        given = positions if np.iterable(positions) else [positions]
+        rows = [robot.check_rollers(row, 'roller positions [m]') for row in given]
+        if not rows:
+            raise ConfigurationError('a trajectory without a point: must have one or more')
+        self._positions = np.array(rows)
+        self._times = finite_array(
+            times, len(rows), 'times of the trajectory [s]', ConfigurationError
+        )
+        steps = np.diff(self._times)
+        good = np.append(self._times[0] >= 0.0, steps > 0.0) & (self._times <= MAX_DURATION)
+        if not good.all():
+            place = int(good.argmin())
+            raise ConfigurationError(
+                f'time {self._times[place]:.9g} s of point {place} of the trajectory: must be '
+                f'later than that of the point before, from 0 to {MAX_DURATION:g} s'
+            )
+        with np.errstate(over='ignore'):  # too quick is too quick
+            slopes = np.diff(self._positions, axis=0) / steps[:, None]
+        quickest = float(np.abs(slopes).max(initial=0.0))
+        fastest = robot.description.max_speed
+        if quickest > fastest * (1.0 + 1e-6):
+            raise ConfigurationError(
+                f'the trajectory asks a roller for {quickest:.9g} m/s; must be at most {fastest:g}'
+            )
+        self._slopes = np.pad(slopes, ((1, 1), (0, 0)))  # at rest before and after
+        self._halves = self._round_corners(robot, steps)
+        self._times = self._times + max(self._halves[0] - self._times[0], 0.0)
+        self.duration = float(self._times[-1] + self._halves[-1])
+
+    def _round_corners(self, robot: Robot, steps: Array) -> Array:
+        """Return half of the time (k,) in which each corner is rounded [s]."""
+        changes = np.abs(np.diff(self._slopes, axis=0)).max(axis=1)
+        most = robot.description.max_acceleration
+        needed = 0.5 * (changes[1:] + changes[:-1])
+        with np.errstate(over='ignore'):
+            asked = needed / steps
+        if asked.max(initial=0.0) > most * (1.0 + 1e-6):
+            place = int(asked.argmax())
+            raise ConfigurationError(
+                f'the trajectory asks a roller for {asked[place]:.4g} m/s^2 from point {place} to '
+                f'{place + 1}; must be at most {most:g}'
+            )
+        return 0.5 * changes / most
+
+    def at(self, time: float) -> RollerState:
+        """
+        Return what the rollers should do at a time [s]; they stand still before and after.
+
+        :param time: since the beginning [s].
+        """
+        times, slopes = self._times, self._slopes
+        piece = int(np.searchsorted(times, time, side='right'))
+        start, slope = max(piece - 1, 0), slopes[piece]
+        positions = self._positions[start] + (time - times[start]) * slope
+        ends = (start, min(piece, len(times) - 1))
+        corner = min(ends, key=lambda end: abs(times[end] - time))
+        left = self._halves[corner] - abs(time - times[corner])
+        if left <= 0.0:
+            return RollerState(positions, slope)
+        before, after = slopes[corner : corner + 2]  # noqa: E203
+        acceleration = (after - before) / (2.0 * self._halves[corner])
+        return RollerState(
+            positions + 0.5 * left**2 * acceleration,
+            0.5 * (before + after) + (time - times[corner]) * acceleration,
+        )
+
+
+class RollerStep(NamedTuple):
+    """
+    What to do in this cycle.
+
+    :ivar speeds: (r,) of the rollers [m/s].
+    :ivar ended: whether the trajectory is over, well or not.
+    :ivar failure: why it was given up; empty while it goes on and when the rollers arrived.
+    :ivar at_goal: whether the failure is that they did not arrive in time.
+    """
+
+    speeds: Array
+    ended: bool
+    failure: str
+    at_goal: bool = False
+
+
+class RollerTrajectoryServo:
+    """
+    State of following one trajectory.
+
+    :ivar rollers: input of the measured `RollerState`.
+    :ivar time: of the trajectory, where the rollers are [s].
+    :param robot: the robot.
+    :param timeout: measurements older than this are not used [s].
+    """
+
+    def __init__(self, robot: Robot, timeout: float) -> None:
+        self._robot = robot
+        self.timeout = timeout
+        self.rollers: Input = None
+        self.time = 0.0
+        self._trajectory: RollerTrajectory | None = None
+        self._tolerances = TrajectoryTolerances()
+        self._start = self._before = self._waited = 0.0
+        self._near_since: float | None = None
+        self._offsets: Array | float = 0.0
+
+    @property
+    def busy(self) -> bool:
+        """Return whether there is a trajectory to follow."""
+        return self._trajectory is not None
+
+    @property
+    def wanted(self) -> RollerState | None:
+        """Return where the rollers should be; None where there is no trajectory."""
+        return None if self._trajectory is None else self._trajectory.at(self.time)
+
+    def begin(
+        self,
+        trajectory: RollerTrajectory,
+        now: float,
+        start: float | None = None,
+        tolerances: TrajectoryTolerances | None = None,
+    ) -> None:
+        """
+        Take a trajectory in place of any other; one that is rejected changes nothing.
+
+        :param trajectory: the new one.
+        :param now: time on the clock of the inputs [s].
+        :param start: when it begins, and the rollers rest until then [s]; at once if None.
+        :param tolerances: of the goal; those of the servo if None.
+        :raises InputError: the joint states are missing, timed out or rejected.
+        :raises ConfigurationError: the trajectory does not begin there.
+        """
+        state = self.check_start(trajectory, now)
+        self._trajectory, self._offsets = trajectory, state.offsets
+        self._tolerances = tolerances or TrajectoryTolerances()
+        self._start = self._before = now if start is None else max(start, now)
+        self.time, self._waited, self._near_since = 0.0, 0.0, None
+
+    def check_start(self, trajectory: RollerTrajectory, now: float) -> RollerState:
+        """
+        Return where the rollers are; refuse a trajectory that does not begin there.
+
+        :param trajectory: to begin.
+        :param now: time on the clock of the inputs [s].
+        :raises InputError: the joint states are missing, timed out or rejected.
+        :raises ConfigurationError: the trajectory does not begin there.
+        """
+        state = require_fresh(now, self.timeout, joint_states=self.rollers)[0].value
+        away = np.abs(trajectory.at(0.0).positions - state.positions)
+        worst = int(away.argmax())
+        if away[worst] > START_TOLERANCE:
+            raise ConfigurationError(
+                f'the trajectory begins {away[worst]:.4g} m from where roller '
+                f'{self._robot.roller_names[worst]} is; must begin within '
+                f'{START_TOLERANCE} m'
+            )
+        return state
+
+    def end(self) -> None:
+        """Give the trajectory up."""
+        self._trajectory = None
+
+    def decide(self, now: float) -> RollerStep:
+        """
+        Return what to do in the cycle that begins now; never raises for an input.
+
+        :param now: time on the clock of the inputs [s].
+        """
+        trajectory = self._trajectory
+        if trajectory is None:
+            return self._finish('there is no trajectory to follow')
+        try:
+            (measured,) = require_fresh(now, self.timeout, joint_states=self.rollers)
+        except IsotrussError as error:
+            return self._finish(str(error))
+        if now < self._start:
+            return RollerStep(np.zeros(len(self._robot.roller_names)), False, '')
+        # Cycles come late on a busy machine, or seldom by a clock that ticks seldom.
+        longest = min(MAX_STEP, self.timeout)
+        elapsed, self._before = min(max(0.0, now - self._before), longest), now
+        state = measured.value
+        if self.time < trajectory.duration:
+            self._offsets = state.offsets
+        # Each marker moves an estimate by more than the tolerance: at the end the last one counts.
+        state = state._replace(positions=state.positions - state.offsets + self._offsets)
+        if self._tolerances.path is not None:
+            then = trajectory.at(self.time - max(0.0, now - measured.time))
+            found = self._tolerances.path.find_violation(self._robot.roller_names, then, state)
+            if found:
+                return self._finish(found)
+        return self._advance(trajectory, state, measured.time, now, elapsed)
+
+    def _advance(
+        self,
+        trajectory: RollerTrajectory,
+        state: RollerState,
+        measured: float,
+        now: float,
+        elapsed: float,
+    ) -> RollerStep:
+        """Go on along the trajectory, wait for a roller, or end at rest."""
+        ahead, positions = min(self.time + elapsed, trajectory.duration), state.positions
+        behind = trajectory.at(self.time).positions - positions
+        error = trajectory.at(ahead).positions - positions
+        # Rollers at rest are behind, those under way are ahead by what they do in a cycle.
+        waits = min(float(np.abs(error).max()), float(np.abs(behind).max())) > MAX_LAG
+        if waits:
+            error = behind
+        lag, at_end = float(np.abs(error).max()), ahead >= trajectory.duration
+        goal, names, violation = self._tolerances.goal, self._robot.roller_names, ''
+        if goal is not None:
+            violation = goal.find_violation(names, trajectory.at(trajectory.duration), state)
+        near = at_end and (not violation if goal is not None else lag <= TOLERANCE)
+        if self._rests(near, min(measured, now), now):
+            return self._finish()
+        if not waits and self.time < trajectory.duration:
+            self.time, self._waited = ahead, 0.0
+        elif not near:
+            self._waited += elapsed
+        if not near and self._gives_up(trajectory, at_end, now):
+            if goal is None and at_end and lag <= NEAR_TOLERANCE:
+                return self._finish()
+            worst = names[int(np.abs(error).argmax())]
+            words = f'roller {worst} stays {lag:.4g} m behind the trajectory'
+            late = at_end or self._waited <= PROGRESS_TIMEOUT
+            return self._finish(violation or words, late)
+        speeds = (error - behind) / (elapsed or self.timeout) + GAIN * behind
+        if at_end:
+            # What has arrived rests: rollers are uneven only while they move.
+            rest = TOLERANCE if goal is None else np.minimum(TOLERANCE, goal.positions)
+            speeds = np.where(np.abs(error) <= rest, 0.0, speeds)
+        limit = self._robot.description.max_speed
+        return RollerStep(np.clip(speeds, -limit, limit), False, '')
+
+    def _gives_up(self, trajectory: RollerTrajectory, at_end: bool, now: float) -> bool:
+        """Return whether rollers that are not at the end yet had time enough."""
+        goal_time = self._tolerances.goal_time
+        if goal_time is not None and now > self._start + trajectory.duration + goal_time:
+            return True
+        return self._waited > PROGRESS_TIMEOUT and (goal_time is None or not at_end)
+
+    def _finish(self, failure: str = '', at_goal: bool = False) -> RollerStep:
+        """End the trajectory, with the rollers still."""
+        self._trajectory = None
+        return RollerStep(np.zeros(len(self._robot.roller_names)), True, failure, at_goal)
+
+    def _rests(self, near: bool, measured: float, now: float) -> bool:
+        """
+        Take note of whether the rollers are near to the end; tell whether they stay there.
+
+        :param measured: when they were there [s].
+        """
+        if not near:
+            self._near_since = None
+        elif self._near_since is None:
+            self._near_since = now
+        return self._near_since is not None and measured - self._near_since > SETTLING_TIME

@@ -1,0 +1,114 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What the rollers do in one cycle of the twist servo, and why they halt."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from isotruss_ros.core.errors import GainError, GraspError, IsotrussError
+from isotruss_ros.core.estimation.state_estimate import UNKNOWN_SHARE
+from isotruss_ros.core.inputs import InputError
+from isotruss_ros.core.manipulation.status import RollerCommand, Status
+from isotruss_ros.core.numerics.arrays import Array
+
+#: The status for each error of the solution; the last is that of any other.
+HALTS = (
+    (GainError, Status.HALT_GAIN),
+    (GraspError, Status.HALT_NO_GRASP),
+    (IsotrussError, Status.HALT_KINEMATICS),
+)
+
+
+@dataclass(frozen=True)
+class Decision:
+    """
+    What the rollers do in one cycle.
+
+    :ivar command: velocities (zero when halted), achieved twist, scale and status.
+    :ivar twist: (3,) the commanded twist vx, vy [m/s], omega [rad/s] of object or joint; zero if
+        there is none.
+    :ivar message: what is wrong and what would be right; empty when nothing is wrong.
+    :ivar failed: names of the rollers that are held at zero because they have failed.
+    :ivar frequency: lowest natural frequency of the held object; 0 if not known [rad/s].
+    :ivar pose_gain: with which its pose is regulated; 0 if it is not [1/s].
+    :ivar squeeze: mean normal force of the members, and its standard deviation [N]; None where
+        nothing is held.
+    :ivar pose_delay: of the measured poses beyond their stamps [s].
+    """
+
+    command: RollerCommand
+    twist: Array
+    message: str
+    failed: tuple[str, ...] = ()
+    frequency: float = 0.0
+    pose_gain: float = 0.0
+    squeeze: tuple[float, float] | None = None
+    pose_delay: float = 0.0
+
+
+def describe_squeeze(squeeze: float, deviation: float) -> str:
+    """
+    Return a squeeze in words, unknown where the deviation is more than `UNKNOWN_SHARE` of it.
+
+    :param squeeze: mean normal force of the members [N].
+    :param deviation: its standard deviation [N].
+    """
+    words = f'{squeeze:.1f} N, deviation {deviation:.1f} N'
+    return f'squeeze {"unknown: " if deviation > UNKNOWN_SHARE * squeeze else ""}{words}'
+
+
+class HaltError(IsotrussError):
+    """
+    The rollers must stop.
+
+    :ivar status: why.
+    :param status: why the rollers must stop.
+    :param message: the reason in words.
+    """
+
+    def __init__(self, status: Status, message: str) -> None:
+        super().__init__(message)
+        self.status = status
+
+
+def halt_for(error: IsotrussError) -> Status:
+    """
+    Return the status where an error stops the rollers.
+
+    :param error: why.
+    """
+    if isinstance(error, HaltError):
+        return error.status
+    if isinstance(error, InputError):
+        # A twist that is too old is none: whoever sent it has stopped.
+        return Status['HALT_' + error.code.replace('STALE_TWIST', 'NO_TWIST')]
+    return next(status for kind, status in HALTS if isinstance(error, kind))
+
+
+def describe(command: RollerCommand, keeps_contacts: bool) -> str:
+    """
+    Return how a command differs from the twist; empty where it does not, or halts.
+
+    :param command: the command.
+    :param keeps_contacts: whether it moves an object, and not a joint.
+    """
+    parts: list[str] = []
+    if command.status >= Status.HALT_NO_TWIST:
+        return ''
+    why, which = 'is unreachable', 'reachable one'
+    if keeps_contacts:
+        why, which = 'is unreachable or would leave the contacts', 'one that keeps them'
+    if command.status is Status.UNREACHABLE:
+        vx, vy, omega = command.achieved_twist
+        parts.append(
+            f'the twist {why}; the closest {which} is ({vx:.4g}, {vy:.4g}) m/s, {omega:.4g} rad/s'
+        )
+    if command.scale < 1.0:
+        how = 'sliding with' if command.status is Status.SLIDING else 'slowed to'
+        why = ': the rest would take too much roller speed'
+        if command.limiting:
+            why = f' by the limits of {", ".join(command.limiting)}'
+        parts.append(f'{how} {100 * command.scale:.3g} %{why}')
+    return '; '.join(parts)

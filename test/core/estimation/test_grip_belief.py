@@ -1,0 +1,111 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The belief of a held object against drawn robots, poses, loads and walks."""
+
+from grips import gripped
+from isotruss_ros.core import Grip, HoldStatus, Pose
+from isotruss_ros.core.estimation.contact_walk import ContactWalk
+from isotruss_ros.core.estimation.grip_belief import attach_model, GripBelief
+from isotruss_ros.core.estimation.pose_noise import PoseNoise
+from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
+from isotruss_ros.core.holding.roll_grip import roll_grip
+from isotruss_ros.core.servo.loop_gains import gains_of
+import numpy as np
+import pytest
+
+CONFIG, CYLINDER = gripped(35.0, squeeze=0.1)
+GRIP = Grip.at_module(CONFIG.robot, 'north/Z', CYLINDER)
+MODEL = attach_model(CONFIG, GRIP)
+ARM = np.array([1.0, 1.0, MODEL.arm])
+PERIOD, GAINS = 0.05, gains_of(4.0)
+#: Travel of the rollers in a second [m].
+TRAVEL = np.array([8e-3, -5e-3, 4e-3, -6e-3, 3e-3, -7e-3])
+
+
+def believed(**settings):
+    """Return a belief that begins at the equilibrium."""
+    return GripBelief(MODEL, GRIP.moved_to(MODEL.pose), EstimatorSettings(**settings))
+
+
+def carry(belief, duration, noise=0.0, speed=0.0, late=0.0, away=lambda t: np.zeros(3), seed=0):
+    """Roll, measure and correct; return the squared innovations."""
+    rng, found, grasp, poses = np.random.default_rng(seed), [], MODEL, {}
+    for k in range(1, round(duration / PERIOD) + 1):
+        # There and back, faster and slower.
+        way = np.sin(2.0 * np.pi * k * PERIOD) * speed * TRAVEL
+        grasp = roll_grip(grasp, CONFIG.moved_to(CONFIG.roller_positions + way))
+        assert belief.follow(grasp.config, PERIOD, None) is HoldStatus.HELD
+        poses[k] = np.array(grasp.pose) + away(k * PERIOD) / ARM
+        seen = poses.get(k - round(late / PERIOD), poses[1])
+        belief.observe(Pose(*seen + noise * rng.normal(size=3) / ARM), 0.0)
+        found.append(belief.innovation)
+    return np.array(found)
+
+
+@pytest.mark.parametrize('noise', [2e-4, 1e-3, 3e-3])
+@pytest.mark.parametrize('speed', [0.0, 1.0])
+def test_median_squared_innovation_fits_three_degrees_of_freedom(noise, speed):
+    found = carry(believed(), 15.0, noise, speed)
+    assert (0.7 if noise > 3e-4 else 0.1) < np.median(found[60:]) < 5.0
+    assert found.max() < 25.0
+
+
+def test_the_squeeze_of_zeros_that_are_off_is_within_its_stated_deviations():
+    surprises = []
+    for seed in range(12):
+        off = 0.005 * np.random.default_rng(seed).normal(size=6)
+        model = attach_model(CONFIG.moved_to(CONFIG.roller_positions + off), GRIP)
+        belief = GripBelief(model, GRIP, EstimatorSettings(zeros=0.005))
+        surprises.append((belief.squeeze - MODEL.squeeze) / belief.squeeze_deviation)
+    assert np.abs(surprises).max() < 3.0
+    assert 0.3 < np.sqrt(np.mean(np.square(surprises))) < 1.5
+
+
+def test_the_delay_of_poses_is_estimated_where_the_speed_changes():
+    belief = believed()
+    carry(belief, 8.0, 1e-4, 4.0, late=PERIOD)
+    assert belief.delay == pytest.approx(PERIOD, abs=0.015)
+    belief = believed()
+    carry(belief, 8.0, 1e-4, 4.0)
+    assert belief.delay < 0.01
+
+
+def test_a_constant_offset_of_the_pose_is_no_squeeze():
+    belief = believed()
+    carry(belief, 3.0, 1e-4)
+    before = belief.squeeze
+    carry(belief, 3.0, 1e-4, away=lambda t: np.array([3e-3, 0.0, 0.0]))
+    assert belief.squeeze == pytest.approx(before, rel=0.03)
+
+
+def test_corrections_reach_the_loop_behind_two_low_passes():
+    belief = believed()
+    carry(belief, 2.0, 1e-5)
+    still = belief.regulated_pose
+    off = Pose(*np.add(MODEL.pose, (2e-3, 0.0, 0.0)))
+    belief.observe(off, 0.0)
+    assert belief.pose[0] - still[0] > 5e-4
+    assert belief.regulated_pose == pytest.approx(still, abs=1e-9)
+    for _ in range(60):
+        belief.follow(CONFIG, PERIOD, None)
+        belief.pass_corrections(PERIOD, GAINS.filter_time)
+        belief.observe(off, 0.0)
+    assert belief.regulated_pose == pytest.approx(belief.pose, abs=3e-4)
+
+
+def test_a_walk_beyond_its_covariance_is_a_slip_and_one_within_it_is_none():
+    for step, slipped in ((5e-4, False), (3e-3, True)):
+        walk, noise = ContactWalk(), 1e-6 * np.eye(3)
+        for k in range(40):
+            walk.spread(1e-7 * np.eye(3))
+            walk.add(0.05 * k, np.array([step if k > 30 else 0.0, 0.0, 0.0]), noise, noise)
+        assert walk.slipped is slipped
+
+
+@pytest.mark.parametrize('deviation', [3e-4, 2e-3])
+def test_noise_of_poses_is_estimated_from_their_steps(deviation):
+    noise, rng = PoseNoise(np.full(3, 1e-3)), np.random.default_rng(0)
+    for k in range(300):
+        noise.add(np.array([1e-4 * k, 0.0, 0.0]) + deviation * rng.normal(size=3))
+    assert np.sqrt(noise.variances) == pytest.approx(deviation, rel=0.35)

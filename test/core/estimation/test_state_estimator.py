@@ -1,0 +1,304 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The state estimator against robots that are drawn from what it expects, and sensors that lie."""
+
+from dataclasses import replace
+
+from drawn_robots import DrawnRobot, EXACT, MARKER, NAMES, PERIOD, POSE, ROBOT, THREE
+from isotruss_ros.core import Pose
+from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.estimation.slip_watch import RARE, SlipWatch
+from isotruss_ros.core.estimation.state_estimator import StateEstimator
+from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.contact_statics import TubeModel
+from isotruss_ros.core.statics.section import tube_pressures
+import numpy as np
+import pytest
+import scipy
+
+ALL = tuple(NAMES)
+#: Of a held object; each takes half a second.
+RUNS = 200
+
+
+def test_zeros_of_the_empty_robot_are_those_of_least_squares():
+    drawn = DrawnRobot(1, settings=replace(EXACT, drift=0.0, slip=0.0), random_slip=False)
+    told = []
+    for _ in range(6):
+        drawn.move()
+        told.append((drawn.readings, drawn.markers(ALL)))
+        drawn.estimator.take_markers(drawn.time, told[-1][1], MARKER)
+
+    def misfit(zeros):
+        off = [zeros / EXACT.zeros]
+        for readings, markers in told:
+            joints = ROBOT.home.moved_to(readings + zeros).nodes[: len(NAMES)]
+            off.append((joints - np.array([markers[name] for name in NAMES])).ravel() / MARKER)
+        return np.concatenate(off)
+
+    best = scipy.optimize.least_squares(misfit, np.zeros(6), xtol=1e-12)
+    found = drawn.estimator.estimate()
+    deviations = np.sqrt(np.diag(np.linalg.inv(best.jac.T @ best.jac)))
+    assert found.offsets == pytest.approx(best.x, abs=0.1 * deviations.min())
+    assert np.sqrt(np.diag(found.offset_covariance)) == pytest.approx(deviations, rel=0.01)
+
+
+def test_errors_of_the_empty_robot_are_as_large_as_it_says():
+    runs = [DrawnRobot(seed) for seed in range(200)]
+    surprises = [drawn.surprise(drawn.run(1.0)) for drawn in runs]
+    low, high = scipy.stats.chi2.ppf([0.025, 0.975], 6 * len(runs)) / len(runs)
+    assert low < np.mean(surprises) < high
+
+
+@pytest.mark.nightly
+def test_errors_of_a_held_object_are_no_larger_than_stated():
+    surprises, squeezes, poses = [], [], []
+    # The zeros are corrected to first order only.
+    settings = replace(EXACT, joint_error=5e-4, squeeze_error=0.04)
+    for seed in range(RUNS):
+        drawn = DrawnRobot(seed, held=True, settings=settings)
+        found = drawn.run(1.0)
+        surprises.append(drawn.surprise(found))
+        squeezes.append((found.squeeze - drawn.grip.squeeze) / found.squeeze_deviation)
+        away = found.pose - drawn.grip.pose
+        poses.append(away @ np.linalg.solve(found.pose_covariance, away))
+    for size, values in ((6, surprises), (1, np.square(squeezes)), (3, poses)):
+        assert np.mean(values) < 1.7 * size
+
+
+def test_markers_tell_the_squeeze():
+    drawn = DrawnRobot(3, held=True)
+    found, truth = drawn.run(2.0), drawn.grip.squeeze
+    assert found.squeeze == pytest.approx(truth, rel=0.05)
+    assert found.squeeze_deviation < 0.08 * truth
+
+
+def test_without_markers_the_squeeze_is_not_known():
+    drawn = DrawnRobot(3, held=True)
+    found = drawn.run(2.0, ())
+    assert found.squeeze_deviation > 0.2 * found.squeeze
+
+
+def test_what_is_not_known_of_the_stiffness_stays_unknown():
+    drawn = DrawnRobot(3, held=True, settings=replace(EXACT, stiffness=0.1))
+    found = drawn.run(2.0, ALL)
+    # Geometry does not tell it: (s, w, f) times anything moves nothing.
+    assert found.squeeze_deviation > 0.09 * found.squeeze
+
+
+@pytest.mark.parametrize('held', [False, True])
+def test_a_marker_that_lies_is_left_out_and_named(held):
+    drawn = DrawnRobot(5, held=held)
+    drawn.run(1.0)
+    for _ in range(20):
+        drawn.move()
+        markers = drawn.markers()
+        x, y = markers['R']
+        drawn.estimator.take_markers(drawn.time, markers | {'R': (x + 0.03, y - 0.04)}, MARKER)
+        found = drawn.estimator.estimate()
+        assert found.left_out == ('R',)
+    assert found.used == ('Q', 'Z')
+    # With two joints left one combination of zeros is free to drift.
+    assert drawn.surprise(found) < scipy.stats.chi2.ppf(0.999, 6)
+
+
+def test_markers_that_are_swapped_are_left_out_and_named():
+    drawn = DrawnRobot(6)
+    drawn.run(1.0, ALL)
+    drawn.move()
+    markers = drawn.markers(ALL)
+    swapped = markers | {'P': markers['Q'], 'Q': markers['P']}
+    drawn.estimator.take_markers(drawn.time, swapped, MARKER)
+    found = drawn.estimator.estimate()
+    assert found.left_out == found.swapped == ('P', 'Q')
+
+
+def _turn(drawn, seconds, slips):
+    """Turn one roller at 50 mm/s while a share of its travel slips; tell when that is told."""
+    for number in range(round(seconds / PERIOD)):
+        step = np.zeros(6)
+        step[3] = 0.05 * PERIOD
+        drawn.offsets = drawn.offsets - slips * step
+        drawn.move(step)
+        drawn.tell(ALL)
+        if drawn.estimator.estimate().slipping:
+            return (number + 1) * PERIOD
+    return None
+
+
+@pytest.mark.parametrize('held', [False, True])
+@pytest.mark.parametrize(('share', 'limit'), [(0.02, 5.0), (1.0, 0.5)])
+def test_a_roller_that_slips_is_told_in_time(held, share, limit):
+    drawn = DrawnRobot(7, held=held, speed=0.0, random_slip=False)
+    drawn.run(2.0, ALL)
+    assert _turn(drawn, limit, share) is not None
+    assert drawn.estimator.estimate().slipping == (ROBOT.roller_names[3],)
+
+
+def test_a_roller_that_does_not_slip_is_not_told():
+    drawn = DrawnRobot(8, speed=0.0, random_slip=False)
+    drawn.run(2.0, ALL)
+    assert _turn(drawn, 5.0, 0.0) is None
+
+
+def test_after_a_slip_the_zeros_are_found_again():
+    drawn = DrawnRobot(7, speed=0.0, random_slip=False)
+    drawn.run(2.0, ALL)
+    _turn(drawn, 0.5, 1.0)
+    found = drawn.run(2.0, ALL)
+    assert found.offsets == pytest.approx(drawn.offsets, abs=2e-3)
+
+
+def test_noise_of_zeros_is_rarely_told_for_a_slip():
+    rng, rollers, times = np.random.default_rng(0), 600, 1000
+    watch, told = SlipWatch(rollers), 0
+    for number in range(times):
+        zeros, travel = 2e-3 * rng.normal(size=rollers), np.full(rollers, 1e-3 * number)
+        watch.add(0.05 * number, travel, zeros, np.full(rollers, 4e-6))
+        told += watch.slipping.sum()
+    # Over both spans of time.
+    assert told < 1.5 * 2.0 * RARE * rollers * times
+
+
+def test_the_stiffness_is_that_of_the_measured_pressures():
+    more = tuple(2.0 * pressure for pressure in tube_pressures(ROBOT.description, None))
+    found, expected = [], []
+    for pressures in (None, more):
+        drawn = DrawnRobot(3, held=True)
+        drawn.estimator.take_pressures(pressures)
+        config, body = drawn.grip.config, drawn.grip.body
+        expected.append(attach_grip(config, body, tubes=TubeModel(pressure=pressures)).squeeze)
+        found.append(drawn.run(1.0, ALL).squeeze)
+    assert expected[1] > 1.02 * expected[0]
+    assert found[1] / found[0] == pytest.approx(expected[1] / expected[0], rel=0.01)
+
+
+@pytest.mark.parametrize('held', [False, True])
+def test_markers_that_are_all_shifted_leave_errors_within_their_deviations(held):
+    settings, surprises = replace(EXACT, marker_shift=3e-3, joint_error=5e-4), []
+    for seed in range(4):
+        drawn = DrawnRobot(seed, held=held, settings=settings)
+        shift = settings.marker_shift * np.random.default_rng(seed).normal(size=2)
+        drawn.away = shift
+        surprises.append(drawn.surprise(drawn.run(2.0, ALL)))
+    assert np.mean(surprises) < scipy.stats.chi2.ppf(0.999, 24) / 4.0
+
+
+def test_zeros_of_wrong_markers_stay_within_a_bound():
+    drawn = DrawnRobot(2)
+    for _ in range(400):
+        drawn.move()
+        joints = {name: tuple(drawn.rng.uniform(-1.0, 1.0, 2)) for name in THREE}
+        drawn.estimator.take_markers(drawn.time, joints, MARKER)
+    found = drawn.estimator.estimate()
+    assert np.sqrt(np.diag(found.offset_covariance)).max() <= 0.05 + 1e-9
+
+
+def with_pose_error(pose_error):
+    """Return a robot that holds a disc, whose model of the pose is wrong by so much [m]."""
+    drawn = DrawnRobot(3, held=True)
+    drawn.run(0.2, ())
+    drawn.estimator.settings = replace(EXACT, pose_error=pose_error)
+    return drawn
+
+
+def test_the_error_of_the_modelled_pose_turns_the_object_by_its_arm():
+    size = 2e-3
+    exact, wrong = (with_pose_error(size) for size in (0.0, size))
+    more = wrong.estimator.estimate().pose_covariance - exact.estimator.estimate().pose_covariance
+    expected = np.diag([size, size, size / wrong.grip.arm]) ** 2
+    assert more == pytest.approx(expected, rel=1e-6, abs=1e-12)
+
+
+def test_noise_of_the_angle_turns_the_object_by_its_arm():
+    drawn = DrawnRobot(3, held=True)
+    drawn.move()
+    noise = np.array([1e-4, 1e-4, 0.05])
+    drawn.estimator.take_pose(drawn.time, Pose(*drawn.grip.pose), noise)
+    assert drawn.estimator.belief.noise.deviation == pytest.approx(0.05 * drawn.grip.arm, rel=1e-6)
+
+
+def _told_late(order):
+    """Return the estimate where markers of a moving robot come late, in some order."""
+    drawn = DrawnRobot(9)
+    kept = []
+    for _ in range(30):
+        drawn.move()
+        kept.append((drawn.time, drawn.markers(ALL)))
+        if len(kept) == 4:
+            for place in order:
+                drawn.estimator.take_markers(*kept[place], MARKER)
+            kept = []
+    return drawn, drawn.estimator.estimate()
+
+
+def test_late_markers_count_where_the_robot_was():
+    drawn, found = _told_late((0, 1, 2, 3))
+    assert drawn.surprise(found) < scipy.stats.chi2.ppf(0.99, 6)
+
+
+def test_markers_out_of_order_tell_the_same():
+    _, found = _told_late((0, 1, 2, 3))
+    _, other = _told_late((2, 0, 3, 1))
+    deviations = np.sqrt(np.diag(found.offset_covariance))
+    assert (np.abs(found.offsets - other.offsets) < 0.5 * deviations).all()
+
+
+def test_markers_from_long_ago_or_from_the_future_do_not_count():
+    drawn = DrawnRobot(10, speed=0.0, random_slip=False)
+    drawn.run(3.0)
+    for before, counts in ((1.5, False), (0.5, True), (-0.02, True), (-0.5, False)):
+        time = drawn.time - before
+        assert drawn.estimator.take_markers(time, drawn.markers(), MARKER) is counts
+
+
+def test_an_unknown_joint_is_refused_by_name():
+    drawn = DrawnRobot(10)
+    with pytest.raises(GraspError, match="joint 'W'"):
+        drawn.estimator.take_markers(0.0, {'W': (0.0, 0.0)}, MARKER)
+
+
+def test_an_object_that_is_gone_is_not_held():
+    drawn = DrawnRobot(11, held=True)
+    drawn.run(0.5)
+    for _ in range(10):
+        drawn.move()
+        drawn.estimator.take_pose(drawn.time, Pose(5.0, 5.0, 0.0), POSE)
+    found = drawn.estimator.estimate()
+    assert found.pose is None
+    assert np.isnan(found.squeeze)
+
+
+def test_without_measurements_it_is_where_the_encoders_say():
+    estimator = StateEstimator(ROBOT)
+    for number, share in enumerate(np.linspace(0.0, 1.0, 20)):
+        readings = 0.15 * share * np.array([1.0, -0.5, 0.3, 0.8, -1.0, 0.2])
+        estimator.take_encoders(0.1 * number, readings)
+        found = estimator.estimate()
+    joints = ROBOT.configuration(readings).nodes[: len(NAMES)]
+    assert found.joints == pytest.approx(joints, abs=1e-9)
+
+
+def test_encoders_that_begin_anew_are_corrected():
+    drawn = DrawnRobot(13)
+    drawn.run(1.0, ALL)
+    jump = np.array([0.05, -0.03, 0.04, 0.0, -0.05, 0.02])
+    drawn.readings, drawn.offsets = drawn.readings - jump, drawn.offsets + jump
+    found = drawn.run(6.0, ALL)
+    assert found.offsets == pytest.approx(drawn.offsets, abs=3e-3)
+
+
+def test_nothing_is_estimated_before_the_first_reading():
+    assert StateEstimator(ROBOT).estimate() is None
+
+
+def test_three_joints_can_leave_a_combination_of_zeros_free():
+    """P, R and Z do not tell all zeros in one posture; Q, R and Z do."""
+    spread = {}
+    for names in (THREE, ('P', 'R', 'Z')):
+        drawn = DrawnRobot(12, speed=0.0, random_slip=False)
+        found = drawn.run(2.0, names)
+        spread[names] = np.sqrt(np.linalg.eigvalsh(found.offset_covariance)[-1])
+    assert spread[THREE] < 2e-3
+    assert spread['P', 'R', 'Z'] > 4e-3

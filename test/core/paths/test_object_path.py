@@ -1,0 +1,264 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Paths of the object: where it should be when, by formulas, and the limits that it keeps."""
+
+import math
+
+from hypothesis import given, strategies
+from isotruss_ros.core import ObjectPath
+from isotruss_ros.core.errors import PathError
+from isotruss_ros.core.paths.object_path import MAX_PIECES, MAX_POSES
+import numpy as np
+import pytest
+import robots
+
+SPEED, TURN_RATE = 0.05, 0.4
+
+
+def twist(path, time, step=1e-6):
+    """Return the rate at which the pose changes from a time on (3,)."""
+    return (path.pose(time + step) - path.pose(time)) / step
+
+
+def circle(count, radius=0.2, angle=2.0 * math.pi):
+    """Return poses along an arc from (radius, 0), headed along it."""
+    turned = np.linspace(0.0, angle, count)
+    return np.column_stack(
+        [radius * np.cos(turned), radius * np.sin(turned), turned + 0.5 * math.pi]
+    )
+
+
+def test_straight_line_at_the_speed_asked_for():
+    path = ObjectPath([(1.0, 2.0, 0.3), (1.3, 2.4, 0.3)], SPEED, TURN_RATE)
+    assert path.length == pytest.approx(0.5)
+    assert path.duration == pytest.approx(0.5 / SPEED)
+    assert path.pose(4.0) == pytest.approx([1.0 + 0.6 * 0.2, 2.0 + 0.8 * 0.2, 0.3])
+    assert twist(path, 4.0) == pytest.approx([0.6 * SPEED, 0.8 * SPEED, 0.0])
+
+
+def test_the_slower_of_way_and_turn_sets_the_time():
+    # 0.1 m in 2 s at full speed, 2 rad in 5 s at the full rate.
+    path = ObjectPath([(0.0, 0.0, 0.0), (0.1, 0.0, 2.0)], SPEED, TURN_RATE)
+    assert path.duration == pytest.approx(5.0)
+    assert twist(path, 1.0) == pytest.approx([0.02, 0.0, TURN_RATE])
+    in_place = ObjectPath([(0.0, 0.0, 0.0), (0.0, 0.0, -1.0)], SPEED, TURN_RATE)
+    assert in_place.duration == pytest.approx(2.5)
+    assert in_place.length == 0.0
+    assert twist(in_place, 1.0) == pytest.approx([0.0, 0.0, -TURN_RATE])
+
+
+def test_corner_is_passed_at_its_time():
+    path = ObjectPath([(0, 0, 0), (0.1, 0, 0), (0.1, 0.05, 0)], SPEED, TURN_RATE)
+    assert path.times == pytest.approx([0.0, 2.0, 3.0])
+    assert twist(path, 2.0 - 1e-5) == pytest.approx([SPEED, 0.0, 0.0])
+    assert twist(path, 2.0) == pytest.approx([0.0, SPEED, 0.0])
+    assert path.pose(2.0) == pytest.approx([0.1, 0.0, 0.0])
+
+
+@pytest.mark.parametrize('smooth', [False, True])
+def test_rests_at_its_ends(smooth):
+    path = ObjectPath(circle(12), SPEED, TURN_RATE, smooth)
+    for time, pose in ((-1.0, path.poses[0]), (1e9, path.poses[-1])):
+        assert path.pose(time) == pytest.approx(pose)
+        assert not twist(path, time).any()
+    assert not twist(path, path.duration).any()
+
+
+def test_there_is_no_pose_at_a_time_that_is_no_number():
+    path = ObjectPath([(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)], 0.1, 0.1)
+    with pytest.raises(PathError, match='time nan s on the path: must be a number'):
+        path.pose(np.nan)
+
+
+def test_angles_go_the_short_way_and_do_not_jump():
+    angles = np.array([3.0, -3.0, 2.5, 0.0, -2.0, 1.9, 7.0])
+    poses = np.column_stack([0.1 * np.arange(len(angles)), np.zeros((len(angles), 1)), angles])
+    path = ObjectPath(poses, SPEED, TURN_RATE)
+    assert path.poses[0, 2] == 3.0
+    turns = np.diff(path.poses[:, 2])
+    assert np.abs(turns).max() < math.pi
+    assert np.exp(1j * path.poses[:, 2]) == pytest.approx(np.exp(1j * angles))
+    assert turns[0] == pytest.approx(2.0 * math.pi - 6.0)
+
+
+def test_repeated_poses_take_no_time():
+    once = ObjectPath([(0, 0, 0), (0.1, 0, 0), (0.1, 0, 1)], SPEED, TURN_RATE)
+    repeated = [(0, 0, 0)] * 3 + [(0.1, 0, 0)] * 2 + [(0.1, 1e-12, 0), (0.1, 0, 1), (0.1, 0, 1)]
+    path = ObjectPath(repeated, SPEED, TURN_RATE)
+    assert path.poses == pytest.approx(once.poses)
+    assert path.times == pytest.approx(once.times)
+
+
+def test_smooth_path_leads_through_the_poses_and_has_no_corners():
+    corners = np.array([(0, 0, 0), (0.2, 0, 0.5), (0.2, 0.3, 1.0), (0, 0.3, 0.5), (-0.1, 0, 0)])
+    path = ObjectPath(corners, SPEED, TURN_RATE, smooth=True)
+    for corner in corners:
+        assert np.abs(path.poses - corner).max(axis=1).min() < 1e-12
+    directions = np.diff(path.poses[:, 0]) + 1j * np.diff(path.poses[:, 1])
+    bends = np.abs(np.angle(directions[1:] / directions[:-1]))
+    assert bends.max() < 0.25
+    straight = ObjectPath(corners, SPEED, TURN_RATE).length
+    assert straight < path.length < 1.2 * straight
+
+
+def catmull_rom(poses, share):
+    """Return the point in the middle span of four poses by the pyramid of Barry and Goldman."""
+    steps = np.diff(poses, axis=0)
+    times = np.maximum(np.hypot(*steps[:, :2].T) / SPEED, np.abs(steps[:, 2]) / TURN_RATE)
+    knots = np.concatenate([[0.0], np.cumsum(np.sqrt(times))])
+    at = knots[1] + share * (knots[2] - knots[1])
+
+    def mix(one, other, i, j):
+        return ((knots[j] - at) * one + (at - knots[i]) * other) / (knots[j] - knots[i])
+
+    a = [mix(poses[i], poses[i + 1], i, i + 1) for i in range(3)]
+    b = [mix(a[i], a[i + 1], i, i + 2) for i in range(2)]
+    return mix(b[0], b[1], 1, 2)
+
+
+def distance(point, poses):
+    """Return how far a point is from the lines between poses, angles taken for lengths."""
+    begin, steps = poses[:-1], np.diff(poses, axis=0)
+    share = ((point - begin) * steps).sum(axis=1) / (steps**2).sum(axis=1)
+    nearest = begin + np.clip(share, 0.0, 1.0)[:, np.newaxis] * steps
+    return np.linalg.norm(nearest - point, axis=1).min()
+
+
+@robots.examples(50)
+@given(strategies.integers(0, 2**32 - 1))
+def test_smooth_path_is_the_centripetal_spline(seed):
+    rng = np.random.default_rng(seed)
+    spread = rng.uniform(0.02, 1.0, (4, 1))  # poses near to each other and far apart
+    poses = np.cumsum(spread * rng.uniform(-0.5, 0.5, (4, 3)), axis=0)
+    path = ObjectPath(poses, SPEED, TURN_RATE, smooth=True)
+    for share in (0.2, 0.5, 0.9):
+        # The path is cut into pieces of about 5 mm; their chords are off by less.
+        assert distance(catmull_rom(poses, share), path.poses) < 2e-3
+
+
+def test_smooth_path_of_three_poses_is_a_parabola():
+    poses = np.array([(0.0, 0.0, 0.0), (0.3, 0.1, 0.2), (0.4, -0.2, 0.5)])
+    path = ObjectPath(poses, SPEED, TURN_RATE, smooth=True)
+    # Of the roots of the times from pose to pose, in pieces of about 5 mm: 64 of them.
+    lengths = np.hypot(*np.diff(poses[:, :2], axis=0).T)
+    first, second = np.sqrt(lengths / SPEED)
+    at = np.concatenate([np.linspace(0.0, first, 65)[:-1], np.linspace(first, first + second, 65)])
+    parabola = np.polyfit([0.0, first, first + second], poses, 2)
+    wanted = np.column_stack([np.polyval(parabola[:, i], at) for i in range(3)])
+    assert path.poses == pytest.approx(wanted, abs=1e-9)
+
+
+def test_smooth_path_of_two_poses_is_straight():
+    poses = [(0, 0, 0), (0.3, 0.1, 1.0)]
+    smooth, straight = (ObjectPath(poses, SPEED, TURN_RATE, s) for s in (True, False))
+    assert smooth.duration == pytest.approx(straight.duration)
+    for time in np.linspace(0.0, straight.duration, 20):
+        assert smooth.pose(time) == pytest.approx(straight.pose(time))
+
+
+coordinates = strategies.floats(-2.0, 2.0)
+paths = strategies.builds(
+    ObjectPath,
+    strategies.lists(
+        strategies.tuples(coordinates, coordinates, strategies.floats(-1.5, 1.5)),
+        min_size=2,
+        max_size=8,
+        unique_by=lambda pose: tuple(round(value, 3) for value in pose),
+    ),
+    strategies.floats(0.01, 1.0),
+    strategies.floats(0.01, 2.0),
+    strategies.booleans(),
+)
+
+
+@robots.examples(100)
+@given(paths, strategies.integers(0, 2**32 - 1))
+def test_limits_are_kept_between_any_two_times(path, seed):
+    begin, end = np.sort(np.random.default_rng(seed).uniform(0.0, path.duration, 2))
+    change = path.pose(end) - path.pose(begin)
+    assert math.hypot(*change[:2]) <= path.speed * (end - begin) * (1.0 + 1e-9) + 1e-12
+    assert abs(change[2]) <= path.turn_rate * (end - begin) * (1.0 + 1e-9) + 1e-12
+
+
+@robots.examples(100)
+@given(paths)
+def test_one_of_the_limits_is_reached_on_every_piece(path):
+    for before, after, begin, end in zip(
+        path.poses, path.poses[1:], path.times, path.times[1:], strict=False
+    ):
+        used = math.hypot(*(after - before)[:2]) / path.speed
+        turned = abs((after - before)[2]) / path.turn_rate
+        assert end - begin == pytest.approx(max(used, turned), rel=1e-6, abs=1e-12)
+        middle = path.pose(0.5 * (begin + end))
+        assert middle == pytest.approx(0.5 * (before + after), abs=1e-9)
+
+
+GOOD = [(0.0, 0.0, 0.0), (0.1, 0.0, 0.0)]
+BAD = {
+    'no poses': (([], 0.1, 0.1), 'two or more'),
+    'one pose': (([(0, 0, 0)], 0.1, 0.1), 'two or more'),
+    'two numbers': (([(0, 0), (1, 1)], 0.1, 0.1), 'two or more of x, y, angle'),
+    'words': (([('a', 'b', 'c')] * 2, 0.1, 0.1), 'no numbers'),
+    'ragged': (([(0, 0, 0), (1, 1)], 0.1, 0.1), 'no numbers'),
+    'nan': (([(0, 0, 0), (0, math.nan, 0)], 0.1, 0.1), 'pose 1 of the path'),
+    'inf': (([(math.inf, 0, 0), (0, 0, 0)], 0.1, 0.1), 'pose 0 of the path'),
+    'far': (([(0, 0, 0), (1e12, 0, 0)], 0.1, 0.1), 'at most 1e.09'),
+    'half a turn': (([(0, 0, 0), (0, 0, math.pi)], 0.1, 0.1), 'pose in between'),
+    'nowhere': (([(1, 1, 1)] * 5, 0.1, 0.1), 'must lead somewhere'),
+    'a full turn': (([(0, 0, 0), (0, 0, 2 * math.pi)], 0.1, 0.1), 'must lead somewhere'),
+    'many': (([(0, 0, 0), (1, 0, 0)] * 5001, 0.1, 0.1), 'at most 10000'),
+    'days': ((GOOD, 1e-7, 0.1), 'must be at most 86400 s'),
+    'for ever': (([(0, 0, 0), (1, 0, 1), (2, 0, 0)], 0.1, 1e-300), 'must be at most 86400 s'),
+    'no speed': ((GOOD, 0.0, 0.1), 'speed 0.0 m/s: must be positive'),
+    'backward': ((GOOD, -0.1, 0.1), 'must be positive'),
+    'speed of light': ((GOOD, 3e8, 0.1), 'at most 10 m/s'),
+    'speed nan': ((GOOD, math.nan, 0.1), 'must be positive'),
+    'no turn': ((GOOD, 0.1, 0.0), 'turn rate 0.0 rad/s'),
+    'turn inf': ((GOOD, 0.1, math.inf), 'at most 100 rad/s'),
+}
+
+
+@pytest.mark.parametrize('smooth', [False, True])
+@pytest.mark.parametrize('case', BAD)
+def test_what_cannot_be_followed_is_refused(case, smooth):
+    arguments, words = BAD[case]
+    with pytest.raises(PathError, match=words):
+        ObjectPath(*arguments, smooth=smooth)
+
+
+@pytest.mark.parametrize('step', [(1.0, 0.0, 0.0), (0.0, 0.0, 3.0)])
+def test_smooth_path_of_too_many_pieces_is_refused(step):
+    """As many poses as there may be, far from each other: each way is cut into many pieces."""
+    zigzag = (np.arange(MAX_POSES) % 2)[:, np.newaxis] * np.array(step)
+    assert len(ObjectPath(zigzag, 0.5, 1.0).poses) == MAX_POSES
+    with pytest.raises(PathError, match=f'must be at most {MAX_PIECES}: give fewer poses'):
+        ObjectPath(zigzag, 0.5, 1.0, smooth=True)
+    near = ObjectPath(zigzag[: MAX_POSES // 25], 0.5, 1.0, smooth=True)
+    assert MAX_PIECES / 2 < len(near.poses) <= MAX_PIECES + 1
+
+
+@robots.examples(150)
+@given(
+    strategies.lists(
+        strategies.tuples(*[strategies.floats() | strategies.sampled_from([0.0, 5e-10, 1e9])] * 3),
+        max_size=5,
+    ),
+    strategies.floats(),
+    strategies.floats(),
+    strategies.booleans(),
+)
+def test_any_numbers_make_a_path_or_are_refused(poses, speed, turn_rate, smooth):
+    try:
+        path = ObjectPath(poses, speed, turn_rate, smooth)
+    except PathError:
+        return
+    assert 0.0 < path.duration < math.inf
+    for time in np.linspace(0.0, path.duration, 9):
+        assert np.isfinite(path.pose(time)).all()
+
+
+def test_smooth_paths_are_cut_into_pieces_of_half_a_centimetre_and_a_fiftieth_of_a_radian():
+    for end in ((0.0999, 0.0, 0.0), (0.0, 0.0, 0.3999)):
+        path = ObjectPath([(0.0, 0.0, 0.0), end], 0.1, 0.1, smooth=True)
+        assert len(path.poses) == 21

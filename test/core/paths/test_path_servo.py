@@ -1,0 +1,218 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The path servo: what is not known stops the object, and nothing that comes in raises."""
+
+import math
+
+from hypothesis import given, strategies
+from isotruss_ros.core import ObjectPath, Pose, Status
+from isotruss_ros.core.errors import PathError
+from isotruss_ros.core.inputs import InputError, RejectedInput, StampedInput
+from isotruss_ros.core.paths.path_servo import Outcome, PathServo, ServoFeedback
+from isotruss_ros.core.paths.path_tracking import PathPhase, TrackingSettings
+import numpy as np
+import pytest
+import robots
+
+PERIOD, TIMEOUT = 0.01, 0.2
+PATH = ObjectPath([(0.0, 0.0, 0.0), (0.05, 0.0, 0.0)], 0.05, 0.2)
+OBEYS = ServoFeedback(Status.OK, 1.0, '')
+
+
+def begun(**settings):
+    """Return a servo on its path, in the cycle before time 10, with an object that obeys."""
+    servo = PathServo(PERIOD, TIMEOUT)
+    tell(servo, 10.0 - PERIOD)
+    servo.begin(PATH, TrackingSettings(**settings), 10.0 - PERIOD)
+    return servo
+
+
+def tell(servo, now, pose=(0.0, 0.0, 0.0), answer=OBEYS):
+    servo.pose = StampedInput(Pose(*pose), now)
+    servo.servo_feedback = StampedInput(answer, now)
+
+
+def run(servo, seconds, start=10.0, answer=OBEYS, follows=True):
+    """Let an object follow; return the steps."""
+    pose, steps = np.zeros(3), []
+    for cycle in range(int(seconds / PERIOD)):
+        now = start + cycle * PERIOD
+        tell(servo, now, pose, answer)
+        steps.append(servo.decide(now))
+        if steps[-1].outcome is not None:
+            break
+        pose = pose + follows * PERIOD * steps[-1].twist
+    return steps
+
+
+def test_reaches_the_end():
+    steps = run(begun(), 3.0)
+    assert steps[-1].outcome is Outcome.REACHED
+    assert 'off the end of the path' in steps[-1].message
+    assert not steps[-1].twist.any()
+    assert steps[-1].tracking.position_error < 1e-9
+    assert max(step.twist[0] for step in steps) == pytest.approx(PATH.speed)
+
+
+@pytest.mark.parametrize('begins', [0.1, 0.001])
+@pytest.mark.parametrize('goes_on', [0.1, 0.01, 0.001])
+def test_another_rate_in_flight_is_as_good_as_one_from_the_start(begins, goes_on):
+    """With a gain that is too large for slow cycles, and a push in the side right after."""
+    path = ObjectPath([(0.0, 0.0, 0.0), (0.3, 0.0, 0.0)], 0.05, 0.2)
+    servo = PathServo(begins, TIMEOUT)
+    tell(servo, 10.0)
+    servo.begin(path, TrackingSettings(position_tolerance=0.05, position_gain=20.0), 10.0)
+    now, pose, period, aside = 10.0, np.zeros(3), begins, []
+    while True:
+        now += period
+        tell(servo, now, pose)
+        step = servo.decide(now)
+        if step.outcome is not None:
+            break
+        pose = pose + period * step.twist
+        if now > 11.0 and not aside:
+            # At once: the cycle under way is to take as long as the new ones.
+            servo.period = period = goes_on
+            pose[1] = 0.002
+        if pose[1]:
+            aside.append((now, abs(pose[1])))
+    assert step.outcome is Outcome.REACHED
+    # 6 s of way, and a ramp at each end; no slower by the other rate.
+    assert now - 10.0 == pytest.approx(6.5, abs=0.3)
+    assert (np.diff([error for _, error in aside]) <= 0.0).all()
+    assert max(error for when, error in aside if when > 12.5) < 1e-4
+
+
+def test_age_of_the_pose_is_that_of_its_stamp():
+    servo, pose, past, errors = begun(), np.zeros(3), [], []
+    for cycle in range(80):
+        now = 10.0 + cycle * PERIOD
+        past.append(pose)
+        age = min(cycle, 10) * PERIOD
+        servo.pose = StampedInput(Pose(*past[max(0, cycle - 10)]), now - age)
+        servo.servo_feedback = StampedInput(OBEYS, now)
+        step = servo.decide(now)
+        errors.append(step.tracking.position_error)
+        pose = pose + PERIOD * step.twist
+    assert max(errors) < 1e-9
+    assert pose[0] > 0.01
+
+
+@pytest.mark.parametrize(
+    ('pose', 'words'),
+    [
+        (None, 'none received yet'),
+        (RejectedInput('in another frame'), 'in another frame'),
+        (StampedInput(Pose(0.0, 0.0, 0.0), 9.7), 'must be at most 0.2 s'),
+        (StampedInput(Pose(0.0, 0.0, 0.0), 11.0), 'in the future'),
+    ],
+)
+def test_pose_that_cannot_be_relied_on_stops_it(pose, words):
+    servo = begun()
+    servo.pose = pose
+    step = servo.decide(10.0)
+    assert step.outcome is Outcome.STOPPED
+    assert words in step.message
+    assert not step.twist.any()
+    assert step.tracking is None
+    with pytest.raises(InputError) as caught:
+        servo.begin(PATH, TrackingSettings(), 10.0)
+    assert caught.value.code in {f'{fault}_OBJECT_POSE' for fault in ('NO', 'STALE', 'INVALID')}
+
+
+@pytest.mark.parametrize(
+    'servo_feedback',
+    [
+        None,
+        RejectedInput('nonsense'),
+        StampedInput(OBEYS, 9.7),
+        StampedInput(OBEYS, 11.0),
+        *(
+            StampedInput(ServoFeedback(status, 0.0, str(status)), 10.0)
+            for status in Status
+            if status >= 30
+        ),
+        StampedInput(ServoFeedback(99, 1.0, 'of a later version'), 10.0),
+        *(
+            StampedInput(ServoFeedback(0, scale, ''), 10.0)
+            for scale in (math.nan, math.inf, -0.1, 1.1)
+        ),
+    ],
+)
+def test_waits_without_moving_while_the_robot_does_not_obey(servo_feedback):
+    servo = begun()
+    servo.servo_feedback = servo_feedback
+    step = servo.decide(10.0)
+    assert step.outcome is None
+    assert step.tracking.phase is PathPhase.HELD
+    assert not step.twist.any()
+    assert servo.tracker.clock.rate == 0.0
+
+
+@pytest.mark.parametrize('status', [status for status in Status if status < 30])
+def test_goes_on_while_it_moves_however_it_is_slowed(status):
+    servo = begun()
+    tell(servo, 10.0, answer=ServoFeedback(status, 0.5, ''))
+    step = servo.decide(10.0)
+    assert step.outcome is None
+    assert step.twist[0] > 0.0
+
+
+def test_says_why_the_robot_stood_still_when_it_gives_up():
+    halted = ServoFeedback(Status.HALT_EMERGENCY_STOP, 0.0, 'somebody pressed the button')
+    steps = run(begun(progress_timeout=0.5), 2.0, answer=halted)
+    assert steps[-1].outcome is Outcome.STOPPED
+    assert steps[-1].message.endswith('manipulation: somebody pressed the button')
+    assert len(steps) * PERIOD == pytest.approx(0.5, abs=0.05)
+    assert not any(step.twist.any() for step in steps)
+
+
+@pytest.mark.parametrize('pose', [(0.0, 0.011, 0.0), (0.0, 0.0, 0.21), (0.0, 0.0, math.pi)])
+def test_path_must_begin_where_the_object_is(pose):
+    servo = PathServo(PERIOD, TIMEOUT)
+    tell(servo, 10.0, pose)
+    with pytest.raises(PathError, match='the path begins'):
+        servo.begin(PATH, TrackingSettings(), 10.0)
+    assert servo.tracker is None
+    # The same angle, told otherwise.
+    tell(servo, 10.0, (0.0, 0.0, 2.0 * math.pi))
+    servo.begin(PATH, TrackingSettings(), 10.0)
+
+
+numbers = strategies.floats(allow_nan=False, allow_infinity=False)
+samples = strategies.none() | strategies.builds(RejectedInput, strategies.text(max_size=3))
+
+
+@robots.examples(200)
+@given(
+    strategies.lists(
+        strategies.tuples(
+            strategies.floats(0.0, 20.0),
+            samples
+            | strategies.builds(StampedInput, strategies.builds(Pose, *[numbers] * 3), numbers),
+            samples
+            | strategies.builds(
+                StampedInput,
+                strategies.builds(
+                    ServoFeedback,
+                    strategies.integers(0, 255),
+                    strategies.floats(),
+                    strategies.just(''),
+                ),
+                numbers,
+            ),
+        ),
+        max_size=5,
+    )
+)
+def test_nothing_that_comes_in_raises_or_moves_it_quickly(cycles):
+    servo = begun()
+    for now, pose, servo_feedback in cycles:
+        servo.pose, servo.servo_feedback = pose, servo_feedback
+        step = servo.decide(now)
+        assert np.isfinite(step.twist).all()
+        assert np.hypot(*step.twist[:2]) <= 1.5 * PATH.speed * (1.0 + 1e-9)
+        if step.outcome is not None:
+            assert not step.twist.any()
+            break

@@ -1,0 +1,303 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Following a path: errors by formulas, stability of the sampled loop with delay, its end."""
+
+from collections import deque
+import itertools
+import math
+
+from hypothesis import given, strategies
+from isotruss_ros.core import ObjectPath, PathTracker, Pose
+from isotruss_ros.core.errors import PathError
+from isotruss_ros.core.paths.path_tracking import FINISHED, PathPhase, TrackingSettings
+import numpy as np
+import pytest
+import robots
+
+PERIOD = 0.01
+SPEED, TURN_RATE = 0.02, 0.2
+LINE = ObjectPath([(0.0, 0.0, 0.0), (0.2, 0.0, 0.0)], SPEED, TURN_RATE)
+#: A path on which everything changes, through more than a full turn.
+TURNS = ObjectPath(
+    [(0.05 * i, 0.05 * math.sin(i), 1.5 * i) for i in range(7)], SPEED, TURN_RATE, smooth=True
+)
+
+
+class Object:
+    """
+    Moves as it is told, but for what is wrong with it.
+
+    :param slip: share of the motion that is lost.
+    :param delay: cycles from a measurement to the motion by it.
+    :param most: speed that it does not exceed [m/s]; `tells` says whether the scale says so.
+    """
+
+    def __init__(self, pose, slip=0.0, delay=0, most=math.inf, tells=True, noise=0.0, drift=None):
+        self.pose = np.array(pose, dtype=float)
+        self.scale = 1.0
+        self._keeps, self._most, self._tells, self._noise = 1.0 - slip, most, tells, noise
+        self._drift = np.zeros(3) if drift is None else np.array(drift)
+        self._measured = deque([self.pose.copy()] * (delay + 1), maxlen=delay + 1)
+        self._random = np.random.default_rng(5)
+        self.age = delay * PERIOD
+
+    def measured(self):
+        """Return the pose that is known now; the angle wrapped, as trackers give it."""
+        x, y, angle = self._measured[0] + self._noise * self._random.standard_normal(3)
+        return Pose(x, y, math.remainder(angle, 2.0 * math.pi))
+
+    def move(self, twist, duration=PERIOD):
+        """Move for a cycle."""
+        scale = min(1.0, self._most / max(math.hypot(*twist[:2]), 1e-12))
+        self.scale = scale if self._tells else 1.0
+        self.pose += duration * (self._keeps * scale * twist + self._drift)
+        self._measured.append(self.pose.copy())
+
+
+def follow(path, thing, settings=None, seconds=200.0, held=lambda _time: False):
+    """Follow to the end; return tracker and what it said in each cycle."""
+    tracker = PathTracker(path, settings or TrackingSettings(), PERIOD)
+    said = []
+    for cycle in range(int(seconds / PERIOD)):
+        said.append(
+            tracker.update(thing.measured(), thing.age, PERIOD, thing.scale, held(cycle * PERIOD))
+        )
+        if said[-1].phase in FINISHED:
+            return tracker, said
+        thing.move(said[-1].twist)
+    raise AssertionError(f'not finished after {seconds} s: {said[-1]}')
+
+
+@pytest.mark.parametrize('path', [LINE, TURNS], ids=['line', 'turns'])
+def test_an_object_that_obeys_is_where_it_should_be(path):
+    tracker, said = follow(path, Object(path.poses[0]))
+    assert said[-1].phase is PathPhase.REACHED
+    assert tracker.max_position_error < 1e-12
+    assert tracker.max_angle_error < 1e-12
+    ramps = 2 * tracker.settings.ramp_time / 2.0
+    assert len(said) * PERIOD == pytest.approx(path.duration + ramps, abs=0.1)
+    assert {tracking.phase for tracking in said[:-1]} == {PathPhase.FOLLOWING}
+
+
+@pytest.mark.parametrize('gain', [1.0, 2.0, 4.0])
+def test_slip_leaves_an_error_that_does_not_grow(gain):
+    # e' = v - (1 - s) (v + K e) = 0 at e = s v / ((1 - s) K).
+    slip = 0.05
+    settings = TrackingSettings(position_gain=gain)
+    tracker, said = follow(LINE, Object((0, 0, 0), slip), settings)
+    steady = slip * SPEED / ((1.0 - slip) * gain)
+    assert said[len(said) * 3 // 4].position_error == pytest.approx(steady, rel=0.05)
+    assert tracker.max_position_error < 1.1 * steady
+    assert steady < 0.2 * slip * LINE.length  # what is lost without feedback
+
+
+def test_errors_decay_at_the_rate_of_the_gains():
+    settings = TrackingSettings(position_gain=1.0, angle_gain=2.0)
+    # 4 mm and 0.04 rad off across the path; nothing is bounded or slowed yet.
+    thing = Object((0.0, 0.004, 0.04))
+    tracker = PathTracker(LINE, settings, PERIOD)
+    for _ in range(100):
+        tracking = tracker.update(thing.measured(), 0.0, PERIOD)
+        thing.move(tracking.twist)
+    assert thing.pose[1] == pytest.approx(0.004 * math.exp(-1.0), rel=0.01)
+    assert thing.pose[2] == pytest.approx(0.04 * math.exp(-2.0), rel=0.03)
+
+
+def test_feedback_is_at_most_half_of_what_was_asked_for():
+    settings = TrackingSettings(position_gain=20.0, angle_gain=20.0)
+    tracker = PathTracker(LINE, settings, PERIOD)
+    twist = tracker.update(Pose(0.0, 0.0054, -0.19), 0.0, PERIOD).twist
+    assert twist[:2] == pytest.approx([0.0, -0.5 * SPEED], abs=0.05 * SPEED)
+    assert twist[2] == pytest.approx(0.5 * TURN_RATE)
+
+
+def gain_at(age, period, wanted):
+    """Return the gain that the tracker uses when the pose is this old [1/s]."""
+    small = 1e-6
+    settings = TrackingSettings(position_gain=wanted, angle_gain=wanted)
+    tracker = PathTracker(LINE, settings, period)
+    twist = tracker.update(Pose(0.0, -small, -small), age, 0.0).twist
+    assert twist[1] == pytest.approx(twist[2])
+    return twist[1] / small
+
+
+@pytest.mark.parametrize('delay', [0, 1, 2, 3, 5, 10, 20, 50, 200])
+def test_loop_with_delay_is_stable_with_a_margin_of_two(delay):
+    # e[k + 1] = e[k] - K h e[k - d] decays where all roots of its polynomial are in the unit disc.
+    gain = gain_at(delay * PERIOD, PERIOD, wanted=1e6)
+
+    def radius(gain):
+        polynomial = np.zeros(delay + 2)
+        polynomial[:2] = 1.0, -1.0
+        polynomial[-1] += gain * PERIOD
+        return np.abs(np.roots(polynomial)).max()
+
+    assert radius(gain) < 1.0
+    assert radius(2.0 * gain) <= 1.0 + 1e-9
+    assert radius(4.0 * gain) > 1.0  # and it does not give away more than another factor of two
+    # The exact bound (Levin and May 1976).
+    bound = 2.0 * math.sin(0.5 * math.pi / (2 * delay + 1)) / PERIOD
+    assert 0.25 * bound < gain <= 0.5 * bound * (1.0 + 1e-9)
+
+
+def test_gain_is_the_one_asked_for_as_long_as_the_delay_allows():
+    assert gain_at(0.02, PERIOD, 2.0) == pytest.approx(2.0)
+    assert gain_at(0.2, PERIOD, 2.0) == pytest.approx(2.0)
+    assert gain_at(1.0, PERIOD, 2.0) == pytest.approx(0.75 / 1.01)
+
+
+@pytest.mark.parametrize('delay', [0, 5, 20])
+def test_converges_from_the_edge_of_the_tolerance_with_an_old_pose(delay):
+    start = (0.0, 0.008, -0.15)
+    tracker, said = follow(LINE, Object(start, slip=0.05, delay=delay))
+    assert said[-1].phase is PathPhase.REACHED
+    assert tracker.max_position_error < 0.0085
+    middle = len(said) // 2
+    late = said[middle:]
+    assert max(tracking.position_error for tracking in late) < 0.001
+
+
+def test_a_robot_that_is_slowed_by_its_limits_gets_more_time():
+    half = Object((0, 0, 0), most=0.5 * SPEED)
+    tracker, said = follow(LINE, half)
+    assert said[-1].phase is PathPhase.REACHED
+    assert len(said) * PERIOD == pytest.approx(2.0 * LINE.duration, rel=0.15)
+    assert tracker.max_position_error < 0.5 * tracker.settings.position_tolerance
+    assert PathPhase.SLOWED in {tracking.phase for tracking in said}
+
+
+def test_a_robot_that_lags_and_does_not_say_so_gets_more_time():
+    tracker, said = follow(LINE, Object((0, 0, 0), most=0.3 * SPEED, tells=False))
+    assert said[-1].phase is PathPhase.REACHED
+    assert len(said) * PERIOD == pytest.approx(LINE.duration / 0.3, rel=0.15)
+    assert tracker.max_position_error < 0.9 * tracker.settings.position_tolerance
+
+
+def test_a_robot_that_does_not_move_is_stuck_not_off_the_path():
+    settings = TrackingSettings(progress_timeout=1.5)
+    tracker, said = follow(LINE, Object((0, 0, 0), most=0.0, tells=False), settings)
+    assert said[-1].phase is PathPhase.STUCK
+    assert not said[-1].twist.any()
+    assert 'no progress for 1.5' in said[-1].message
+    assert tracker.max_position_error < tracker.settings.position_tolerance
+    standing = [tracking.progress for tracking in said[-100:]]
+    assert standing[0] == pytest.approx(standing[-1], abs=1e-3)
+
+
+def test_off_the_path_is_the_end_and_nothing_moves():
+    for wrong in ((0.011, 0.0, 0.0), (0.0, 0.0, 0.21), (0.0, 0.0, -0.21)):
+        tracker = PathTracker(LINE, TrackingSettings(), PERIOD)
+        tracking = tracker.update(Pose(*wrong), 0.0, PERIOD)
+        assert tracking.phase is PathPhase.OFF_PATH
+        assert not tracking.twist.any()
+        assert 'off the path' in tracking.message
+
+
+def test_holds_while_the_robot_is_stopped_and_goes_on_gently():
+    def held(time):
+        return 4.0 <= time < 6.0
+
+    tracker, said = follow(LINE, Object((0, 0, 0)), held=held)
+    assert said[-1].phase is PathPhase.REACHED
+    stopped = said[400:600]
+    assert {tracking.phase for tracking in stopped} == {PathPhase.HELD}
+    assert not any(tracking.twist.any() for tracking in stopped)
+    assert len({tracking.progress for tracking in stopped}) == 1
+    after = [tracking.twist[0] for tracking in said[600:620]]
+    assert max(np.abs(np.diff([0.0, *after]))) < 0.1 * SPEED
+    assert tracker.max_position_error < 1e-3
+
+
+def test_end_that_is_not_reached_is_off_the_path_after_a_while():
+    # A drift of 0.7 tolerances times the gain leaves an error of as much.
+    settings = TrackingSettings(position_gain=1.0, progress_timeout=1.0)
+    drift = (0.0, 0.7 * settings.position_tolerance * settings.position_gain, 0.0)
+    tracker, said = follow(LINE, Object((0, 0, 0), drift=drift), settings)
+    assert said[-1].phase is PathPhase.OFF_PATH
+    assert 'off the end of the path' in said[-1].message
+    assert said[-2].phase is PathPhase.SETTLING
+    assert tracker.clock.at_end
+
+
+def test_errors_so_far_are_kept():
+    tracker = PathTracker(LINE, TrackingSettings(), PERIOD)
+    assert tracker.rms_position_error == 0.0
+    errors = [0.001, 0.004, 0.002]
+    for error in errors:
+        tracker.update(Pose(0.0, error, -10.0 * error), 0.0, PERIOD, held=True)
+    assert tracker.max_position_error == pytest.approx(0.004)
+    assert tracker.max_angle_error == pytest.approx(0.04)
+    assert tracker.rms_position_error == pytest.approx(math.sqrt(np.mean(np.square(errors))))
+
+
+@robots.examples(40)
+@given(
+    strategies.integers(0, 2**32 - 1),
+    strategies.floats(0.0, 0.15),
+    strategies.integers(0, 20),
+    strategies.floats(0.0, 3e-4),
+    strategies.booleans(),
+)
+def test_reaches_the_end_of_any_path_within_tolerance(seed, slip, delay, noise, smooth):
+    rng = np.random.default_rng(seed)
+    poses = np.cumsum(rng.uniform(-0.05, 0.05, (4, 3)) * [1.0, 1.0, 10.0], axis=0)
+    path = ObjectPath(poses, rng.uniform(0.01, 0.05), rng.uniform(0.1, 0.4), smooth)
+    tracker, said = follow(path, Object(poses[0], slip, delay, noise=noise))
+    assert said[-1].phase is PathPhase.REACHED
+    assert tracker.max_position_error < tracker.settings.position_tolerance
+    for tracking in said:
+        speed = math.hypot(*tracking.twist[:2])
+        assert speed <= 1.5 * path.speed * (1.0 + 1e-9)
+        assert abs(tracking.twist[2]) <= 1.5 * path.turn_rate * (1.0 + 1e-9)
+
+
+@robots.examples(100)
+@given(
+    strategies.lists(
+        strategies.tuples(
+            strategies.floats(-1.0, 1.0),
+            strategies.floats(-10.0, 10.0),
+            strategies.floats(-1.0, 100.0),
+            strategies.floats(-1.0, 100.0),
+            strategies.floats(0.0, 1.0),
+            strategies.booleans(),
+        ),
+        max_size=20,
+    )
+)
+def test_nothing_that_is_measured_makes_it_run_away(cycles):
+    tracker = PathTracker(LINE, TrackingSettings(), PERIOD)
+    for x, angle, age, elapsed, scale, held in cycles:
+        before = tracker.clock.time
+        tracking = tracker.update(Pose(0.02 * x, 0.0, angle), age, elapsed, scale, held)
+        assert np.isfinite(tracking.twist).all()
+        assert np.hypot(*tracking.twist[:2]) <= 1.5 * SPEED * (1.0 + 1e-9)
+        assert before <= tracker.clock.time <= before + 2.0 * PERIOD
+        assert tracking.time_left >= 0.0
+        if held or tracking.phase in FINISHED:
+            assert not tracking.twist.any()
+
+
+@pytest.mark.parametrize(
+    ('name', 'value'),
+    [
+        *itertools.product(
+            ('position_tolerance', 'angle_tolerance', 'ramp_time', 'progress_timeout'),
+            (0.0, -1.0, math.nan, math.inf),
+        ),
+        *itertools.product(('position_gain', 'angle_gain'), (-1.0, math.nan, math.inf)),
+    ],
+)
+def test_settings_that_mean_nothing_are_refused(name, value):
+    with pytest.raises(PathError, match=name):
+        TrackingSettings(**{name: value})
+
+
+def test_ramps_are_longer_by_the_square_of_slower_oscillations():
+    times = []
+    for frequency in (0.5, 1.0):
+        tracker = PathTracker(LINE, TrackingSettings(), PERIOD)
+        tracker.allow_for_inertia(frequency)
+        times.append(tracker.clock.ramp_time)
+    assert times[0] == pytest.approx(4.0 * times[1])

@@ -1,0 +1,182 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Paths of the rollers: straight between waypoints, at rest before and after, or refused."""
+
+import re
+
+from hypothesis import given
+from hypothesis import strategies as st
+from isotruss_ros.core import load_robot
+from isotruss_ros.core.errors import ConfigurationError
+from isotruss_ros.core.paths.roller_trajectory import RollerTrajectory
+import numpy as np
+import pytest
+from robots import examples, generators
+
+ROBOT = load_robot('nine_member')
+N = len(ROBOT.roller_names)
+MAX_SPEED = ROBOT.description.max_speed
+MAX_ACCELERATION = ROBOT.description.max_acceleration
+ORIGIN = [0.0] * N
+
+
+def random_path(rng, quick=1.0):
+    """
+    Return waypoints and times that the rollers can keep to.
+
+    :param quick: share of their speed that they need at most.
+    """
+    # Corners of twice the speed need so long to be rounded.
+    rounding = 2.0 * quick * MAX_SPEED / MAX_ACCELERATION
+    steps = rounding + 10.0 ** rng.uniform(-3.0, 1.0, rng.integers(1, 8))
+    speeds = quick * MAX_SPEED * rng.uniform(-1.0, 1.0, (len(steps), N))
+    begin = rng.normal(size=N)
+    positions = begin + np.vstack([np.zeros(N), np.cumsum(speeds * steps[:, None], axis=0)])
+    return positions, rng.choice([0.0, 1.7]) + np.append(0.0, np.cumsum(steps))
+
+
+@examples(60)
+@given(generators())
+def test_passes_its_waypoints_but_for_rounded_corners(rng):
+    positions, times = random_path(rng)
+    path = RollerTrajectory(ROBOT, positions, times)
+    first = np.abs(positions[1] - positions[0]).max() / (times[1] - times[0])
+    late = max(0.5 * first / MAX_ACCELERATION - times[0], 0.0)
+    for time, point in zip(times, positions, strict=True):
+        away = np.abs(path.at(time + late).positions - point).max()
+        assert away <= (2.0 * MAX_SPEED) ** 2 / (8.0 * MAX_ACCELERATION) + 1e-12
+    for begin, end, before, after in zip(times, times[1:], positions, positions[1:], strict=False):
+        halfway = path.at(0.5 * (begin + end) + late).positions
+        assert halfway == pytest.approx(0.5 * (before + after), abs=1e-9)
+
+
+@examples(60)
+@given(generators())
+def test_rests_at_the_first_point_before_and_at_the_last_one_after(rng):
+    positions, times = random_path(rng)
+    path = RollerTrajectory(ROBOT, positions, times)
+    for time in (-1e9, -1e-9, path.duration, path.duration + 1e-9, 1e9):
+        assert path.at(time).velocities == pytest.approx(0.0, abs=1e-9)
+    assert path.at(path.duration).positions == pytest.approx(positions[-1], abs=1e-12)
+    assert path.at(-1.0).positions == pytest.approx(positions[0], abs=1e-12)
+
+
+@examples(60)
+@given(generators())
+def test_speed_is_the_derivative_of_the_position_and_within_the_limit(rng):
+    positions, times = random_path(rng)
+    path = RollerTrajectory(ROBOT, positions, times)
+    step = 1e-4
+    for time in rng.uniform(-0.1, path.duration + 0.1, 30):
+        found = (path.at(time + step).positions - path.at(time - step).positions) / (2.0 * step)
+        assert path.at(time).velocities == pytest.approx(found, abs=MAX_ACCELERATION * step)
+        assert np.abs(path.at(time).velocities).max() <= MAX_SPEED * (1.0 + 2e-6)
+
+
+@examples(60)
+@given(generators())
+def test_speed_changes_within_the_acceleration_of_the_rollers(rng):
+    positions, times = random_path(rng)
+    path = RollerTrajectory(ROBOT, positions, times)
+    for time in [*times, *rng.uniform(-0.1, path.duration + 0.1, 30)]:
+        step = 10.0 ** rng.uniform(-4.0, 0.0)
+        change = path.at(time + step).velocities - path.at(time).velocities
+        assert np.abs(change).max() <= MAX_ACCELERATION * step * (1.0 + 1e-6) + 1e-12
+
+
+def test_refuses_more_acceleration_than_the_rollers_have():
+    quick = [ORIGIN, [0.009] * N, ORIGIN]
+    with pytest.raises(ConfigurationError, match=r'1\.35 m/s\^2 from point 0 to 1; must be at mo'):
+        RollerTrajectory(ROBOT, quick, [0.0, 0.1, 0.2])
+    RollerTrajectory(ROBOT, quick, [0.0, 0.2, 0.4])
+
+
+def test_takes_what_rounding_adds_to_the_largest_speed():
+    way = MAX_SPEED * 0.3
+    path = RollerTrajectory(ROBOT, [ORIGIN, [way] * N], [0.1, 0.4])  # 0.4 - 0.1 is less than 0.3
+    assert path.at(0.2).velocities == pytest.approx([MAX_SPEED] * N)
+
+
+def test_what_is_done_to_the_arrays_afterwards_changes_no_path():
+    positions, times = np.zeros((2, N)), np.array([0.0, 1.0])
+    path = RollerTrajectory(ROBOT, positions, times)
+    positions[:], times[:] = 7.0, 7.0
+    assert path.duration == 1.0
+    assert not path.at(1.0).positions.any()
+
+
+SHORT, LONG = [0.0] * (N - 1), [0.0] * (N + 1)
+BAD_POSITIONS = {
+    'no point': ([], 'without a point'),
+    'one row': (ORIGIN, f'0.0: must be {N} finite numbers'),
+    'too few': ([SHORT, SHORT], f'must be {N} finite numbers'),
+    'too many': ([LONG, LONG], f'must be {N} finite numbers'),
+    'of two lengths': ([ORIGIN, SHORT], f'must be {N} finite numbers'),
+    'nan': ([ORIGIN, [np.nan] * N], 'nan'),
+    'inf': ([ORIGIN, [*SHORT, np.inf]], 'inf'),
+    'too quick': ([ORIGIN, [*SHORT, -1.001 * MAX_SPEED]], '0.1001 m/s; must be at most 0.1'),
+    'a little too quick': ([ORIGIN, [*SHORT, 1.00001 * MAX_SPEED]], '0.100001 m/s; must be'),
+    'without end': ([[1e308] * N, [-1e308] * N], 'inf m/s; must be at most 0.1'),
+}
+
+
+@pytest.mark.filterwarnings('error')
+@pytest.mark.parametrize(('positions', 'words'), BAD_POSITIONS.values(), ids=BAD_POSITIONS)
+def test_positions_that_cannot_be_are_refused(positions, words):
+    with pytest.raises(ConfigurationError, match=re.escape(words)):
+        RollerTrajectory(ROBOT, positions, [0.0, 1.0])
+
+
+BAD_TIMES = {
+    'too few': ([0.0, 1.0], 'must be 3 finite numbers'),
+    'too many': ([0.0, 1.0, 2.0, 3.0], 'must be 3 finite numbers'),
+    'nan': ([0.0, np.nan, 2.0], 'must be 3 finite numbers'),
+    'inf': ([0.0, 1.0, np.inf], 'must be 3 finite numbers'),
+    'negative': ([-1e-9, 1.0, 2.0], 'time -1e-09 s of point 0'),
+    'the same twice': ([0.0, 1.0, 1.0], 'time 1 s of point 2'),
+    'back': ([0.0, 1.0, 0.5], 'time 0.5 s of point 2'),
+    'all at once': ([0.0, 0.0, 0.0], 'time 0 s of point 1'),
+    'a day and more': ([0.0, 1.0, 24.0 * 3600.0 + 1.0], 'from 0 to 86400 s'),
+}
+
+
+@pytest.mark.parametrize(('times', 'words'), BAD_TIMES.values(), ids=BAD_TIMES)
+def test_times_that_cannot_be_are_refused(times, words):
+    with pytest.raises(ConfigurationError, match=re.escape(words)):
+        RollerTrajectory(ROBOT, [ORIGIN] * 3, times)
+
+
+@pytest.mark.filterwarnings('error')
+def test_steps_without_a_duration_are_too_quick_and_no_warning():
+    with pytest.raises(ConfigurationError, match='inf m/s'):
+        RollerTrajectory(ROBOT, [ORIGIN, [0.1] * N], [0.0, 5e-324])
+
+
+@pytest.mark.parametrize('times', [np.zeros(5000), np.full(5000, np.nan), np.arange(5000.0)])
+def test_reasons_are_short_however_long_the_path(times):
+    positions = np.random.default_rng(0).uniform(-9.0, 9.0, (5000, N))
+    with pytest.raises(ConfigurationError) as refused:
+        RollerTrajectory(ROBOT, positions, times)
+    assert len(str(refused.value)) < 300
+
+
+numbers = st.one_of(st.floats(-0.02, 0.02), st.floats(), st.sampled_from([0.0, 1e308, 5e-324]))
+rows = st.lists(numbers, min_size=N, max_size=N)
+near = st.lists(st.floats(-0.02, 0.02), min_size=N, max_size=N)
+steps = st.one_of(st.floats(0.1, 9.0), st.floats(0.0))
+
+
+@examples(300)
+@given(st.lists(st.tuples(st.one_of(near, near, near, rows), steps), max_size=3))
+def test_any_numbers_are_a_path_that_rollers_can_keep_to_or_refused(points):
+    with np.errstate(all='ignore'):
+        times = np.cumsum([step for _, step in points])
+    try:
+        path = RollerTrajectory(ROBOT, [row for row, _ in points], times)
+    except ConfigurationError:
+        return
+    for time in (0.0, *times):
+        wanted = path.at(time)
+        assert np.isfinite(wanted.positions).all()
+        assert np.abs(wanted.velocities).max() <= MAX_SPEED * (1.0 + 1e-6)

@@ -1,0 +1,498 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The roller path servo: arrives, or gives up with the reason, and never runs away."""
+
+from dataclasses import replace
+
+from hypothesis import given
+from hypothesis import strategies as st
+from isotruss_ros.core import (
+    ConvexObject,
+    Grip,
+    load_robot,
+    RigidObject,
+    RollerFaults,
+    RollingGrip,
+    SimulatedRobot,
+    tangent_center,
+)
+from isotruss_ros.core.errors import ConfigurationError
+from isotruss_ros.core.inputs import (
+    InputError,
+    RejectedInput,
+    RollerState,
+    StampedInput,
+)
+from isotruss_ros.core.paths.roller_trajectory import (
+    MAX_LAG,
+    MAX_STEP,
+    PROGRESS_TIMEOUT,
+    RollerTrajectory,
+    RollerTrajectoryServo,
+    SETTLING_TIME,
+    START_TOLERANCE,
+    TOLERANCE,
+)
+from isotruss_ros.core.planning.describe_plan import path_times
+import numpy as np
+import pytest
+from robots import examples, generators
+
+ROBOT = load_robot('nine_member')
+N = len(ROBOT.roller_names)
+MAX_SPEED = ROBOT.description.max_speed
+PERIOD, TIMEOUT = 0.01, 0.2
+PERFECT = RollerFaults()
+GRASP = Grip.at_module(
+    ROBOT, 'north/Z', ConvexObject.disc(tangent_center(ROBOT.home, 'north/Z', 0.3), 0.3)
+)
+WAY = np.array(
+    [[0.0] * N, [0.02, -0.01, 0.0, 0.03, 0.01, -0.02], [0.0, 0.02, 0.01, 0.0, 0.0, 0.0]]
+)
+TIMES = np.array([0.0, 0.5, 1.1])
+PATH = RollerTrajectory(ROBOT, WAY, TIMES)
+
+
+class Run:
+    """
+    A simulated robot whose rollers follow a path.
+
+    :param late: how many cycles the measurements are old when they are used.
+    """
+
+    def __init__(self, faults=PERFECT, seed=0, late=0, begin=None):
+        config = ROBOT.home if begin is None else ROBOT.configuration(begin)
+        self.robot = SimulatedRobot(
+            config, RigidObject.in_grip(RollingGrip.attach(ROBOT.home, GRASP)), faults, seed
+        )
+        self.servo = RollerTrajectoryServo(ROBOT, TIMEOUT)
+        self.now, self.commands, self.places = 100.0, [], []
+        self._late = [self.state()] * (late + 1)
+        self.measure()
+
+    def state(self):
+        """Return what the encoders tell now."""
+        return StampedInput(
+            RollerState(self.robot.roller_positions.copy(), self.robot.roller_velocities.copy()),
+            self.now,
+        )
+
+    def measure(self):
+        """Hand the servo what it gets to see."""
+        self._late = [*self._late[1:], self.state()]
+        self.servo.rollers = self._late[0]
+
+    def cycle(self, period=PERIOD):
+        """Go on by one cycle; return what the servo decided."""
+        step = self.servo.decide(self.now)
+        self.commands.append(step.speeds)
+        self.robot.command(step.speeds)
+        self.robot.advance(period)
+        self.now += period
+        self.places.append(self.robot.roller_positions)
+        self.measure()
+        return step
+
+    def follow(self, path=PATH, longest=60.0):
+        """Follow a path to its end; return the last step."""
+        self.servo.begin(path, self.now)
+        for _ in range(round(longest / PERIOD)):
+            step = self.cycle()
+            if step.ended:
+                assert not self.servo.busy
+                assert not step.speeds.any()
+                return step
+        raise AssertionError(f'not at its end after {longest} s')
+
+    def away(self, path=PATH):
+        """Return how far the furthest roller is from the end of a path [m]."""
+        return np.abs(self.robot.roller_positions - path.at(path.duration).positions).max()
+
+
+def check_speeds(commands):
+    """Check what holds for every command."""
+    assert np.isfinite(commands).all()
+    assert np.abs(commands).max() <= MAX_SPEED
+
+
+FAULTS = {
+    'very uneven': (RollerFaults(noise=0.01), 0),
+    'slip': (RollerFaults(slip=0.1), 0),
+    'slip, uneven and late': (RollerFaults(noise=0.002, slip=0.05), 1),
+    'slow': (RollerFaults(speed_limit=0.02), 0),
+    'slow and late': (RollerFaults(speed_limit=0.02), 3),
+}
+
+
+@pytest.mark.parametrize(('faults', 'late'), FAULTS.values(), ids=FAULTS)
+def test_arrives(faults, late):
+    for seed in range(3):
+        run = Run(faults, seed, late)
+        assert run.follow().failure == ''
+        assert run.away() <= TOLERANCE
+        check_speeds(run.commands)
+
+
+def test_arrives_under_an_estimate_that_moves_by_more_than_the_tolerance():
+    run, rng = Run(), np.random.default_rng(0)
+    encoders = run.state
+    offset = 0.0
+
+    def estimated():
+        nonlocal offset
+        offset = 0.005 + rng.normal(scale=10.0 * TOLERANCE, size=N)
+        given = encoders()
+        state = RollerState(given.value.positions + offset, given.value.velocities, offset)
+        return StampedInput(state, given.time)
+
+    run.state = estimated
+    assert run.follow().failure == ''
+    end = PATH.at(PATH.duration).positions
+    assert run.robot.roller_positions + 0.005 == pytest.approx(end, abs=50.0 * TOLERANCE)
+
+
+def test_keeps_to_the_time_and_the_way():
+    run = Run()
+    run.follow()
+    # The last 20 um of the way are made good at 5 / s.
+    assert len(run.places) * PERIOD == pytest.approx(PATH.duration, abs=0.5)
+    for number, place in enumerate(run.places[: round(PATH.duration / PERIOD)]):
+        wanted = PATH.at((number + 1) * PERIOD).positions
+        assert place == pytest.approx(wanted, abs=MAX_SPEED * PERIOD)
+
+
+@pytest.mark.parametrize('longest', [0.03, 0.1, 0.15])
+def test_takes_the_time_that_it_says_however_late_the_cycles_come(longest):
+    """Also the time until it is given up."""
+    rng = np.random.default_rng(0)
+    for stuck in (frozenset(), frozenset({'south/P'})):
+        run = Run(RollerFaults(stuck=stuck))
+        run.servo.begin(PATH, run.now)
+        step = run.cycle()
+        while not step.ended:
+            step = run.cycle(rng.uniform(0.002, longest))
+        took = run.now - 100.0
+        if stuck:
+            assert 'south/P' in step.failure
+            assert PROGRESS_TIMEOUT < took < PATH.duration + PROGRESS_TIMEOUT + 2.0 * longest
+        else:
+            assert step.failure == ''
+            assert run.away() <= TOLERANCE
+            assert PATH.duration < took < PATH.duration + 1.5 + SETTLING_TIME
+        check_speeds(run.commands)
+
+
+def test_cycles_that_did_not_come_are_not_made_good():
+    """The rollers stand meanwhile, and all of the way from there is gone, however late it is."""
+    run = Run()
+    run.servo.timeout = 10.0
+    run.servo.begin(PATH, run.now)
+    for _ in range(20):
+        run.cycle()
+    before, held = run.servo.time, run.robot.roller_positions
+    run.now += 5.0
+    run.measure()
+    run.cycle()
+    assert before < run.servo.time <= before + MAX_STEP
+    assert np.abs(run.robot.roller_positions - held).max() < 3 * MAX_SPEED * PERIOD
+    while run.servo.busy:
+        run.cycle()
+    assert run.away() <= TOLERANCE
+
+
+def test_a_clock_that_stands_or_runs_back_moves_the_path_no_further():
+    run = Run()
+    run.servo.begin(PATH, run.now)
+    for _ in range(20):
+        run.cycle()
+    time = run.servo.time
+    for back in (PERIOD, PERIOD, 0.05, 0.1):
+        run.servo.rollers = run.servo.rollers._replace(time=run.now - back)
+        step = run.servo.decide(run.now - back)
+        assert not step.ended
+        assert run.servo.time == time
+        check_speeds(step.speeds)
+
+
+@examples(25)
+@given(generators())
+def test_arrives_on_random_paths_from_near_their_beginning(rng):
+    ways = rng.uniform(-0.02, 0.02, (rng.integers(0, 4), N))
+    limits = replace(ROBOT.description, max_speed=rng.uniform(0.1, 1.0) * MAX_SPEED)
+    points = np.vstack([np.zeros(N), np.cumsum(ways, axis=0)])
+    times = path_times(points, limits, np.zeros(len(ways), dtype=bool))
+    path = RollerTrajectory(ROBOT, points, times + rng.choice([0.0, 0.3]))
+    begin = rng.uniform(-1.0, 1.0, N) * START_TOLERANCE
+    noise, late = (0.0, rng.integers(0, 4)) if rng.random() < 0.5 else (0.004, 0)
+    run = Run(RollerFaults(noise=noise), late=late, begin=begin)
+    assert run.follow(path).failure == ''
+    assert run.away(path) <= TOLERANCE
+    check_speeds(run.commands)
+
+
+def test_rollers_that_have_arrived_rest_while_the_others_come():
+    begin = np.zeros(N)
+    begin[2] = 0.009
+    run = Run(begin=begin)
+    run.follow(RollerTrajectory(ROBOT, [[0.0] * N], [0.0]))
+    commands = np.array(run.commands)
+    resting = int((commands[:, 2] == 0.0).argmax())
+    assert 50 < resting <= len(commands) - SETTLING_TIME / PERIOD
+    assert not commands[resting:].any()
+    assert not np.delete(commands, 2, axis=1).any()
+
+
+def test_rollers_that_pass_by_the_end_have_not_arrived():
+    """As it is measured late, they are elsewhere by the time they seem to be there."""
+    quick = RollerTrajectory(ROBOT, [[0.0] * N, [0.04] * N], [0.0, 0.04 / MAX_SPEED])
+    for late in (0, 1, 3, 7):
+        # Such that the measurement is at the end to the micrometre while they go on.
+        for ahead in np.linspace(0.0, MAX_SPEED * PERIOD, 9):
+            run = Run(late=late, begin=np.full(N, -ahead))
+            assert run.follow(quick).failure == ''
+            assert run.away(quick) <= TOLERANCE
+
+
+@pytest.mark.parametrize(('off', 'arrives'), [(4e-4, True), (6e-4, False)])
+def test_rollers_that_come_no_nearer_have_arrived_where_they_are_near(off, arrives):
+    """As encoders of half a millimetre have it."""
+    path = RollerTrajectory(ROBOT, [[0.0] * N, [0.02] * N], [0.0, 1.0])
+    servo = RollerTrajectoryServo(ROBOT, 0.2)
+    servo.rollers = StampedInput(RollerState(np.zeros(N), np.zeros(N)), 0.0)
+    servo.begin(path, 0.0)
+    for k in range(1, 1000):
+        now = k * PERIOD
+        positions = path.at(now).positions - off
+        servo.rollers = StampedInput(RollerState(positions, np.zeros(N)), now)
+        step = servo.decide(now)
+        if step.ended:
+            break
+    assert (step.failure == '') == arrives
+    assert now > 1.0 + PROGRESS_TIMEOUT
+
+
+@pytest.mark.parametrize('stuck', ROBOT.roller_names)
+@pytest.mark.parametrize('size', [1.0, 0.02])
+def test_gives_up_on_a_stuck_roller_and_names_it(stuck, size):
+    """The way of each roller, and so the lag, is far more or far less than what it may lag by."""
+    way = size * 0.05 * np.linspace(0.9, 1.0, N) * (-1.0) ** np.arange(N)
+    path = RollerTrajectory(ROBOT, [[0.0] * N, way], [0.0, max(size, 0.1)])
+    assert (np.abs(way).max() > MAX_LAG) == (size == 1.0)
+    run = Run(RollerFaults(stuck=frozenset({stuck})))
+    step = run.follow(path)
+    assert step.failure.startswith(f'roller {stuck} stays ')
+    assert step.failure.endswith(' m behind the trajectory')
+    assert run.now - 100.0 <= path.duration + PROGRESS_TIMEOUT + 5 * PERIOD
+    # On the long way it waits from a tenth of a second on, where the lag is as large as it may be.
+    assert run.now - 100.0 >= PROGRESS_TIMEOUT + (0.1 if size == 1.0 else 0.0)
+    check_speeds(run.commands)
+    # The others waited: none went on more than the stuck one may lag.
+    others = np.delete(run.robot.roller_positions, ROBOT.roller_names.index(stuck))
+    assert np.abs(others).max() < MAX_LAG + 3 * MAX_SPEED * PERIOD
+
+
+def test_patience_begins_anew_with_each_wait():
+    run = Run()
+    run.servo.begin(PATH, run.now)
+    step = run.cycle()
+    for _ in range(3):
+        held, before = run.robot.roller_positions, run.servo.time
+        for _ in range(round(0.6 * PROGRESS_TIMEOUT / PERIOD)):  # something holds all rollers
+            run.robot.roller_positions = held
+            run.measure()
+            step = run.cycle()
+            assert not step.ended
+        # Rollers are slower at the corners of the path.
+        assert run.servo.time < before + MAX_LAG / 0.06 + 0.1 + 5 * PERIOD
+        for _ in range(15):
+            step = run.cycle()
+    while not step.ended:
+        step = run.cycle()
+    assert step.failure == ''
+    check_speeds(run.commands)
+
+
+@pytest.mark.parametrize('period', [0.05, 0.1, 0.15])
+def test_goes_on_after_a_wait_also_where_a_cycle_is_longer_than_a_roller_may_lag(period):
+    quick = RollerTrajectory(ROBOT, [[0.0] * N, [0.1] * N], [0.0, 0.1 / MAX_SPEED])
+    run = Run()
+    run.servo.begin(quick, run.now)
+    for _ in range(3):
+        run.cycle(period)
+    held = run.robot.roller_positions
+    for _ in range(round(1.0 / period)):  # something holds all rollers
+        assert not run.cycle(period).ended
+        run.robot.roller_positions = held
+        run.measure()
+    step = run.cycle(period)
+    while not step.ended:
+        step = run.cycle(period)
+    assert step.failure == ''
+    assert run.away(quick) <= TOLERANCE
+    check_speeds(run.commands)
+
+
+def test_a_new_path_has_all_of_the_patience():
+    run = Run(RollerFaults(stuck=frozenset({'north/Z'})))
+    run.servo.begin(PATH, run.now)
+    began = run.now
+    while run.now < began + 0.9 * PROGRESS_TIMEOUT:
+        assert not run.cycle().ended
+    # Further away than a roller may lag: it waits from the first cycle on.
+    away = RollerTrajectory(ROBOT, [run.robot.roller_positions + 0.9 * START_TOLERANCE], [0.0])
+    began = run.now
+    assert 'north/Z' in run.follow(away).failure
+    assert run.now - began >= PROGRESS_TIMEOUT
+
+
+def at_end(run, off):
+    """Tell the servo that all rollers are off the end of PATH by that much; return the step."""
+    state = RollerState(PATH.at(PATH.duration).positions + off, np.zeros(N))
+    run.servo.rollers = StampedInput(state, run.now)
+    step = run.servo.decide(run.now)
+    run.now += PERIOD
+    return step
+
+
+def near_its_end():
+    """Return a run of which the path is over, and the rollers are nearly there."""
+    run = Run()
+    run.servo.begin(PATH, run.now)
+    while run.servo.time < PATH.duration:
+        run.cycle()
+    return run
+
+
+def test_rollers_have_arrived_when_they_stay_there_without_interruption():
+    run = near_its_end()
+    cycles = round(SETTLING_TIME / PERIOD)
+    for _ in range(3):
+        assert at_end(run, 1.1 * TOLERANCE).speeds.all()
+        for _ in range(cycles - 1):
+            step = at_end(run, 0.9 * TOLERANCE)
+            assert not step.ended
+            assert not step.speeds.any()
+    at_end(run, -1.1 * TOLERANCE)
+    ended = [at_end(run, -0.9 * TOLERANCE).ended for _ in range(cycles + 2)]
+    assert not any(ended[: cycles - 1])
+    assert ended[-1]
+
+
+def test_nobody_gives_up_on_rollers_that_have_come_at_the_last_moment():
+    run = near_its_end()
+    for _ in range(round(PROGRESS_TIMEOUT / PERIOD) - 3):
+        assert not at_end(run, 5.0 * TOLERANCE).ended
+    steps = [at_end(run, 0.5 * TOLERANCE) for _ in range(round(SETTLING_TIME / PERIOD) + 2)]
+    assert next(step.failure for step in steps if step.ended) == ''
+
+
+def broken(run, how):
+    """Make the measurements unusable in one of the ways; return words of the reason."""
+    if how == 'missing':
+        run.servo.rollers = None
+        return 'joint states: none received yet'
+    if how == 'refused':
+        run.servo.rollers = RejectedInput('joint states: nonsense')
+        return 'joint states: nonsense'
+    run.servo.rollers = run.servo.rollers._replace(time=run.now - how)
+    return 'joint states: '
+
+
+DOUBTS = {
+    'missing': 'NO',
+    'refused': 'INVALID',
+    1.01 * TIMEOUT: 'STALE',
+    1e9: 'STALE',
+    -1.01 * TIMEOUT: 'INVALID',
+}
+
+
+@pytest.mark.parametrize('how', DOUBTS)
+def test_ends_at_rest_when_nobody_knows_where_the_rollers_are(how):
+    run = Run()
+    run.servo.begin(PATH, run.now)
+    run.cycle()  # begins at rest
+    for _ in range(20):
+        assert run.cycle().speeds.any()
+    run.servo.rollers = run.servo.rollers._replace(time=run.now - 0.99 * TIMEOUT)
+    assert not run.servo.decide(run.now).ended
+    words = broken(run, how)
+    step = run.servo.decide(run.now)
+    assert step.ended
+    assert not step.speeds.any()
+    assert step.failure.startswith(words)
+    # It does not begin either.
+    with pytest.raises(InputError, match=words) as refused:
+        run.servo.begin(PATH, run.now)
+    assert refused.value.code == f'{DOUBTS[how]}_JOINT_STATES'
+    # It does not go on by itself.
+    run.measure()
+    step = run.servo.decide(run.now)
+    assert (step.ended, step.failure) == (True, 'there is no trajectory to follow')
+    assert not step.speeds.any()
+
+
+@pytest.mark.parametrize('roller', range(N))
+@pytest.mark.parametrize('side', [-1.0, 1.0])
+def test_begins_only_where_the_rollers_are(roller, side):
+    for away in (0.99, 1.01):
+        begin = np.zeros(N)
+        begin[roller] = side * away * START_TOLERANCE
+        run = Run(begin=begin)
+        if away < 1.0:
+            run.servo.begin(PATH, run.now)
+            continue
+        with pytest.raises(ConfigurationError, match=f'where roller {ROBOT.roller_names[roller]}'):
+            run.servo.begin(PATH, run.now)
+        assert not run.servo.busy
+
+
+def test_a_path_that_is_refused_leaves_the_one_before():
+    """Whoever commands the rollers still knows that they move, and can stop them."""
+    run = Run()
+    run.servo.begin(PATH, run.now)
+    for _ in range(10):
+        run.cycle()
+    time = run.servo.time
+    with pytest.raises(ConfigurationError):
+        run.servo.begin(RollerTrajectory(ROBOT, WAY + 0.1, TIMES), run.now)
+    assert run.servo.busy
+    assert run.servo.time == time
+
+
+def test_a_new_path_takes_over_from_where_the_rollers_are():
+    run = Run()
+    run.servo.begin(PATH, run.now)
+    for _ in range(30):
+        run.cycle()
+    assert run.servo.busy
+    here = run.robot.roller_positions
+    back = RollerTrajectory(ROBOT, [here, np.zeros(N)], [0.0, 0.5])
+    run.commands.clear()
+    assert run.follow(back).failure == ''
+    assert run.servo.time == back.duration
+    assert run.away(back) <= TOLERANCE
+    check_speeds(run.commands)
+
+
+values = st.one_of(st.floats(-0.05, 0.05), st.floats(-1e6, 1e6), st.sampled_from([1e6, -1e6]))
+states = st.lists(values, min_size=N, max_size=N)
+
+
+@examples(100)
+@given(generators(), st.lists(states, max_size=30))
+def test_is_never_quicker_than_the_rollers_may_be(rng, measured):
+    """Wherever the encoders say that the rollers are."""
+    run = Run()
+    run.servo.begin(PATH, run.now)
+    for positions in measured:
+        state = RollerState(np.array(positions), np.zeros(N))
+        for _ in range(rng.integers(1, 20)):
+            run.servo.rollers = StampedInput(state, run.now)
+            step = run.servo.decide(run.now)
+            check_speeds(step.speeds)
+            run.now += PERIOD
+            if step.ended:
+                assert not step.speeds.any()
+                return

@@ -1,0 +1,124 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The servo in the mode in which twists move a joint, without an object."""
+
+from isotruss_ros.core import (
+    ConvexObject,
+    Grip,
+    load_robot,
+    Pose,
+    solve_joint_velocity,
+    Status,
+    tangent_center,
+    TwistServo,
+)
+from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.inputs import RollerState, StampedInput
+from isotruss_ros.core.safety.margins import shape_margins
+from isotruss_ros.core.safety.shape_guard import ShapeBounds
+from nightly import some_now
+import numpy as np
+import pytest
+
+ROBOT = load_robot('nine_member')
+MODULE, DIAMETER = 'north/Z', 0.3
+CENTER = tangent_center(ROBOT.home, MODULE, DIAMETER)
+GRIP = Grip.at_module(ROBOT, MODULE, ConvexObject.disc(CENTER, DIAMETER))
+NOW, PERIOD = 1000.0, 0.005
+VELOCITY = (0.01, -0.02)
+REST = np.zeros(len(ROBOT.roller_names))
+
+
+def servo(joint):
+    """Return a servo that moves a joint, with joint states and a twist, but without a pose."""
+    made = TwistServo(ROBOT, GRIP, period=PERIOD, timeout=0.2)
+    made.max_acceleration = np.inf
+    made.joint = joint
+    made.rollers = StampedInput(RollerState(REST, REST), NOW)
+    made.twist = StampedInput((*VELOCITY, 0.0), NOW)
+    return made
+
+
+def place(config, joint):
+    """Return where a joint is [m]."""
+    return config.nodes[ROBOT.topology.joint_names.index(joint)]
+
+
+def drive(made, twist, cycles, period=PERIOD):
+    """Return the statuses of a loop with perfect rollers, and where it ends."""
+    made.period = period
+    config, velocities, statuses = ROBOT.home, REST, []
+    for cycle in range(cycles):
+        now = NOW + cycle * period
+        made.rollers = StampedInput(RollerState(config.roller_positions, velocities), now)
+        made.twist = StampedInput(twist, now)
+        command = made.decide(now).command
+        velocities = command.roller_velocities
+        config = config.moved_to(config.roller_positions + period * velocities)
+        statuses.append((command.status, command.scale))
+    return statuses, config
+
+
+@pytest.mark.parametrize('joint', ['Z', 'Q'])
+def test_the_joint_moves_as_solved_and_no_pose_is_needed(joint):
+    decision = servo(joint).decide(NOW)
+    expected = solve_joint_velocity(ROBOT.home, {joint: VELOCITY})
+    assert decision.command.status is Status.OK
+    assert decision.command.roller_velocities == pytest.approx(expected.roller_velocities)
+    assert decision.command.achieved_twist == pytest.approx([*VELOCITY, 0.0], abs=1e-10)
+    assert decision.command.reachable_dof == expected.reachable_dof == 2
+
+
+def test_the_joint_goes_straight_in_a_loop():
+    statuses, config = drive(servo('Z'), (*VELOCITY, 0.0), 400)
+    assert set(statuses) == {(Status.OK, 1.0)}
+    expected = place(ROBOT.home, 'Z') + 400 * PERIOD * np.array(VELOCITY)
+    assert place(config, 'Z') == pytest.approx(expected, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ('joint', 'twist', 'cycles'),
+    some_now(
+        [('Q', (0.2, 0.0, 0.0), 350), ('Q', (-0.1, -0.2, 0.0), 600), ('Z', (0.0, -0.2, 0.0), 750)],
+        2,
+    ),
+)
+def test_barriers_and_limits_stop_the_joint(joint, twist, cycles):
+    made = servo(joint)
+    made.slide_along_limits = False
+    statuses, config = drive(made, twist, cycles, 0.02)
+    status, scale = statuses[-1]
+    assert Status.SLOWED_ROLLER_SPEED < status < Status.UNREACHABLE
+    assert scale < 0.02
+    bounds, margins, file = ShapeBounds(), shape_margins(config), ROBOT.description
+    assert margins.rigidity >= bounds.min_rigidity
+    assert margins.clearance >= bounds.min_clearance - 1e-9
+    assert config.member_lengths.min() >= file.min_length - 1e-6
+    assert config.member_lengths.max() <= file.max_length + 1e-6
+
+
+@pytest.mark.parametrize(('before', 'after'), [(None, 'Z'), ('Z', None), ('Z', 'Q')])
+def test_a_change_of_what_moves_halts_until_the_next_twist(before, after):
+    made = servo(before)
+    made.pose = StampedInput(Pose(*CENTER, 0.0), NOW)
+    assert made.decide(NOW).command.status is Status.OK
+    made.joint = after
+    decision = made.decide(NOW)
+    assert decision.command.status is Status.HALT_NO_TWIST
+    assert not decision.command.roller_velocities.any()
+    made.twist = StampedInput((*VELOCITY, 0.0), NOW)
+    assert made.decide(NOW).command.status is Status.OK
+    made.joint = after
+    assert made.decide(NOW).command.status is Status.OK
+
+
+def test_a_joint_does_not_turn_and_must_exist():
+    made = servo('Z')
+    made.twist = StampedInput((*VELOCITY, 0.1), NOW)
+    decision = made.decide(NOW)
+    assert decision.command.status is Status.HALT_INVALID_TWIST
+    assert 'must be 0' in decision.message
+    with pytest.raises(GraspError, match='P, Q, R, X, Y, Z'):
+        made.joint = 'S'
+    assert made.joint == 'Z'

@@ -1,0 +1,120 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Late loops and corrected zeros, as the loop deals with them."""
+
+from types import SimpleNamespace
+
+from grips import gripped
+from isotruss_ros.core import (
+    ConvexObject,
+    Grip,
+    HoldStatus,
+    load_robot,
+    Pose,
+    Status,
+    tangent_center,
+    TwistServo,
+)
+from isotruss_ros.core.inputs import RollerState, StampedInput
+from isotruss_ros.core.manipulation.status import RollerCommand
+import numpy as np
+import pytest
+from squeeze_loop import SqueezeLoop
+
+ROBOT = load_robot('nine_member')
+CENTER = tangent_center(ROBOT.home, 'north/Z', 0.3)
+GRIP = Grip.at_module(ROBOT, 'north/Z', ConvexObject.disc(CENTER, 0.3))
+HOME = np.zeros(len(ROBOT.roller_names))
+NOW, PERIOD, TIMEOUT = 1000.0, 0.005, 0.2
+
+
+class NotedSqueeze:
+    """Notes what the servo tells the regulation of the squeeze."""
+
+    fault = frequency = squeeze = None
+    grasp = 'held'
+    gains = SimpleNamespace(pose=1.0)
+    belief = SimpleNamespace(grip=GRIP, delay=0.0)
+
+    def __init__(self):
+        self.elapsed = []
+
+    def take_pressures(self, _pressures):
+        """Forget them."""
+
+    def take_offsets(self, _offsets, _covariance):
+        """Forget them."""
+
+    def follow(self, _config, _grip, elapsed, _sample):
+        """Note the time since the cycle before."""
+        self.elapsed.append(elapsed)
+        return HoldStatus.HELD
+
+    def solve(self, twist, _period, solve):
+        """Solve for the twist alone."""
+        return solve(twist)
+
+    def advance(self, *_):
+        """Do nothing."""
+
+    def note(self):
+        """Return that nothing is wrong."""
+        return ''
+
+
+def servo(now=NOW, **given):
+    """Return a servo with good inputs."""
+    made = TwistServo(ROBOT, GRIP, PERIOD, TIMEOUT)
+    feed(made, now)
+    for name, value in given.items():
+        setattr(made, name, value)
+    return made
+
+
+def feed(made, now):
+    """Give a servo good inputs of a time."""
+    made.twist = StampedInput((0.0, 0.01, 0.0), now)
+    made.rollers = StampedInput(RollerState(HOME, HOME), now)
+    made.pose = StampedInput(Pose(*CENTER, 0.0), now)
+
+
+def test_a_late_loop_counts_no_more_than_the_timeout_as_one_cycle():
+    made = servo(squeeze=NotedSqueeze())
+    for now in (NOW, NOW + 0.05, NOW + 10.0):
+        feed(made, now)
+        assert made.decide(now).command.status < Status.HALT_NO_TWIST
+    assert made.squeeze.elapsed == pytest.approx([0.0, 0.05, TIMEOUT])
+
+
+def test_corrected_zeros_are_no_travel_of_the_encoders():
+    seen = []
+    detector = SimpleNamespace(
+        failed=frozenset(), update=lambda positions, *_: seen.append(positions.tolist())
+    )
+    made = servo(detector=detector)
+    offsets = np.linspace(0.005, 0.01, len(HOME))
+    state = RollerState(0.02 + HOME + offsets, HOME, offsets)
+    made.rollers = StampedInput(state, NOW)
+    made.decide(NOW)
+    assert seen == [pytest.approx((0.02 + HOME).tolist())]
+
+
+@pytest.mark.parametrize('elapsed', [0.02, 0.2, 0.5])
+def test_the_correction_of_a_late_loop_takes_half_of_the_error_at_most(elapsed):
+    config, body = gripped(35.0, squeeze=0.1)
+    grip = Grip.at_module(config.robot, 'north/Z', body, 0.5)
+    loop = SqueezeLoop(config, grip, pose_gain=4.0)
+    loop.run((0.0, 0.0, 0.0), 0.1)
+    control, twists = loop.control, []
+    control.follow(loop.plant.config, grip.moved_to(loop.plant.object_pose), elapsed)
+    error = 1e-3
+    control.reference = control.reference + np.array([error, 0.0, 0.0])
+
+    def solve(twist, _opening):
+        twists.append(twist)
+        return RollerCommand(HOME, np.zeros(3), 1.0, Status.OK)
+
+    control.solve(np.zeros(3), 0.02, solve)
+    rate = min(4.0, 0.5 / elapsed)
+    assert twists[0][0] == pytest.approx(rate * error, abs=0.1 * rate * error)

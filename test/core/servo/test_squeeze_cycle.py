@@ -1,0 +1,264 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What the control of the squeeze asks for in a single cycle, and what that leads to."""
+
+from dataclasses import replace
+import math
+
+from grips import gripped, MASSLESS
+from isotruss_ros.core import Grip, HoldStatus, Pose, solve_twist, Status
+from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.roll_grip import roll_grip
+from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
+from isotruss_ros.core.manipulation.status import RollerCommand
+from isotruss_ros.core.safety.usage_limits import UsageLimits
+from isotruss_ros.core.servo.grip_faults import GripFault
+from isotruss_ros.core.servo.squeeze_control import SqueezeControl, SqueezeSettings
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+CONFIG, CYLINDER = gripped(35.0, squeeze=0.1)
+GRASP = Grip.at_module(CONFIG.robot, 'north/Z', CYLINDER)
+MODEL = attach_grip(CONFIG, CYLINDER)
+FRICTION = 0.5
+
+
+def controlled(missing=0.0, **settings):
+    """Return a control of which so much of the squeeze is missing."""
+    control = SqueezeControl(SqueezeSettings(0.0, **MASSLESS | settings))
+    assert control.follow(CONFIG, GRASP, 0.0) is HoldStatus.HELD
+    force = control.grasp.squeeze + missing
+    control.settings = SqueezeSettings(force, **MASSLESS | settings)
+    return control
+
+
+def asked_of(control, twist, period):
+    """Return the first twist and the first rate of opening that are asked for."""
+    asked = []
+
+    def solve(wanted, opening_rate):
+        asked.append((wanted, opening_rate))
+        still = np.zeros(len(CONFIG.roller_positions))
+        return RollerCommand(still, np.zeros(3), 1.0, Status.OK)
+
+    control.solve(np.array(twist), period, solve)
+    assert len(asked) == 1
+    return asked[0]
+
+
+@pytest.mark.parametrize(('period', 'gain'), [(0.01, 20.0), (0.02, 20.0), (0.1, 5.0)])
+def test_errors_of_the_pose_decay_no_quicker_than_half_of_them_in_a_cycle(period, gain):
+    control, twist = controlled(), np.array([0.01, -0.02, 0.1])
+    assert asked_of(control, twist, period)[0] == pytest.approx(twist, abs=1e-15)
+    error = np.array([1e-3, -2e-3, 3e-2])
+    control.reference = control.reference + error
+    assert asked_of(control, twist, period)[0] == pytest.approx(twist + gain * error)
+    # Angles count the shorter way around.
+    control.reference = control.reference + np.array([0.0, 0.0, 2.0 * math.pi])
+    assert asked_of(control, twist, period)[0] == pytest.approx(twist + gain * error)
+    control.reference[2] += 3.0
+    turned = error[2] + 3.0
+    assert asked_of(control, twist, period)[0][2] == pytest.approx(twist[2] + gain * turned)
+
+
+@pytest.mark.parametrize(
+    ('missing', 'rate'), [(1.0, 5.0), (-1.5, -7.5), (3.0, 10.0), (-9.0, -10.0)]
+)
+def test_the_grip_opens_by_what_is_missing_of_the_squeeze(missing, rate):
+    """Five times what is missing in a second, at most 10 N/s, by the slope of the model."""
+    control = controlled(missing)
+    slope = control.grasp.squeeze_stiffness()
+    _, opening_rate = asked_of(control, np.zeros(3), 0.02)
+    assert opening_rate * slope == pytest.approx(rate, rel=1e-6)
+
+
+AT_REST = Grip.at_module(CONFIG.robot, 'north/Z', MODEL.body)
+
+
+def at_rest(missing=0.0, **settings):
+    """Return a control whose object is where the model has it."""
+    force = MODEL.squeeze + missing
+    control = SqueezeControl(SqueezeSettings(force, **MASSLESS | settings))
+    assert control.belief is None
+    assert control.follow(CONFIG, AT_REST, 0.0) is HoldStatus.HELD
+    return control
+
+
+def solve_at_rest(twist, opening_rate):
+    return solve_twist(CONFIG, AT_REST, twist, opening_rate=opening_rate)
+
+
+def test_the_object_is_attached_anew_at_the_mean_of_its_first_poses():
+    control, rng = at_rest(pose_gain=2.0), np.random.default_rng(0)
+    control.reset()
+    for k in range(60):
+        turned = 0.02 if k == 0 else 0.01 * rng.normal()
+        grip = AT_REST.moved_to(Pose(*np.add(MODEL.pose, (0.0, 0.0, turned))))
+        control.follow(CONFIG, grip, 0.01)
+    assert control.fault is None
+    assert abs(control.grasp.pose.angle - MODEL.pose.angle) < 0.004
+
+
+def test_the_slip_margin_does_not_rely_on_an_estimated_load():
+    control, alone = at_rest(), MODEL.slip_margin(FRICTION)
+    for wrench in ([0.0, 1.0, 0.0], [0.0, -1.0, 0.0]):
+        loaded = replace(AT_REST, body=roll_grip(MODEL, CONFIG, np.array(wrench)).body)
+        for _ in range(40):
+            control.follow(CONFIG, loaded, 0.02)
+        assert control.belief.slip_margin == pytest.approx(alone, rel=0.05)
+
+
+def cycles(control, twist, count, period=0.02):
+    """Return the models in the configurations to which the commands of some cycles lead."""
+    models = [MODEL]
+    for _ in range(count):
+        config, grip = models[-1].config, replace(AT_REST, body=models[-1].body)
+        assert control.follow(config, grip, period) is HoldStatus.HELD
+
+        def solve(twist, opening_rate, config=config, grip=grip):
+            return solve_twist(config, grip, twist, opening_rate=opening_rate)
+
+        command = control.solve(np.array(twist), period, solve)
+        control.advance(twist, command)
+        travel = period * command.roller_velocities
+        models.append(roll_grip(models[-1], config.moved_to(config.roller_positions + travel)))
+    return models
+
+
+def test_what_the_model_did_beyond_the_rows_is_expected_of_the_next_cycle():
+    """It is a tenth of the twist in the first cycle, of which nothing is known before."""
+    twist = np.array([0.02, -0.01, 0.1])
+    models = cycles(at_rest(pose_gain=1e-9), twist, 3)
+    moved = np.diff([model.pose for model in models], axis=0) / 0.02
+    first, second, third = np.abs(moved - twist).max(axis=1)
+    assert second < 0.2 * first
+    assert third < 0.1 * first
+
+
+@pytest.mark.parametrize('missing', [0.5, -0.8])
+def test_a_cycle_changes_the_squeeze_as_asked(missing):
+    """But for the first one, in which nothing is known but the slope."""
+    squeezes = [model.squeeze for model in cycles(at_rest(missing), np.zeros(3), 3)]
+    left = MODEL.squeeze + missing - squeezes[1]
+    assert squeezes[2] - squeezes[1] == pytest.approx(5.0 * 0.02 * left, rel=0.02)
+
+
+def slipped(away, speed=np.inf):
+    """Return a control whose object leaves its contacts by so much [m], at a speed [m/s]."""
+    control = at_rest(1.0, load=0.0)
+    for k in range(150):
+        off = np.array([0.0, min(away, speed * max(0.02 * k - 1.0, 0.0)), 0.0])
+        control.solve(np.zeros(3), 0.02, solve_at_rest)
+        grip = replace(AT_REST, body=MODEL.body.moved_to(np.array(MODEL.pose) + off))
+        control.follow(CONFIG, grip, 0.02)
+    return control, grip
+
+
+def test_a_short_slip_is_reported_and_the_object_goes_on_as_held():
+    control, _ = slipped(0.004)
+    assert control.fault is None
+    assert control.belief.pose[:2] - MODEL.pose[:2] == pytest.approx([0.0, 0.004], abs=5e-4)
+
+
+def test_a_walk_longer_than_its_noise_is_a_slip():
+    assert slipped(0.04, 0.03)[0].fault is GripFault.SLIPPED
+
+
+def test_a_long_jump_of_the_pose_is_a_loss():
+    assert slipped(0.1)[0].fault is GripFault.NOT_HELD
+
+
+def test_a_slip_stays_until_a_client_acts():
+    control, off = slipped(0.04, 0.03)
+    for _ in range(10):
+        control.follow(CONFIG, AT_REST, 0.02)
+    control.reset()
+    control.follow(CONFIG, off, 0.02)
+    assert control.fault is GripFault.SLIPPED
+    assert 'set squeeze_force again' in control.note()
+    control.acknowledge()
+    assert control.fault is None
+
+
+def test_what_has_slipped_is_not_moved_and_the_squeeze_is_regulated_on():
+    control, _ = slipped(0.04, 0.03)
+    asked = []
+
+    def solve(twist, opening_rate):
+        asked.append((twist, opening_rate))
+        return solve_at_rest(twist, opening_rate)
+
+    command = control.solve(np.array([0.02, 0.0, 0.1]), 0.02, solve)
+    ((twist, opening_rate),) = asked
+    assert not twist.any()
+    belief = control.belief
+    missing = MODEL.squeeze + 1.0 - belief.regulated_squeeze
+    rate = np.clip(5.0 * missing, -10.0, 10.0)
+    assert opening_rate * belief.slope == pytest.approx(rate, rel=0.05)
+    assert (command.status, command.scale) == (Status.HALT_SLIPPED, 0.0)
+    assert command.roller_velocities.any()
+
+
+def test_an_object_that_is_lost_stays_not_held_until_a_client_acts():
+    control = at_rest()
+    control.lose()
+    assert control.fault is GripFault.NOT_HELD
+    assert control.follow(CONFIG, AT_REST, 0.02) is HoldStatus.HELD
+    command = control.solve(np.array([0.02, 0.0, 0.0]), 0.02, solve_at_rest)
+    assert command.status is Status.HALT_NOT_HELD
+
+
+def test_limits_slow_the_twist_before_the_squeeze():
+    control, speed = at_rest(1.0), 0.03
+    opening = 5.0 / MODEL.squeeze_stiffness()
+
+    def solve(twist, opening_rate):
+        command = solve_twist(CONFIG, AT_REST, twist, opening_rate=opening_rate)
+        share = min(1.0, speed / np.abs(command.roller_velocities).max())
+        return replace(
+            command,
+            roller_velocities=share * command.roller_velocities,
+            scale=share,
+            status=Status.OK if share == 1.0 else Status.SLOWED_ROLLER_SPEED,
+        )
+
+    alone = solve(np.zeros(3), opening)
+    assert alone.scale == 1.0
+    command = control.solve(np.array([0.05, 0.0, 0.0]), 0.02, solve)
+    rows = grip_jacobian(CONFIG, AT_REST)
+    assert command.status is Status.SLOWED_ROLLER_SPEED
+    assert command.scale < 0.5
+    assert rows[3] @ command.roller_velocities == pytest.approx(opening, rel=0.02)
+
+
+def test_a_path_uses_twice_what_is_free_of_the_margin_in_a_second():
+    usage, travel, period = UsageLimits(MODEL), np.full(len(CONFIG.roller_positions), 1e-3), 0.02
+    usage.learn(MODEL, -0.1, travel)
+    ahead, back = (
+        RollerCommand(way / period, np.zeros(3), 1.0, Status.OK) for way in (travel, -travel)
+    )
+    # As much as the last travel used, of 0.04 N.
+    assert usage.margin_share(ahead, period, 1.0) == pytest.approx(0.4, rel=0.01)
+    assert usage.margin_share(ahead, period, -1.0) == 0.0
+    assert usage.margin_share(back, period, 1.0) == 1.0
+
+
+def moved_part(left):
+    """Return the part of a twist that is carried out where so much of the squeeze is margin."""
+    friction = brentq(lambda mu: MODEL.slip_margin(mu) / MODEL.squeeze - left, 0.01, 2.0)
+    control, twist = SqueezeControl(SqueezeSettings(MODEL.squeeze, **MASSLESS)), (0.02, 0.0, 0.0)
+    held = Grip.at_module(CONFIG.robot, 'north/Z', MODEL.body, friction)
+    assert control.follow(CONFIG, held, 0.0) is HoldStatus.HELD
+    travel = 0.02 * solve_at_rest(np.array(twist), 0.0).roller_velocities
+    control.belief.usage.learn(control.grasp, -10.0, travel)
+    return control.solve(np.array(twist), 0.02, solve_at_rest).scale
+
+
+def test_a_path_leaves_four_percent_of_the_squeeze_for_margin():
+    assert moved_part(0.03) == 0.0
+    one, two = moved_part(0.05), moved_part(0.06)
+    assert 0.0 < one < 0.5
+    # Twice as much is free then.
+    assert two == pytest.approx(2.0 * one, rel=0.01)

@@ -1,0 +1,383 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The servo decides from samples alone: no middleware, no clock but the one it is told."""
+
+import dataclasses
+
+from isotruss_ros.core import (
+    ConvexObject,
+    Grip,
+    load_robot,
+    Pose,
+    RigidObject,
+    Robot,
+    RollerFaults,
+    RollingGrip,
+    SimulatedRobot,
+    Status,
+    tangent_center,
+    TwistServo,
+)
+from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.inputs import RejectedInput, RollerState, StampedInput
+from isotruss_ros.core.safety.roller_failure import FailureCriterion, FailureDetector
+import numpy as np
+import pytest
+
+ROBOT = load_robot('nine_member')
+MODULE, DIAMETER = 'north/Z', 0.3
+CENTER = tangent_center(ROBOT.home, MODULE, DIAMETER)
+GRIP = Grip.at_module(ROBOT, MODULE, ConvexObject.disc(CENTER, DIAMETER))
+POSE = Pose(*CENTER, 0.0)
+HOME = np.zeros(len(ROBOT.roller_names))
+NOW = 1000.0
+
+
+def at(positions, velocities=0.0 * HOME):
+    """Return a roller state."""
+    return RollerState(np.asarray(positions), np.asarray(velocities))
+
+
+INPUTS = ('twist', 'rollers', 'pose')
+
+
+def servo(**given):
+    """Return a servo with good inputs at NOW, or those given."""
+    made = TwistServo(ROBOT, GRIP, period=0.005, timeout=0.2)
+    made.max_acceleration = np.inf
+    made.twist = StampedInput((0.0, 0.02, 0.1), NOW)
+    made.rollers = StampedInput(at(HOME), NOW)
+    made.pose = StampedInput(POSE, NOW)
+    for name, value in given.items():
+        setattr(made, name, value)
+    return made
+
+
+class Noted:
+    """A detector that notes the times of the samples that it gets."""
+
+    failed: frozenset[str] = frozenset()
+
+    def __init__(self):
+        self.times = []
+
+    def update(self, positions, time, commanded):
+        self.times.append(round(1e3 * (time - NOW)))
+
+
+def test_rollers_are_compared_every_20_ms_and_where_their_clock_runs_back():
+    made = servo(detector=Noted())
+    for stamp in (0, 5, 15, 19, 21, 30, 40, 42, 30, 49, 51):
+        now = NOW + 1e-3 * stamp
+        made.rollers = StampedInput(at(HOME), now)
+        made.decide(now)
+    assert made.detector.times == [0, 21, 42, 30, 51]
+
+
+class NotedGuard:
+    """A guard without limits that notes which velocities are expected."""
+
+    limits = ()
+
+    def watch(self, config, grasp):
+        return self
+
+    def keep(self, command, velocities, duration):
+        self.velocities = velocities
+        return command
+
+
+def test_failed_rollers_are_expected_to_stand_still():
+    made = servo(guard=NotedGuard())
+    made.failed = {ROBOT.roller_names[1]}
+    made.command(np.full(len(HOME), 0.01), NOW - 0.005)
+    assert made.decide(NOW).command.status is not Status.HALT_KINEMATICS
+    assert made.guard.velocities.tolist() == [0.01, 0.0, *[0.01] * (len(HOME) - 2)]
+
+
+def test_moves_when_all_is_known():
+    decision = servo().decide(NOW)
+    assert decision.command.status is Status.OK
+    assert decision.message == ''
+    assert decision.command.achieved_twist == pytest.approx([0.0, 0.02, 0.1], abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ('name', 'missing', 'stale', 'invalid'),
+    [
+        ('twist', Status.HALT_NO_TWIST, Status.HALT_NO_TWIST, Status.HALT_INVALID_TWIST),
+        (
+            'rollers',
+            Status.HALT_NO_JOINT_STATES,
+            Status.HALT_STALE_JOINT_STATES,
+            Status.HALT_INVALID_JOINT_STATES,
+        ),
+        (
+            'pose',
+            Status.HALT_NO_OBJECT_POSE,
+            Status.HALT_STALE_OBJECT_POSE,
+            Status.HALT_INVALID_OBJECT_POSE,
+        ),
+    ],
+)
+def test_halts_with_the_status_of_each_input_fault(name, missing, stale, invalid):
+    good = getattr(servo(), name)
+    for given, status in (
+        (None, missing),
+        (good._replace(time=NOW - 0.201), stale),
+        (RejectedInput('not a number'), invalid),
+        (good._replace(time=NOW + 0.011), invalid),
+    ):
+        decision = servo(**{name: given}).decide(NOW)
+        assert decision.command.status is status
+        assert decision.message
+        assert not decision.command.roller_velocities.any()
+        assert not decision.command.achieved_twist.any()
+        assert decision.command.scale == 0.0
+
+
+@pytest.mark.parametrize('name', INPUTS)
+def test_an_input_is_good_until_the_timeout(name):
+    good = getattr(servo(), name)
+    made = servo(**{name: good._replace(time=NOW - 0.199)})
+    assert made.decide(NOW).command.status is Status.OK
+
+
+def test_halts_without_a_grasp_and_where_no_configuration_is():
+    assert (
+        servo(pose=StampedInput(Pose(5.0, 5.0, 0.0), NOW)).decide(NOW).command.status
+        is Status.HALT_NO_GRASP
+    )
+    impossible = StampedInput(at([5.0, 0, 0, 0, 0, 0]), NOW)
+    decision = servo(rollers=impossible).decide(NOW)
+    assert decision.command.status is Status.HALT_KINEMATICS
+
+
+def test_history_does_not_matter():
+    """A servo that has been elsewhere decides as a new one does."""
+    there = np.linspace(-0.1, 0.12, len(HOME))
+    config = ROBOT.configuration(there)
+    center = tangent_center(config, MODULE, DIAMETER)
+    travelled = servo()
+    travelled.decide(NOW)
+    travelled.rollers = StampedInput(at([9.0, 0, 0, 0, 0, 0]), NOW)
+    travelled.decide(NOW)
+    for made in (travelled, fresh := servo()):
+        made.rollers, made.pose = (
+            StampedInput(at(there), NOW),
+            StampedInput(Pose(*center, 0.0), NOW),
+        )
+    assert travelled.decide(NOW).command.roller_velocities == pytest.approx(
+        fresh.decide(NOW).command.roller_velocities, abs=1e-10
+    )
+
+
+def moved(positions):
+    """Return the servo's inputs of now, for a robot that has taken the object along."""
+    there = ROBOT.configuration(positions)
+    held = RollingGrip.attach(ROBOT.home, GRIP)
+    return {
+        'rollers': StampedInput(at(there.roller_positions), NOW),
+        'pose': StampedInput(held.moved_to(there).pose, NOW),
+    }
+
+
+def close(late, exact):
+    """Tell whether commands are the same, but for what is of second order in a way of a few mm."""
+    return np.abs(late - exact).max() < 1e-5 * np.abs(exact).max()
+
+
+def test_looks_ahead_by_the_age_of_the_state_and_half_a_period():
+    """The command for an old state of a moving robot is that for where it is by now."""
+    speeds = servo().decide(NOW).command.roller_velocities
+    made = servo(
+        rollers=StampedInput(at(HOME, speeds), NOW - 0.05), pose=StampedInput(POSE, NOW - 0.05)
+    )
+    made.period = 0.02
+    late = made.decide(NOW).command.roller_velocities
+    lead = 0.05 + 0.01
+    # To first order in the way: 0.0012 m here, so 1e-6 m off in a robot of 1 m, and 1e-6 in speed.
+    exact = servo(**moved(lead * speeds)).decide(NOW).command.roller_velocities
+    assert close(late, exact)
+    assert not close(late, speeds)
+
+
+@pytest.mark.parametrize('measured', [0.0, -1.0, 3.0])
+def test_old_rollers_are_where_they_were_sent_whatever_speeds_are_measured(measured):
+    made = servo()
+    made.period = 0.02
+    ways = [np.zeros(6)]
+    for k in range(6):
+        now = NOW + 0.02 * k
+        made.twist = StampedInput((0.02 * (-1) ** k, 0.02 + 0.01 * k, 0.1), now)
+        sent = made.decide(now).command.roller_velocities
+        ways.append(ways[-1] + 0.02 * sent)
+    # All that is known is the state of 0.03 s after the beginning, in the second interval.
+    now, seen = NOW + 0.12, 0.5 * (ways[1] + ways[2])
+    state = moved(seen)
+    made.rollers = StampedInput(at(seen, measured * sent), NOW + 0.03)
+    made.pose = state['pose']._replace(time=NOW + 0.03)
+    made.twist = StampedInput((0.0, 0.02, 0.1), now)
+    late = made.decide(now).command.roller_velocities
+    exact = servo(**moved(ways[-1] + 0.01 * sent)).decide(NOW).command.roller_velocities
+    assert close(late, exact)
+    assert not close(late, servo(**state).decide(NOW).command.roller_velocities)
+
+
+def test_rollers_and_pose_of_different_ages_fit_together():
+    """The object is put where it was in the robot of that time, and has gone on with it."""
+    exact = servo(**moved(np.array([4.0, 2.0, -5.0, 3.0, 4.0, -4.0]) * 1e-3))
+    exact = exact.decide(NOW).command.roller_velocities
+    speeds = np.array([4.0, 2.0, -5.0, 3.0, 4.0, -4.0]) * 1e-3 / 0.1
+    for ages in ((0.1, 0.0), (0.0, 0.1), (0.05, 0.1), (0.1, 0.05)):
+        seen = [moved((0.1 - age) * speeds) for age in ages]
+        made = servo(
+            rollers=StampedInput(at(seen[0]['rollers'].value.positions, speeds), NOW - ages[0]),
+            pose=seen[1]['pose']._replace(time=NOW - ages[1]),
+        )
+        made.period = 1e-9
+        late = made.decide(NOW).command.roller_velocities
+        assert np.abs(late - exact).max() < 1e-4 * np.abs(exact).max()
+
+
+def test_failed_rollers_are_not_expected_to_move():
+    made = servo()
+    sent = made.decide(NOW).command.roller_velocities
+    failed = int(np.abs(sent).argmax())
+    made.failed = [ROBOT.roller_names[failed]]
+    now = NOW + 0.1
+    made.twist = StampedInput((0.0, 0.02, 0.1), now)
+    late = made.decide(now).command.roller_velocities
+    working = np.arange(len(HOME)) != failed
+    there = servo(**moved((0.1 + 0.0025) * sent * working))
+    there.failed = made.failed
+    assert np.abs(late - there.decide(NOW).command.roller_velocities).max() < 1e-5
+
+
+def test_says_what_limits():
+    decision = servo(twist=StampedInput((0.0, 3.0, 0.0), NOW)).decide(NOW)
+    assert decision.command.status is Status.SLOWED_ROLLER_SPEED
+    for name in decision.command.limiting:
+        assert name in decision.message
+
+
+def test_failed_rollers_are_held_and_told():
+    made = servo()
+    made.failed = ['north/Z', 'south/Q']
+    decision = made.decide(NOW)
+    speeds = dict(zip(ROBOT.roller_names, decision.command.roller_velocities, strict=True))
+    assert speeds['north/Z'] == speeds['south/Q'] == 0.0
+    assert any(speeds.values())
+    assert decision.failed == ('south/Q', 'north/Z')
+    # Four rollers are just enough for any motion of the object that keeps the grip.
+    assert decision.command.reachable_dof == 3
+    made.failed = ['south/Q', 'north/Z', 'south/P']
+    assert made.decide(NOW).command.reachable_dof == 2
+    made.failed = ['north/Z', 'south/Q']
+    # A halt tells them too, and that nothing can be done for now.
+    made.twist = None
+    decision = made.decide(NOW)
+    assert decision.failed == ('south/Q', 'north/Z')
+    assert decision.command.reachable_dof == 0
+    made.failed = ()
+    assert made.decide(NOW).failed == ()
+
+
+def test_mobility_is_told_when_idle_too():
+    idle = servo(twist=StampedInput((0.0, 0.0, 0.0), NOW)).decide(NOW)
+    assert idle.command.status is Status.IDLE
+    assert idle.command.reachable_dof == 3
+    made = servo(twist=StampedInput((0.0, 0.0, 0.0), NOW))
+    made.failed = ROBOT.roller_names
+    assert made.decide(NOW).command.reachable_dof == 0
+
+
+def test_unknown_failed_rollers_are_refused_and_change_nothing():
+    made = servo()
+    made.failed = ['north/Z']
+    with pytest.raises(GraspError, match=r"failed rollers: 'north/P': .* no such rollers"):
+        made.failed = ['north/P']
+    assert made.failed == {'north/Z'}
+
+
+def run(made, robot, duration, twist=(0.0, 0.02, 0.1), begin=NOW):
+    """Let a servo drive a simulated robot; return the decisions."""
+    decisions = []
+    for k in range(round(duration / made.period)):
+        now = begin + k * made.period
+        made.twist = StampedInput(np.asarray(twist), now)
+        made.rollers = StampedInput(
+            at(robot.config.roller_positions, robot.roller_velocities), now
+        )
+        made.pose = StampedInput(robot.object_pose, now)
+        decisions.append(made.decide(now))
+        robot.command(decisions[-1].command.roller_velocities)
+        robot.advance(made.period)
+    return decisions
+
+
+def simulated(*stuck):
+    held = RollingGrip.attach(ROBOT.home, GRIP)
+    return SimulatedRobot(
+        ROBOT.home, RigidObject.in_grip(held), RollerFaults(stuck=frozenset(stuck))
+    )
+
+
+def test_stuck_roller_is_detected_and_the_object_moves_as_commanded_again():
+    made = servo()
+    stuck = int(np.abs(made.decide(NOW).command.roller_velocities).argmax())
+    name, robot = ROBOT.roller_names[stuck], simulated(ROBOT.roller_names[stuck])
+    made.detector = FailureDetector(ROBOT.roller_names, FailureCriterion(time=1.0))
+    decisions = run(made, robot, 3.0)
+    found = [k for k, decision in enumerate(decisions) if decision.failed == (name,)]
+    first = found[0]
+    assert 1.0 <= first * made.period < 2.0
+    assert made.failed == {name}
+    assert len(found) == len(decisions) - first
+    for decision in decisions[first:]:
+        assert decision.command.roller_velocities[stuck] == 0.0
+    # With the failure known the object does again what the command says.
+    before = robot.object_pose
+    decision = run(made, robot, 0.1, begin=NOW + 3.0)[-1]
+    moved = (np.subtract(robot.object_pose, before))[:2] / 0.1
+    assert moved == pytest.approx(decision.command.achieved_twist[:2], abs=2e-4)
+    # It stays failed until somebody says otherwise.
+    made.detector.reset([name])
+    assert made.failed == set()
+
+
+def test_rollers_that_are_held_by_a_halt_are_not_flagged():
+    made, robot = servo(), simulated(*ROBOT.roller_names)
+    made.detector = FailureDetector(ROBOT.roller_names, FailureCriterion(time=0.5))
+    made.stopped = (Status.HALT_EMERGENCY_STOP, 'stopped')
+    assert not any(decision.failed for decision in run(made, robot, 2.0))
+    made.stopped = None
+    assert run(made, robot, 2.0, begin=NOW + 2.0)[-1].failed
+
+
+def test_twists_are_bent_along_limits_only_where_that_is_asked_for():
+    narrow = ROBOT.home.member_lengths.max() + 0.02
+    description = dataclasses.replace(ROBOT.description, max_length=narrow)
+    robot = Robot(description)
+    ends = []
+    for slide in (False, True):
+        made = TwistServo(robot, GRIP, period=0.01, timeout=0.2)
+        made.slide_along_limits = slide
+        held = RollingGrip.attach(robot.home, GRIP)
+        moving = SimulatedRobot(robot.home, RigidObject.in_grip(held), RollerFaults())
+        decisions = run(made, moving, 4.0, twist=(0.02, 0.05, 0.0))
+        assert moving.config.member_lengths.max() <= narrow + 1e-9
+        statuses = {decision.command.status for decision in decisions}
+        assert (Status.SLIDING in statuses) == slide
+        assert (Status.SLOWED_MEMBER_LENGTH in statuses) == (not slide)
+        assert any('sliding with' in decision.message for decision in decisions) == slide
+        ends.append(np.hypot(*np.subtract(moving.object_pose[:2], CENTER)))
+    assert ends[1] > ends[0]
+
+
+def test_a_servo_without_guard_goes_by_the_robot_file_alone():
+    made = servo()
+    made.guard = None
+    with_guard = servo().decide(NOW).command
+    assert (made.decide(NOW).command.roller_velocities == with_guard.roller_velocities).all()

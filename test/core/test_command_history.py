@@ -1,0 +1,80 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What was sent is added up as by a sum over every moment, back to when nothing is known."""
+
+from hypothesis import given
+from isotruss_ros.core.inputs import CommandHistory, Timeline
+import numpy as np
+import pytest
+import robots
+
+COUNT = 3
+STEP = 1e-4
+
+
+def by_steps(times, speeds, before, begin, end):
+    """Integrate by small steps."""
+    middles = np.arange(begin + 0.5 * STEP, end, STEP)
+    place = np.searchsorted(times, middles, side='right') - 1
+    rates = np.where((place < 0)[:, None], before, np.asarray(speeds)[place])
+    return STEP * rates.sum(axis=0)
+
+
+@robots.examples(50)
+@given(robots.generators())
+def test_travel_is_the_integral_of_what_was_sent(rng):
+    times = 100.0 + STEP * np.sort(rng.integers(0, 5000, 60))
+    speeds, before = rng.uniform(-0.1, 0.1, (60, COUNT)), rng.uniform(-0.1, 0.1, COUNT)
+    sent = CommandHistory(COUNT)
+    for time, speed in zip(times, speeds, strict=True):
+        sent.record(time, speed)
+    begin, end = np.sort(99.8 + STEP * rng.integers(0, 9000, 2))
+    expected = by_steps(times, speeds, before, begin, end)
+    assert sent.travel(begin, end, before) == pytest.approx(expected, abs=1e-4)
+    assert sent.travel(end, begin, before) == pytest.approx(-expected, abs=1e-4)
+    assert (sent.last == speeds[-1]).all()
+
+
+def test_where_nothing_was_sent_speeds_count_that_were_measured():
+    sent, measured = CommandHistory(COUNT), np.array([0.1, 0.0, -0.1])
+    assert sent.last is None
+    assert sent.travel(1.0, 3.0, measured) == pytest.approx(2.0 * measured)
+    sent.record(2.0, np.zeros(COUNT))
+    assert sent.travel(1.0, 3.0, measured) == pytest.approx(measured)
+    assert sent.travel(0.0, 1.0, measured) == pytest.approx(measured)
+    assert not sent.travel(2.0, 3.0, measured).any()
+
+
+@pytest.mark.parametrize('now', [9.9, 10.9])
+def test_is_forgotten_where_the_clock_ran_back_or_nothing_came_for_long(now):
+    sent = CommandHistory(COUNT)
+    sent.record(10.0, np.ones(COUNT))
+    sent.discard_old(10.5, 0.5)
+    assert sent.travel(10.0, 10.5, np.zeros(COUNT)) == pytest.approx(0.5)
+    sent.discard_old(now, 0.5)
+    assert sent.last is None
+    assert not sent.travel(9.0, 11.0, np.zeros(COUNT)).any()
+
+
+def test_remembers_as_long_as_is_wanted_and_grows_no_further():
+    rng = np.random.default_rng(0)
+    sent, everything = CommandHistory(COUNT), CommandHistory(COUNT)
+    for k in range(2000):
+        now, speeds = 5.0 + 1e-3 * k, rng.uniform(-0.1, 0.1, COUNT)
+        sent.discard_old(now, 0.2)
+        for one in (sent, everything):
+            one.record(now, speeds)
+        begin = max(now - 0.2, 5.0)
+        expected = everything.travel(begin, now, np.zeros(COUNT))
+        assert sent.travel(begin, now, np.ones(COUNT)) == pytest.approx(expected, abs=1e-12)
+    assert len(sent._travel.values) <= 202
+
+
+def test_a_timeline_is_even_between_its_times_and_a_later_word_counts():
+    known = Timeline()
+    for time, value in ((0.0, 0.0), (1.0, 1.0), (2.0, 5.0), (3.0, 9.0), (2.0, 3.0)):
+        known.add(time, value)
+    assert [known.at(time) for time in (-1.0, 0.5, 1.5, 2.0, 9.0)] == [0.0, 0.5, 2.0, 3.0, 3.0]
+    known.discard_before(1.2)
+    assert (known.first, known.last, known.values) == ((1.0, 1.0), (2.0, 3.0), [1.0, 3.0])
