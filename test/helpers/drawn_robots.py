@@ -11,7 +11,6 @@ from isotruss_ros.core.control.state_estimate import EstimatorSettings
 from isotruss_ros.core.control.state_estimator import StateEstimator
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.loaded_frame import held_joints
-from isotruss_ros.core.holding.member_bow import bend_members
 from isotruss_ros.core.holding.roll_grip import roll_contacts
 from isotruss_ros.core.manipulation.grip import Grip
 import numpy as np
@@ -60,10 +59,9 @@ class DrawnRobot:
         self.estimator.take_encoders(0.0, self.readings)
 
     def _roll(self, grip):
-        bent = bend_members(grip)
-        config = self.config.shorten(bent.shorter)
-        grip = replace(grip, statics=replace(grip.statics, given=bent.given))
-        return roll_contacts(grip, config, grip.contacts, grip.anchors, grip.angles, self.wrench)
+        return roll_contacts(
+            grip, self.config, grip.contacts, grip.anchors, grip.angles, self.wrench
+        )
 
     def move(self, step=None):
         """Turn the rollers (r,) [m]; as drawn, to and fro, if None."""

@@ -18,7 +18,6 @@ from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_gradient import held_gradient
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, NotHeldError
 from isotruss_ros.core.holding.loaded_frame import held_joints
-from isotruss_ros.core.holding.member_bow import bend_members
 from isotruss_ros.core.holding.roll_grip import roll_contacts, roll_grip, with_pressures
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.distances import collision_model
@@ -134,10 +133,7 @@ class StateFilter:
             self.expected = Expectation(config.nodes.ravel()[: self._joints], rates)
             self.readings, self.state = readings, state
             return
-        # Members are as bent as they were last.
-        bent = bend_members(held)
-        config = held.config.moved_to(travel).shorten(bent.shorter)
-        held = replace(held, statics=replace(held.statics, given=bent.given))
+        config = held.config.moved_to(travel)
         anchors, wrench = state[self._anchors], state[self._wrench]
         if follow:
             wrench = wrench * (1.0, 1.0, held.arm)

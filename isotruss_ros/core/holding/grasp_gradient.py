@@ -12,23 +12,21 @@ and by the change of the grasp, both of which stay.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import functools
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.contact_forces import slip_conditions
 from isotruss_ros.core.holding.held_grip import HeldGrip
-from isotruss_ros.core.holding.loaded_tubes import (
-    ContactRates,
-    GraspParameters,
-    LoadedTubes,
-    TubeRates,
-)
+from isotruss_ros.core.holding.loaded_tubes import GraspParameters, LoadedTubes
 from isotruss_ros.core.holding.settled_grasp import SettledGrasp
-from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.records import Record
 import numpy as np
+
+#: Wrench of differences along a response, as a share of the squeeze [-].
+STEP = 3e-4
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -64,8 +62,8 @@ class GraspGradient(
     needs_most: str
     utilisation: Array
     most_used: str
-    # For second derivatives: with three more columns, those of a unit wrench.
-    _changes: tuple[LoadedTubes, ContactRates, TubeRates, Array]
+    # For second derivatives: how parameters and unknowns change, behind them by a unit wrench.
+    _changes: tuple[Array, Array]
 
     @property
     def squeeze(self) -> Array:
@@ -98,7 +96,7 @@ class GraspGradient(
 
     @functools.cached_property
     def _margin(self) -> tuple[Array, str]:
-        *_, change = self._changes
+        _, change = self._changes
         return _slip_margin_rates(self.settled, change[:, :-3], self._response, self.parameters)
 
 
@@ -125,9 +123,8 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
     state, places = grip.state, grip.state.places
     change = -np.linalg.solve(state.jacobian, tubes.equation_rates())
     change[:, -3:] = -np.linalg.inv(grip.tangent)[:, places.balance]
-    contacts = tubes.contact_rates(change)
-    rates = tubes.respond(contacts)
-    used, utilisation = tubes.utilisation(rates.ends)
+    rates = tubes.respond(tubes.contact_rates(change))
+    used, utilisation = tubes.utilisation(rates)
     members = np.eye(len(grip.members))[grip.contacts.owners].T
     presses, rubs = (members @ change[each, :-3] for each in (places.normal, places.friction))
     most, needed = _friction_rates(grip, presses, rubs)
@@ -141,7 +138,7 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
         needs_most=grip.member_names[most],
         utilisation=utilisation[:, :-3],
         most_used=grip.config.robot.member_names[int(used.argmax())],
-        _changes=(tubes, contacts, rates, change),
+        _changes=(chosen, change),
     )
 
 
@@ -153,54 +150,43 @@ def _friction_rates(grip: HeldGrip, presses: Array, rubs: Array) -> tuple[int, A
     return most, (sign * rubs[most] - needs[most] * presses[most]) / grip.normal_forces[most]
 
 
-def _response_rates(
-    grip: HeldGrip, tubes: LoadedTubes, contacts: ContactRates, rates: TubeRates, change: Array
-) -> Array:
-    """Return how the response to a unit wrench (fx, fy, m / arm) changes, (3 + 4k, n, 3)."""
-    statics, state, places = grip.statics, grip.state, grip.state.places
-    normals, turn = state.normals[:, None], grip.body.turn
-    points, radii = grip.body.shape.surface_at(statics.contacts.corners, state.normals / turn)
-    radius_rates = grip.body.shape.radius_rates(state.normals / turn)[:, None]
-    axis, radii, arms = statics.compliance.axis[:, None], radii[:, None], (turn * points)[:, None]
-    rubs, scale = state.friction_forces[:, None], grip.tubes.stiffness_scale
-    push = state.normal_forces[:, None] + 1j * rubs
-    skin = statics.tube_radius - statics.indentation(state.normal_forces)[0][:, None]
-    curves = statics.indentation.second_rates(state.normal_forces)[0][:, None]
-    turns, angles, spins = contacts.normals, change[2], tubes.spins
-    slopes = np.tan(state.unknowns[places.inclinations])[:, None]
-    # How arms and forces change, in the plane.
-    swung = 1j * (angles * arms + radii * normals * (turns - angles))
-    pushed = (contacts.forces + 1j * turns * push) * normals
-    left = np.empty((places.size, change.shape[1] - 3, 3))
+def _response_rates(grip: HeldGrip, chosen: Array, change: Array) -> Array:
+    """
+    Return how the response to a unit wrench (fx, fy, m / arm) changes, (3 + 4k, n, 3).
+
+    J y_w = -F_w stays, so that (y_w)' = -J^-1 J' y_w; J' y_w is the difference, along the response
+    to a wrench, of what all parameters do to the equations.
+    """
+    size, parameters = STEP * grip.squeeze, GraspParameters.of(grip.config)
+    left = np.empty((len(change), change.shape[1] - 3, 3))
     for i, j in enumerate(range(-3, 0)):
-        turned, angle = turns[:, j, None], angles[j]
-        dents = (curves * contacts.forces.real + tubes.softened) * contacts.forces[:, j, None].real
-        forces = contacts.forces * turned + contacts.forces[:, j, None] * turns
-        forces = (1j * forces - turns * turned * push) * normals
-        couples = dents * rubs + contacts.dents * contacts.forces[:, j, None].imag
-        couples += contacts.dents[:, j, None] * contacts.forces.imag
-        give, slope = tubes.respond_again(rates, j, forces, couples)
-        give, slope = give / scale, slope / scale
-        give += tubes.softer * rates.give[:, j, None] / scale
-        slope += tubes.softer * rates.slope[:, j, None] / scale
-        # The point that touches moves on the surface, whose radius there changes.
-        grown = radius_rates * (turns - angles)
-        arm_rates = 1j * grown * (turned - angle) * normals - angles * angle * arms
-        arm_rates -= radii * normals * (turns * turned - angles * angle)
-        away = -(change[0, j] + 1j * change[1, j]) - swung[:, j, None]
-        away = away + (contacts.dents[:, j, None] - 1j * skin * turned) * normals
-        apart = dents + 1j * contacts.dents * turned + 1j * contacts.dents[:, j, None] * turns
-        apart = (apart + skin * turns * turned) * normals - arm_rates - 1j * spins * away
-        gap = apart / axis + give
-        bends = change[places.inclinations]
-        slope -= 2.0 * slopes * (1.0 + slopes**2) * bends * bends[:, j, None]
-        torque = arm_rates.conj() * push * normals + swung.conj() * pushed[:, j, None]
-        torque += swung[:, j, None].conj() * pushed + arms.conj() * forces
-        balance = np.stack([forces.real, forces.imag, torque.imag / statics.body.arm]).sum(axis=1)
-        closure = grown * (angle - turned)
-        touch = np.stack([gap.real, gap.imag, slope], axis=1).reshape(3 * len(gap), -1)
-        left[..., i] = np.concatenate([touch, -balance, closure])[:, :-3]
-    return -np.linalg.solve(grip.tangent, left.reshape(places.size, -1)).reshape(left.shape)
+        ahead, behind = (
+            _equation_changes(grip, chosen, parameters, change, step * change[:, j])
+            for step in (size, -size)
+        )
+        left[..., i] = (ahead - behind)[:, :-3] / (2.0 * size)
+    return -np.linalg.solve(grip.tangent, left.reshape(len(change), -1)).reshape(left.shape)
+
+
+def _equation_changes(
+    grip: HeldGrip, chosen: Array, parameters: GraspParameters, change: Array, moved: Array
+) -> Array:
+    """Return how the equations change in all columns, at unknowns moved by (3 + 4k,)."""
+    statics, places = grip.statics, grip.state.places
+    unknowns = grip.state.unknowns + moved
+
+    def sticking(unknowns: Array, normals: Points) -> tuple[Array, Array]:
+        return np.zeros(len(normals)), statics.rolling_rows(unknowns, normals)
+
+    _, there = statics.equations(unknowns, grip.wrench, sticking)
+    bent = statics.bent.update(there.loads, there.feet)
+    statics = replace(statics, bent=bent)
+    _, there = statics.equations(unknowns, grip.wrench, sticking)
+    body = grip.body.moved_to(unknowns[:3])
+    tubes = LoadedTubes(replace(grip, statics=statics, state=there, body=body), chosen, parameters)
+    left = tubes.equation_rates()
+    left[places.closure] = there.jacobian[places.closure][:, places.inclinations] @ tubes.spins
+    return there.jacobian @ change + left
 
 
 def _slip_margin_rates(

@@ -111,6 +111,33 @@ class BeamColumns:
         return EndForces(pull, moments, stiffness)
 
 
+def evaluate_rates(
+    values: tuple[Array, ...],
+    pins: tuple[Flags, Flags],
+    changes: Array,
+    turns: Array,
+    chord: Array,
+) -> Array:
+    """
+    Return how the forces (N, M1, M2) of members change while their ends stay, (k, 3).
+
+    Derivatives along the imaginary axis, which have no rounding of differences.
+
+    :param values: (k,) each: l0 [m], EA [N], EI [N m^2], GA [N].
+    :param pins: (k,) whether starts, and ends, transmit no moment.
+    :param changes: (4, k) of these values.
+    :param turns: (k, 2) of the ends against the chord [rad].
+    :param chord: (k,) l - l0 [m].
+    """
+    moved = [value + 1j * STEP * change for value, change in zip(values, changes, strict=True)]
+    found = BeamColumns(*moved, *pins).evaluate(chord - 1j * STEP * changes[0], turns)
+    return np.column_stack([found.pull, found.moments]).imag / STEP
+
+
+#: Of a derivative along the imaginary axis.
+STEP = 1e-30
+
+
 def _reciprocal(constant: Array, first: Array, second: Array) -> Array:
     """Return the first three terms (3, k) of one over a power series."""
     return np.array(

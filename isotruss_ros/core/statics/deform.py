@@ -78,10 +78,9 @@ class Deformation(Record, headline=('reactions', 'displacements')):
         Moments inside a member count, with their growth by its compression. From 1 on a tube
         wrinkles, and all numbers are outside of the model.
         """
-        used, _ = find_utilisation(self.structure, self.frame, self.state)
+        used = find_utilisation(self.structure, self.frame, self.state).used
         return dict(zip(self.structure.config.robot.member_names, used.tolist(), strict=True))
 
-    @cached_property
     def limit_factor(self) -> float:
         """
         Return by what the loads can be multiplied until the bent structure gives way [-].

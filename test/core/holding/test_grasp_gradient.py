@@ -29,7 +29,7 @@ OTHERS = {'rollers': 5e-5, 'place': 5e-5, 'friction': 1e-3, 'wrench': 5e-3, 'sti
 
 def settle(case, chosen):
     """Return a random grasp with other parameters; None without an equilibrium."""
-    tubes = TubeModel(chosen.scale, case.flattening, chosen.pressures)
+    tubes = TubeModel(chosen.scale, not case.flattening, chosen.pressures)
     members = numbers(case.members)
     try:
         found = attach_grip(chosen.config, chosen.body, members, chosen.wrench, tubes)
