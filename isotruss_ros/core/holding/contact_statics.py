@@ -44,9 +44,9 @@ from scipy.linalg import lapack
 #: Forces balance to this share of the squeeze, contact points touch to this length [m].
 FORCE_TOLERANCE, LENGTH_TOLERANCE = 1e-10, 1e-11
 MAX_STEPS = 40
-#: Tubes are linearised anew until they turn by less than this [rad], with an error of its square;
-#: and where a motion is followed, by no more than this.
-SETTLED_TURN, FOLLOWED_TURN = 3e-6, 1e-3
+#: Tubes are linearised anew until no node moves by more than this [m]; where a motion is
+#: followed, until none moves by more than that, which leaves less than 1e-6 m.
+SETTLED_MOTION, FOLLOWED_MOTION = 1e-9, 1e-3
 MAX_BENDS = 8
 #: In one step contacts and object move at most this share of the object's size ...
 MAX_MOVE = 0.5
@@ -286,7 +286,7 @@ class ContactStatics:
         wrench: Array,
         closure: Closure,
         steps: int = MAX_STEPS,
-        turned: float = SETTLED_TURN,
+        reach: float = SETTLED_MOTION,
     ) -> tuple[ContactStatics, ContactForces] | None:
         """
         Return the equilibrium near a start, and the equations with the tubes bent there.
@@ -295,7 +295,7 @@ class ContactStatics:
         :param wrench: (fx, fy, m / arm) on the object [N].
         :param closure: what settles the equations that statics leaves open.
         :param steps: most states that are looked at, each time that tubes have bent.
-        :param turned: tubes that turn by less than this from where they are linearised stay [rad].
+        :param reach: tubes are not linearised anew where nodes move by less than this [m].
         :return: None if it is not found.
         """
         statics, unknowns = self, start
@@ -303,7 +303,7 @@ class ContactStatics:
             state = statics.solve(unknowns, wrench, closure, steps)
             if state is None:
                 return None
-            if statics.bent.turn(state.loads, state.feet) <= turned:
+            if statics.bent.distance(state.loads, state.feet) <= reach:
                 return statics, state
             bent = statics.bent.update(state.loads, state.feet)
             statics, unknowns = replace(statics, bent=bent), state.unknowns

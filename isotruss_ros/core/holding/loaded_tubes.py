@@ -15,8 +15,8 @@ from isotruss_ros.core.statics.frame_rates import section_rates
 from isotruss_ros.core.statics.wrinkling import find_utilisation, use_sections
 import numpy as np
 
-#: Of differences of the utilisation, along a unit of a parameter; of forces up to 1e5 N/m.
-STEP = 1e-7
+#: Of differences of the utilisation, as a share of loads and sections [-].
+STEP = 1e-6
 
 
 class GraspParameters(NamedTuple):
@@ -240,15 +240,19 @@ class LoadedTubes:
         changes = np.stack([-first, second, pulled, bows])
         sections = np.stack([frame.length[piece], own.flexural[piece], own.shear[piece]])
         others = self._sections[[0, 2, 3]][:, piece]
-        # Small numbers: what is used at the same kind of place, a little to both sides.
+        # What is used at the same kind of place, a little to both sides.
+        loads, sections = loads[..., None], sections[..., None]
+        size = np.maximum(
+            (np.abs(changes) / np.abs(loads).max(axis=0)).max(axis=0),
+            (np.abs(others) / sections).max(axis=0),
+        )
+        small = STEP / np.maximum(size, np.finfo(float).tiny)
         ahead, behind = (
             np.take_along_axis(
-                use_sections(
-                    loads[..., None] + step * changes, sections[..., None] + step * others, radius
-                )[0],
+                use_sections(loads + step * changes, sections + step * others, radius)[0],
                 most.kind[None, :, None],
                 axis=0,
             )[0]
-            for step in (STEP, -STEP)
+            for step in (small, -small)
         )
-        return most.used, (ahead - behind) / (2.0 * STEP)
+        return most.used, (ahead - behind) / (2.0 * small)

@@ -23,7 +23,7 @@ from isotruss_ros.core.holding.contact_forces import PressedContacts
 from isotruss_ros.core.holding.contact_statics import (
     Closure,
     ContactStatics,
-    FOLLOWED_TURN,
+    FOLLOWED_MOTION,
     SOFTNESS,
     unwrapped,
 )
@@ -104,10 +104,10 @@ def roll_contacts(
         normals = grip.body.turn * np.exp(1j * angles)
         statics = build_statics(config, grip.body, contacts, grip.tubes, normals)
         start = kept = start_at(statics, grip.body)
-    closure, turn = stick(statics, anchors, travel, angles, fresh), FOLLOWED_TURN
-    settled = statics.settle(start, wrench, closure, STEPS, turn)
+    closure, reach = stick(statics, anchors, travel, angles, fresh), FOLLOWED_MOTION
+    settled = statics.settle(start, wrench, closure, STEPS, reach)
     if settled is None and start is not kept:
-        settled = statics.settle(kept, wrench, closure, STEPS, turn)
+        settled = statics.settle(kept, wrench, closure, STEPS, reach)
     if settled is None:
         return None
     statics, state = settled

@@ -215,15 +215,6 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
         points = self._lengthened(self.robot.topology.incidence @ travel)
         return Configuration(self.robot, self.roller_positions + travel, points)
 
-    def shorten(self, lengths: Array) -> Configuration:
-        """
-        Return the shape at the same roller travel whose members are shorter, to first order.
-
-        :param lengths: (m,) by which they are, small [m].
-        """
-        points = self._lengthened(-lengths)
-        return Configuration(self.robot, self.roller_positions, points, self._nearby)
-
     def _lengthened(self, lengths: Array) -> Points:
         """Return the nodes (n,) where members (m,) are longer [m]: (12), xdot = R^-1 (Ldot, 0)."""
         right = np.zeros(self.robot.constraints.n_rows)

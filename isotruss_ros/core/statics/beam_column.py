@@ -37,11 +37,14 @@ class EndForces(NamedTuple):
     :ivar pull: (k,) N [N].
     :ivar moments: (k, 2) at start and end [N m].
     :ivar stiffness: (k, 3, 3) of (N, M1, M2) by (l, t1, t2).
+    :ivar stressed: (k,) N, and (k,) M1 + M2, that act on the turned chord: before the step of
+        Newton's method that makes the energy stationary in N as well.
     """
 
     pull: Array
     moments: Array
     stiffness: Array
+    stressed: tuple[Array, Array]
 
 
 class BeamColumns:
@@ -88,18 +91,21 @@ class BeamColumns:
             [np.where(pinned_start, 0.0, own), both, both, np.where(pinned_end, 0.0, own)], axis=-1
         ).reshape(3, -1, 2, 2)
 
-    def evaluate(self, longer: Array, turns: Array) -> EndForces:
+    def evaluate(self, longer: Array, turns: Array, known: Array | None = None) -> EndForces:
         """
         Return the forces of bent members.
 
         :param longer: (k,) l - l0 [m].
         :param turns: (k, 2) of the ends against the chord [rad].
+        :param known: (k,) N about which they are linearised; that at which the energy is
+            stationary if None. Short steps of stiff members make N err by much, so that Newton's
+            method is quicker in N, too.
         """
         by_power = (self.rotary @ turns[:, :, None])[..., 0]
         straight, first, second = by_power
         _, bowed, hardened = (by_power * turns).sum(axis=-1)
         give = self.stretch - hardened
-        pull = (longer + 0.5 * bowed) / give
+        pull = (longer + 0.5 * bowed) / give if known is None else known
         moments = straight + pull[:, None] * (first + pull[:, None] * second)
         slope = first + 2.0 * pull[:, None] * second
         stiffness = np.empty((len(pull), 3, 3), dtype=pull.dtype)
@@ -108,7 +114,11 @@ class BeamColumns:
         power = pull[:, None, None]
         stiffness[:, 1:, 1:] = self.rotary[0] + power * (self.rotary[1] + power * self.rotary[2])
         stiffness[:, 1:, 1:] += slope[:, :, None] * stiffness[:, :1, 1:]
-        return EndForces(pull, moments, stiffness)
+        stressed = pull, moments.sum(axis=1)
+        if known is not None:
+            missing = (longer + 0.5 * bowed) / give - pull
+            pull, moments = pull + missing, moments + slope * missing[:, None]
+        return EndForces(pull, moments, stiffness, stressed)
 
 
 def evaluate_rates(
@@ -161,10 +171,11 @@ def chord_stiffness(length: Array, forces: EndForces) -> Array:
     turns[:, 0, 0] = turns[:, 1, 2] = turns[:, 2, 3] = 1.0
     turns[:, 1, 1] = turns[:, 2, 1] = -1.0 / length
     core = turns.transpose(0, 2, 1) @ forces.stiffness @ turns
-    twist = forces.moments.sum(axis=1) / length**2
+    pull, couple = forces.stressed
+    twist = couple / length**2
     core[:, 0, 1] += twist
     core[:, 1, 0] += twist
-    core[:, 1, 1] += forces.pull / length
+    core[:, 1, 1] += pull / length
     return CHORD.T @ core @ CHORD
 
 

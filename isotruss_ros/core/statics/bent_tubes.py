@@ -35,11 +35,13 @@ class Displaced(NamedTuple):
     :ivar displacements: (n, 3) ux, uy [m], theta [rad].
     :ivar multipliers: (c,) of the constraints.
     :ivar loads: (k, 3) that it bears at the places, see `BentTubes`.
+    :ivar pull: (c,) axial forces of its members [N].
     """
 
     displacements: Array
     multipliers: Array
     loads: Array
+    pull: Array
 
 
 class PlaceChanges(NamedTuple):
@@ -126,7 +128,8 @@ class BentTubes:
         """
         if self.before is None:
             return self.frame.rest
-        return self.frame.tangent(self.before.displacements, self.before.multipliers)
+        displacements, multipliers, _, pull = self.before
+        return self.frame.tangent(displacements, multipliers, pull)
 
     def _spread(self, loads: Array) -> Array:
         """Return loads (k, 3, p) at the places as loads (3 n, p) on the nodes."""
@@ -149,26 +152,34 @@ class BentTubes:
         return moved.reshape(-1, 3, 4 * count + 1), multipliers
 
     @cached_property
-    def _place_rates(self) -> tuple[Array, Array, list[Array]]:
-        """Return loads (3 n, k), inclinations (k,), and forces before and behind, by places."""
+    def _place_rates(self) -> tuple[Array, Array, Array]:
+        """Return loads (3 n, k), inclinations (k,), and forces of parts (2 k, 3), by places."""
         frame, tangent, count = self.frame, self.tangent, len(self.members)
         carried, inclined = np.zeros((len(frame.points) * 3, count)), np.zeros(count)
         if self.before is None:
-            return carried, inclined, [np.zeros((count, 3))] * 2
-        ahead, found = self._cut[1], []
-        for parts, sign, end in ((frame.before, ahead, 2), (frame.behind, -ahead, 1)):
-            changes = np.zeros((4, count))
-            changes[0] = sign
-            rates = frame.force_rates(tangent, parts, changes[..., None])[..., 0]
-            found.append(rates)
-            np.add.at(
-                carried,
-                (frame.places(parts), np.arange(count)[:, None]),
-                frame.nodal_forces(tangent, parts, rates[..., None])[..., 0],
-            )
-            rates = rates[..., None]
-            inclined += 0.5 * frame.slope_rates(tangent, parts, end, rates, 0.0)[:, 0]
-        return carried, inclined, found
+            return carried, inclined, np.zeros((2 * count, 3))
+        parts, end = self._parts
+        changes = np.zeros((4, 2 * count, 1))
+        changes[0, :count, 0], changes[0, count:, 0] = self._cut[1], -self._cut[1]
+        rates = frame.force_rates(tangent, parts, changes)
+        np.add.at(
+            carried,
+            (frame.places(parts), np.tile(np.arange(count), 2)[:, None]),
+            frame.nodal_forces(tangent, parts, rates)[..., 0],
+        )
+        inclined = self._mean(frame.slope_rates(tangent, parts, end, rates, 0.0))[:, 0]
+        return carried, inclined, rates[..., 0]
+
+    @cached_property
+    def _parts(self) -> tuple[Indices, Indices]:
+        """Return the parts (2 k,) before all places, then behind, and which end is there."""
+        count = len(self.members)
+        return np.append(self.frame.before, self.frame.behind), np.repeat([2, 1], count)
+
+    def _mean(self, sides: Array) -> Array:
+        """Return the means of both sides of the places, (k, ...)."""
+        count = len(self.members)
+        return 0.5 * (sides[:count] + sides[count:])
 
     @cached_property
     def _rows(self) -> tuple[Array, Array]:
@@ -179,10 +190,8 @@ class BentTubes:
         there = (own[:, 0] + 1j * own[:, 1]) * back
         nodes = moved[frame.nodes]
         along = (nodes[:, 0] + 1j * nodes[:, 1]) * back[:, None]
-        slope, inclined = np.zeros(len(own)), np.zeros(along.shape)
-        for parts, end in ((frame.before, 2), (frame.behind, 1)):
-            slope += 0.5 * frame.slopes(tangent, parts, end)
-            inclined += 0.5 * frame.slope_changes(tangent, parts, end, moved)
+        slope = self._mean(frame.slopes(tangent, *self._parts))
+        inclined = self.inclination_changes(moved)
         return (
             np.stack([there.real, there.imag, slope], axis=1),
             np.stack([along.real, along.imag, inclined], axis=1),
@@ -226,15 +235,20 @@ class BentTubes:
         moved = np.einsum('iajb,jb->ia', self.matrix, loads)
         return self.given + moved + self.rates @ places
 
-    def turn(self, loads: Array, places: Array) -> float:
+    def distance(self, loads: Array, places: Array) -> float:
         """
-        Return by how much tubes turn at the places from where they are linearised [rad].
+        Return how far the frame is from where it is linearised: largest motion of a node [m].
 
         :param loads: (k, 3) at the places.
         :param places: (k,) from the members' starts [m].
         """
-        there = self._rows[0][:, 2] / self.share
-        return float(np.abs(self.respond(loads, places)[:, 2] - there).max())
+        moved = self._changes[0][:, :2] @ self._ways(loads, places)
+        return float(np.abs(moved).max()) / self.share
+
+    def _ways(self, loads: Array, places: Array) -> Array:
+        """Return how much of each of `_changes` takes the frame to loads and places."""
+        known = 0.0 if self.before is None else self.before.loads
+        return np.concatenate([(loads - known).ravel(), places - self._cut[2], [1.0]])
 
     def displace(self, loads: Array, places: Array) -> Displaced:
         """
@@ -243,14 +257,20 @@ class BentTubes:
         :param loads: (k, 3) at the places.
         :param places: (k,) from the members' starts [m].
         """
-        known = 0.0 if self.before is None else self.before.loads
-        ways = np.concatenate([(loads - known).ravel(), places - self._cut[2], [1.0]])
-        tangent, (moved, multipliers) = self.tangent, self._changes
-        displacements = tangent.displacements + moved @ ways
+        ways, tangent, (moved, multipliers) = (
+            self._ways(loads, places),
+            self.tangent,
+            self._changes,
+        )
+        nodes = moved @ ways
+        displacements = tangent.displacements + nodes
+        pull = self.frame.pulls(tangent, nodes[..., None])[:, 0]
+        slid = np.tile(ways[3 * len(places) : -1], 2)
+        np.add.at(pull, self._parts[0], self._place_rates[2][:, 0] * slid)
         if self.before is not None:
             slid = self.axis * (places - self._cut[2])
             displacements[self.frame.nodes, :2] -= np.column_stack([slid.real, slid.imag])
-        return Displaced(displacements, tangent.multipliers + multipliers @ ways, loads)
+        return Displaced(displacements, tangent.multipliers + multipliers @ ways, loads, pull)
 
     def update(self, loads: Array, places: Array, structure: Structure | None = None) -> BentTubes:
         """
@@ -281,8 +301,8 @@ class BentTubes:
         by_loads = found[..., : 3 * count] @ loads.reshape(3 * count, -1)
         nodes = found[..., 3 * count : 4 * count] @ places
         forces = np.zeros((len(frame.length), 3, places.shape[1]))
-        for parts, rates in zip((frame.before, frame.behind), self._place_rates[2], strict=True):
-            np.add.at(forces, parts, rates[..., None] * places[:, None])
+        moved = np.tile(places, (2, 1))
+        np.add.at(forces, self._parts[0], self._place_rates[2][..., None] * moved[:, None])
         return by_loads, PlaceChanges(nodes, self._place_rates[1][:, None] * places, forces)
 
     def inclination_changes(self, moved: Array) -> Array:
@@ -291,11 +311,7 @@ class BentTubes:
 
         :param moved: (n, 3, p) ux, uy [m], theta [rad].
         """
-        frame, tangent = self.frame, self.tangent
-        return 0.5 * sum(
-            frame.slope_changes(tangent, parts, end, moved)
-            for parts, end in ((frame.before, 2), (frame.behind, 1))
-        )
+        return self._mean(self.frame.slope_changes(self.tangent, *self._parts, moved))
 
     def node_changes(self, loads: Array) -> Array:
         """
@@ -348,11 +364,7 @@ class BentTubes:
         carried = np.zeros((3 * len(frame.points), changes.shape[2]))
         np.subtract.at(carried, frame.places(every), frame.nodal_forces(tangent, every, rates))
         moved, _ = tangent.respond(carried)
-        inclined = np.zeros((len(self.members), changes.shape[2]))
-        for parts, end in ((frame.before, 2), (frame.behind, 1)):
-            inclined += 0.5 * frame.slope_changes(
-                tangent, parts, end, moved.reshape(-1, 3, changes.shape[2])
-            )
-            shear = changes[3, parts] / frame.members.shear[parts, None]
-            inclined += 0.5 * frame.slope_rates(tangent, parts, end, rates[parts], shear)
-        return moved.reshape(-1, 3, changes.shape[2]), inclined, rates
+        moved, (parts, end) = moved.reshape(-1, 3, changes.shape[2]), self._parts
+        shear = changes[3, parts] / frame.members.shear[parts, None]
+        inclined = self._mean(frame.slope_rates(tangent, parts, end, rates[parts], shear))
+        return moved, inclined + self.inclination_changes(moved), rates

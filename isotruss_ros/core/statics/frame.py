@@ -215,12 +215,15 @@ class Frame:
         tangent.__dict__['factor'] = factor
         return tangent
 
-    def tangent(self, displacements: Array, multipliers: Array) -> Tangent:
+    def tangent(
+        self, displacements: Array, multipliers: Array, pull: Array | None = None
+    ) -> Tangent:
         """
         Linearise the frame about displacements.
 
         :param displacements: (n, 3) ux, uy [m], theta [rad].
         :param multipliers: (c,) of the constraints.
+        :param pull: (k,) axial forces N, see `BeamColumns.evaluate`; those there if None [N].
         """
         pattern, rows = self._pattern, self.rows
         ends = displacements.ravel()[pattern.places]
@@ -231,7 +234,7 @@ class Frame:
         # Of the two lengths, without the rounding of their difference.
         longer = (2.0 * self.length * apart.real + np.abs(apart) ** 2) / (length + self.length)
         stretched = longer, ends[:, 2::3] - np.angle(span)[:, None]
-        forces = self._columns.evaluate(*stretched)
+        forces = self._columns.evaluate(*stretched, pull)
         local = chord_stiffness(length, forces)
         turn = directions(axis)
         values, gaps, pairs = rows.linearize(self.points, displacements, multipliers)
@@ -354,8 +357,11 @@ class Frame:
             # What ends elsewhere than the linear response tends to is another branch.
             elif not np.abs(displacements - origin)[:, :2].max() <= growth * reach:
                 return None
+            pull = self.pulls(tangent, step.reshape(-1, 3, 1))[:, 0]
             with np.errstate(over='ignore', invalid='ignore', divide='ignore'):
-                tangent = self.tangent(displacements, tangent.multipliers + multipliers[:, 0])
+                tangent = self.tangent(
+                    displacements, tangent.multipliers + multipliers[:, 0], pull
+                )
             if size <= STEP_TOLERANCE:
                 return tangent
         return None
@@ -397,7 +403,7 @@ class Frame:
         ends = np.stack([-pull, across, first, pull, -across, second], axis=1)
         return tangent.turn[parts].swapaxes(1, 2) @ ends
 
-    def slopes(self, tangent: Tangent, parts: Indices, end: int) -> Array:
+    def slopes(self, tangent: Tangent, parts: Indices, end: Indices) -> Array:
         """
         Return the inclinations of bent centre lines at ends of members, (p,) [rad].
 
@@ -406,13 +412,18 @@ class Frame:
 
         :param tangent: the state.
         :param parts: (p,) which members.
-        :param end: 1 for their starts, 2 for their ends.
+        :param end: (p,) 1 for their starts, 2 for their ends.
         """
         turned, skew, softness, _ = self._shear(tangent, parts, end)
         return turned + skew / softness
 
     def slope_rates(
-        self, tangent: Tangent, parts: Indices, end: int, rates: Array, shear_rates: Array | float
+        self,
+        tangent: Tangent,
+        parts: Indices,
+        end: Indices,
+        rates: Array,
+        shear_rates: Array | float,
     ) -> Array:
         """
         Return how `slopes` change with (N, M1, M2) and GA, the nodes where they are, (p, c).
@@ -428,6 +439,16 @@ class Frame:
         change = (rates[:, 1] + rates[:, 2]) / tangent.length[parts, None] - across * shear_rates
         pulled = rates[:, 0] - tangent.forces.pull[parts, None] * shear_rates
         return -(change + skew / softness * pulled) / shear / softness
+
+    def pulls(self, tangent: Tangent, moved: Array) -> Array:
+        """
+        Return the axial forces N of all members as nodes have moved, (k, c) [N].
+
+        :param tangent: the state before.
+        :param moved: (n, 3, c) by which the nodes move.
+        """
+        every = np.arange(len(self.length))
+        return tangent.forces.pull[:, None] + self.force_changes(tangent, every, moved)[:, 0]
 
     def force_changes(self, tangent: Tangent, parts: Indices, moved: Array) -> Array:
         """
@@ -449,7 +470,7 @@ class Frame:
         turns = np.stack([longer, ends[:, 2] - turned, ends[:, 5] - turned], axis=1)
         return turns, turned
 
-    def slope_changes(self, tangent: Tangent, parts: Indices, end: int, moved: Array) -> Array:
+    def slope_changes(self, tangent: Tangent, parts: Indices, end: Indices, moved: Array) -> Array:
         """
         Return how `slopes` change as the nodes move, (p, c).
 
@@ -465,7 +486,9 @@ class Frame:
         across = tangent.forces.moments[parts].sum(axis=1)[:, None] / length
         change = (forces[:, 1] + forces[:, 2] - across * longer) / length
         skewed = (skew / softness)[:, None]
-        slope = turns[:, end] - (change + skewed * forces[:, 0]) / shear[:, None]
+        slope = (
+            turns[np.arange(len(parts)), end] - (change + skewed * forces[:, 0]) / shear[:, None]
+        )
         return turned + slope / softness[:, None]
 
     def _shear(

@@ -14,7 +14,6 @@ from isotruss_ros.core.control.state_filter import StateFilter
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_statics import TubeModel
-from isotruss_ros.core.holding.member_bow import bend_members
 from isotruss_ros.core.statics.section import tube_pressures
 import numpy as np
 import pytest
@@ -188,19 +187,6 @@ def test_pressures_measured_while_an_object_is_held_count_as_those_from_before()
         for model in (before, after):
             model.evaluate(np.zeros(6), before.state)
     assert after.held.squeeze == pytest.approx(before.held.squeeze, rel=1e-4)
-
-
-@pytest.mark.parametrize('follow', [False, True])
-def test_members_that_hold_an_object_are_shorter_by_what_they_bend(follow):
-    model, grip = StateFilter(ROBOT, EXACT), DrawnRobot(3, held=True).grip
-    held = Grip(tuple(grip.member_names), grip.body)
-    travel = grip.config.roller_positions
-    assert model.attach(held, travel, 1.0)
-    for _ in range(4):
-        model.evaluate(travel, model.state, follow)
-    shorter = grip.config.moved_to(travel).member_lengths - model.held.config.member_lengths
-    assert shorter == pytest.approx(bend_members(model.held).shorter, abs=1e-6)
-    assert shorter.max() > 2e-4
 
 
 def _told_late(order):

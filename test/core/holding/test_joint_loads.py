@@ -73,5 +73,5 @@ def test_tubes_bear_what_a_frame_under_the_same_loads_does(grasp):
     *_, ahead = structure.locate(grasp.contacts.members, state.feet)
     assert grasp.sections.moment == pytest.approx(ahead * before, rel=1e-6)
     expected = tubes.largest_utilisation(structure, frame, ends)
-    assert grasp.sections.utilisation == pytest.approx(expected, rel=1e-6, abs=1e-9)
+    assert grasp.sections.used == pytest.approx(expected, rel=1e-6, abs=1e-9)
     assert expected.max() > 0.1

@@ -66,7 +66,8 @@ def test_where_friction_has_nothing_to_do_it_is_the_analysis(degrees, squeeze, f
     config, cylinder = gripped(degrees, squeeze=squeeze)
     analysis = analyze_grasp(config, cylinder, FRICTION, flattening=flattening)
     wrench = -analysis.normal_wrench
-    state = attach_grip(config, cylinder, None, wrench, TubeModel(flattening=flattening)).state
+    tubes = TubeModel(paper_model=not flattening)
+    state = attach_grip(config, cylinder, None, wrench, tubes).state
     expected = [analysis.contact_forces[name] for name in ('north/P-Z', 'north/Z-R')]
     pressing = sum(expected)
     assert state.normal_forces == pytest.approx(expected, abs=share * pressing)
