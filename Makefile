@@ -33,15 +33,17 @@ unexport PYTHONDONTWRITEBYTECODE
 # Set by the wheels' start-up hook once it has set the library path, of whichever environment it ran in.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help venv test noble nightly demo view paper plant docs colcon bench fuzz calls soak coverage format clean
+.PHONY: help venv test wheel noble matrix nightly demo view paper plant docs colcon bench fuzz calls soak coverage format clean
 .PHONY: unit-tests system-tests docs-venv noble-venv noble-some noble-all FORCE
 
 help:
 	@echo 'make demo     move a grasped object with the real nodes; draws a picture and an animation; PLANT=mujoco, SENSORS=real'
-	@echo 'make view     watch and drag the robot in a browser; PLANT=elastic, kinematic or mujoco'
+	@echo 'make view     watch and drag the robot in a browser; PLANT=elastic, kinematic or mujoco, OBJECT=box.yaml'
 	@echo 'make test     style and tests; those of ament run with make colcon'
+	@echo 'make wheel    build the wheel, install it into an empty environment, and run the Python of README.md there'
 	@echo 'make noble    some tests with the versions of Ubuntu 24.04, in .noble'
-	@echo 'make nightly  what takes long: all tests, demo and paper as in make noble; soak, calls, plant, demo in MuJoCo'
+	@echo 'make matrix   tests without ROS with the versions of Ubuntu 24.04, of Debian 13, and the newest, in .matrix'
+	@echo 'make nightly  what takes long: all tests, demo and paper as in make noble; matrix, soak, calls, plant, demo in MuJoCo'
 	@echo 'make paper    compute and draw what the paper shows: docs/paper.md'
 	@echo 'make plant    compare our model with MuJoCo: docs/plant.md'
 	@echo 'make docs     build the documentation site: docs/_build/html/index.html'
@@ -71,17 +73,27 @@ unit-tests: venv
 system-tests: venv
 	$(PYTEST) -n 3 --dist loadgroup -m 'not nightly' test/system
 
+wheel: venv
+	tools/check_wheel.sh $(VENV)
+
 noble:
 	+$(MAKE) noble-some $(NOBLE)
 
 nightly: venv
 	+$(MAKE) noble-all $(NOBLE)
+	+$(MAKE) matrix
 	$(PYTEST) --dist loadgroup -m nightly
 	+$(MAKE) soak
 	+$(MAKE) calls
 	+$(MAKE) plant
 	+$(MAKE) demo PLANT=mujoco
 	+$(MAKE) demo PLANT=mujoco SENSORS=real
+
+# What other versions of NumPy, SciPy, MuJoCo and the readers of files can change.
+matrix:
+	set -e; for versions in noble trixie newest; do tools/version_matrix.sh $$versions .matrix \
+		$(addprefix test/, core/numerics core/model core/statics core/contact core/manipulation mujoco_plant \
+		apps/test_plotting.py); done
 
 noble-venv:
 	+$(MAKE) venv $(NOBLE)
@@ -104,7 +116,7 @@ demo: venv
 	$(BIN)/python -m isotruss_ros.demo --plant $(PLANT) --sensors $(SENSORS)
 
 view: venv
-	$(BIN)/python -m isotruss_ros.demo.view --plant $(PLANT)
+	$(BIN)/python -m isotruss_ros.demo.view --plant $(PLANT) $(if $(OBJECT),--object '$(OBJECT)')
 
 paper: venv
 	$(BIN)/python -m paper
@@ -148,7 +160,7 @@ format: venv
 	$(BIN)/ruff format .
 
 clean:
-	rm -rf .venv .noble docs/_build docs/api .colcon build install log *.egg-info .pytest_cache .ruff_cache .hypothesis
+	rm -rf .venv .noble .matrix docs/_build docs/api .colcon build install log *.egg-info .pytest_cache .ruff_cache .hypothesis
 
 # The script leaves the stamp alone while the same Python serves the same folder.
 $(STAMPS)/python: FORCE

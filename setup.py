@@ -38,12 +38,18 @@ setup(
         (f'share/{package_name}/launch', glob('launch/*.launch.py')),
     ],
     # Only what `isotruss_ros.core` imports, so that it installs where there is no ROS.
-    install_requires=['numpy', 'scipy', 'ruamel.yaml', 'jsonschema'],
+    # The nonnegative least squares of SciPy 1.12 to 1.15 leave quadratic programs unsolved.
+    install_requires=[
+        'numpy',
+        'scipy!=1.12.*,!=1.13.*,!=1.14.*,!=1.15.*',
+        'ruamel.yaml',
+        'jsonschema',
+    ],
     extras_require={
         'demo': ['matplotlib', 'pillow', 'rich'],
         'sweep': ['distributed'],
         'viewer': ['viser', 'mcap', 'rosbags'],
-        'mujoco': ['mujoco>=3.11,<4'],
+        'mujoco': ['mujoco>=3.11,<5'],
         # colcon runs pytest where it finds it here.
         'test': [
             'pytest',

@@ -9,14 +9,16 @@ which finds closure by (10); and one analysis of `GraspMonitor.report` after rob
 moved, whose flag says that a free object is held, so that `settle_grasp` runs beside
 (10). Counted by `sys.setprofile`: the files of the package whose functions are called, and the
 moves between them: every call or return that leads from one of its files to another. Calls into
-other packages do not count.
+other packages do not count. A second table has how many files the parts of the core import,
+directly and through others, and their lines, each row with those before it.
 
     python benchmarks/call_path.py
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import ast
+from collections.abc import Callable, Iterable
 import os
 
 os.environ.update(OPENBLAS_NUM_THREADS='1', OMP_NUM_THREADS='1')  # before NumPy comes in
@@ -41,6 +43,18 @@ BEFORE = {
     'twist to roller command': (23, 168),
     'closure by (10)': (20, 430),
     'flag of the node: held': (20, 430),
+}
+
+#: What each row of the second table begins with, below `isotruss_ros.core`.
+PARTS = {
+    'twist': ('manipulation.solve_twist',),
+    '+ analysis': ('contact.analyze_grasp',),
+    '+ equilibrium': ('holding.settle_grasp',),
+    '+ safety': ('safety.shape_guard', 'safety.roller_failure'),
+    '+ servo': ('control.twist_servo',),
+    '+ paths': ('control.path_servo', 'control.roller_trajectory'),
+    '+ estimator': ('control.state_estimator',),
+    '+ planner': ('planning.plan_grasps',),
 }
 
 
@@ -127,6 +141,37 @@ def analysis_cycle() -> tuple[list[str], int]:
     return traced
 
 
+def import_closure(modules: Iterable[str]) -> set[Path]:
+    """
+    Return the files of modules and of all that these import, directly and through others.
+
+    :param modules: names below `isotruss_ros.core`.
+    """
+    found: set[Path] = set()
+    waiting = list(modules)
+    while waiting:
+        path = Path(PACKAGE, 'core', *waiting.pop().split('.')).with_suffix('.py')
+        if path in found or not path.is_file():
+            continue
+        found.add(path)
+        for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+            if isinstance(node, ast.ImportFrom) and 'isotruss_ros.core.' in (node.module or ''):
+                inside = node.module.removeprefix('isotruss_ros.core.')
+                waiting += [inside, *(f'{inside}.{alias.name}' for alias in node.names)]
+    return found
+
+
+def part_rows() -> list[tuple[str, ...]]:
+    """Return the rows of the second table."""
+    rows, modules = [], []
+    for name, own in PARTS.items():
+        modules += own
+        files = import_closure(modules)
+        lines = sum(len(path.read_text(encoding='utf-8').splitlines()) for path in files)
+        rows.append((name, f'{len(files)}', f'{lines}'))
+    return rows
+
+
 def main() -> None:
     """Print the table, and the files."""
     rows = []
@@ -139,6 +184,8 @@ def main() -> None:
         rows.append((name, *(str(n) for n in (*BEFORE[name], len(files), moves))))
         print(f'{name}: {", ".join(files)}\n')
     print_table(('', 'files before', 'moves before', 'files', 'moves'), rows)
+    print()
+    print_table(('imports of', 'files', 'lines'), part_rows())
 
 
 if __name__ == '__main__':

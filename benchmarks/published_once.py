@@ -28,11 +28,11 @@ import time
 from typing import Protocol
 
 from isotruss_ros.demo.processes import NodeProcess
-from isotruss_ros.nodes.components.sparse_messages import SparseMessages
-from isotruss_ros.nodes.components.trajectory_following import TOPIC as TRAJECTORIES
-from isotruss_ros.nodes.components.trajectory_following import TrajectoryFollowing
 from isotruss_ros.nodes.framework.managed import ManagedNode
-from isotruss_ros.nodes.manipulation import Manipulation
+from isotruss_ros.nodes.manipulation.node import Manipulation
+from isotruss_ros.nodes.manipulation.sparse_messages import SparseMessages
+from isotruss_ros.nodes.manipulation.trajectory_following import TOPIC as TRAJECTORIES
+from isotruss_ros.nodes.manipulation.trajectory_following import TrajectoryFollowing
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.logging import LoggingSeverity, set_logger_level

@@ -43,6 +43,7 @@ html_theme_options = {
 }
 html_static_path = ['_static']
 html_css_files = ['site.css']
+html_js_files = ['fit_formulas.js']
 copybutton_exclude = '.linenos, .gp, .go'
 
 # Formulas as a code host reads them: $x$ in lines, fenced blocks of `math`.

@@ -15,4 +15,4 @@ for failed in ((), ('east/R',), south_and_east):
     command = core.solve_twist(home, grip, twist, failed=failed)
     left = core.reachable_twists(home, grip, failed=failed)
     print(f'failed: {", ".join(failed) or "none"}: {len(left)} independent motions left')
-    print('  ', command.status, command.achieved_twist)
+    print('  ', command.status, command.achieved_twist.round(4) + 0.0)

@@ -13,7 +13,8 @@ grip = core.Grip.at_module(robot, 'north/Z', core.ConvexObject.disc(center, 0.3)
 command = core.solve_twist(config, grip, twist=(0.0, 0.02, 0.1))  # vx, vy [m/s], omega [rad/s]
 for name, velocity in zip(robot.roller_names, command.roller_velocities, strict=True):
     print(f'{name:8} {velocity:+.4f} m/s')
-print(command.status, command.scale, command.achieved_twist)
+print(command.status, f'{command.scale:.2f}', command.achieved_twist.round(4) + 0.0)
 
 after = robot.configuration(0.5 * command.roller_velocities)  # half a second later
-print('Z moved by', after.nodes[robot.node_names.index('Z')] - robot.home.nodes[5])
+moved = after.nodes[robot.node_names.index('Z')] - robot.home.nodes[5]
+print('Z moved by', moved.round(4), 'm')

@@ -31,4 +31,4 @@ while phase not in finished:
 
 end = robot.object_pose
 off = np.hypot(end.x - poses[-1][0], end.y - poses[-1][1])
-print(phase, f'{1000 * off:.2f} mm off')
+print(phase.name.lower(), f'{1000 * off:.2f} mm off')

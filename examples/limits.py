@@ -11,7 +11,7 @@ body = core.ConvexObject.disc(core.tangent_center(home, 'north/Z', 0.3), 0.3)
 grip = core.Grip.at_module(robot, 'north/Z', body)
 
 fast = core.solve_twist(home, grip, twist=(0.5, 0.0, 0.0))
-print('too fast:', fast.status, 'scale', fast.scale)
+print(f'too fast: {fast.status} scale {fast.scale:.3f}')
 assert fast.status is core.Status.SLOWED_ROLLER_SPEED
 assert 0.0 < fast.scale < 1.0
 
@@ -19,5 +19,5 @@ assert 0.0 < fast.scale < 1.0
 body = core.ConvexObject.disc(core.tangent_center(home, 'south/X', 0.3), 0.3)
 grounded = core.Grip.at_module(robot, 'south/X', body)
 part = core.solve_twist(home, grounded, twist=(0.02, 0.0, 0.0))
-print('out of reach:', part.status, 'achieved', part.achieved_twist)
-print('reachable twists:', core.reachable_twists(home, grounded, failed=()))
+print('out of reach:', part.status, 'achieved', part.achieved_twist.round(4))
+print('reachable twists:', core.reachable_twists(home, grounded, failed=()).round(3))

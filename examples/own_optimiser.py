@@ -1,28 +1,40 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Move the rollers until a grasp bears more: the slip margin as the cost of an optimiser."""
+"""Move the rollers until a grasp bears most: exact gradients, constraints, SI units."""
 
 from isotruss_ros import core
+from isotruss_ros.core.holding.grasp_gradient import GraspGradient
 import numpy as np
 from scipy.optimize import minimize
 
-robot = core.load_robot('nine_member')
-body = core.ConvexObject.disc((0.5, 0.3), 0.3)
-plan = core.plan_grasps(robot.home, body, core.GraspRequirements(squeeze=15.0, count=1))
-start, members = plan[0].path[-1], plan[0].members
+home = core.load_robot('nine_member').home
+members, pull = ('north/P-Z', 'north/Z-R'), (0.0, -2.0, 0.0)  # 2 N downward
+body = core.place_between(home, members, core.Disc(0.3), indentation=0.01).body
 
 
-def cost(travel: np.ndarray) -> float:
-    """Return minus the slip margin [N]; what holds nothing costs more than any grasp."""
-    try:
-        grasp = core.settle_grasp(robot.configuration(travel), body, 0.5, members=members)
-    except core.IsotrussError:
-        return 10.0
-    return -grasp.slip_margin if grasp.held else 10.0
+def solve(travel: np.ndarray) -> GraspGradient:
+    """Return the grasp at a travel of the rollers [m], with its derivatives."""
+    config = home.moved_to(travel)
+    return core.grasp_gradient(core.settle_grasp(config, body, 0.8, pull, members=members))
 
 
-simplex = start + 0.01 * np.vstack([np.zeros(6), np.eye(6)])  # steps of 1 cm of roller travel
-options = {'maxfev': 150, 'initial_simplex': simplex}
-found = minimize(cost, start, method='Nelder-Mead', options=options)
-print(f'slip margin {-cost(start):.1f} N, then {-found.fun:.1f} N')
+def cost(travel: np.ndarray) -> tuple[float, np.ndarray]:
+    """Return minus the slip margin [N], and its gradient by the travel of the rollers [N/m]."""
+    found = solve(travel)
+    return -found.settled.slip_margin, -found.slip_margin[found.parameters.rollers]
+
+
+def reserves(travel: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return what is left of a utilisation of 0.6 and of a way of the object of 2 cm; slopes."""
+    found = solve(travel)
+    own, way = found.parameters.rollers, found.settled.displacement[:2]
+    left = np.append(0.6 - np.array([*found.settled.utilisation.values()]), 0.02**2 - way @ way)
+    return left, -np.vstack([found.utilisation[:, own], 2.0 * way @ found.pose[:2, own]])
+
+
+start, bounds = np.zeros(6), [(-0.05, 0.05)] * 6
+limit = {'type': 'ineq', 'fun': lambda x: reserves(x)[0], 'jac': lambda x: reserves(x)[1]}
+best = minimize(cost, start, jac=True, bounds=bounds, constraints=limit)
+print(f'slip margin {-cost(start)[0]:.2f} N, then {-best.fun:.2f} N')
+print(solve(best.x).settled)

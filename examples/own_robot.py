@@ -30,7 +30,7 @@ with tempfile.TemporaryDirectory() as folder:
     path = Path(folder) / 'tall_triangle.yaml'
     path.write_text(ROBOT)
     robot = core.load_robot(path)
-    print(robot.name, robot.roller_names, robot.home.member_lengths)
+    print(robot.name, robot.roller_names, robot.home.member_lengths.round(3))
     print('worst-case rigidity index', worst_case_rigidity_index(robot.home))
 
     path.write_text(ROBOT.replace('rod_length: 0.15', 'rod_length: -0.15'))

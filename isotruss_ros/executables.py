@@ -20,7 +20,6 @@ import sys
 from types import FrameType
 
 from isotruss_ros.nodes import NO_MESSAGES
-from isotruss_ros.nodes.framework import BRING_UP
 
 NODES = (
     'simulator',
@@ -32,7 +31,10 @@ NODES = (
     'viewer',
     'record',
     'state_estimator',
-    *BRING_UP,
+    'pluck',
+    'calibration',
+    'check_rollers',
+    'preflight',
 )
 
 

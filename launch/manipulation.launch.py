@@ -5,7 +5,7 @@
 
 from pathlib import Path
 
-from isotruss_ros.nodes.components.launching import describe_launch
+from isotruss_ros.nodes.framework.launching import describe_launch
 from launch import LaunchDescription
 
 

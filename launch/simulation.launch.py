@@ -5,7 +5,7 @@
 
 from pathlib import Path
 
-from isotruss_ros.nodes.components.launching import describe_launch
+from isotruss_ros.nodes.framework.launching import describe_launch
 from launch import LaunchDescription
 
 DEFAULTS = {'command_timeout': 1.0, 'plant': 'elastic', 'indentation': 0.01, 'friction': 0.8}

@@ -21,9 +21,8 @@ git ls-files -z --cached --others --exclude-standard |
     tar --create --null --files-from=- --ignore-failed-read |
     tar --extract --directory="$folder/clone"
 cd "$folder/clone"
-# colcon looks no deeper where it found a package: msg_defs has to be named.
-set -- --base-paths . msg_defs --build-base ../clone_build --install-base ../clone_install
-colcon build "$@" --cmake-args -Wno-deprecated \
+set -- --build-base ../clone_build --install-base ../clone_install
+tools/workspace.sh build "$@" --cmake-args -Wno-deprecated \
     -DPython3_EXECUTABLE="$venv/bin/python" \
     -DPython3_INCLUDE_DIR="$(echo "$venv"/include/python3.*)"
 # Reports of tests that are no more would count.
@@ -33,8 +32,7 @@ find ../clone_build -name '*.xml' -path '*test_results*' -delete
 tests='style/test_linters.py style/test_packaging.py style/test_launch.py
     core/model/test_robot_file.py nodes/test_simulator_node.py system/test_processes.py'
 expected=$(python -m pytest --collect-only -q $(printf 'test/%s ' $tests) | grep -c ::)
-colcon test "$@" --event-handlers console_direct+ --return-code-on-test-failure \
-    --pytest-args -n auto $(printf 'test/%s ' $tests) || failed=1
+tools/workspace.sh test "$@" --pytest-args -n auto $(printf 'test/%s ' $tests) || failed=1
 colcon test-result --test-result-base ../clone_build --verbose
 # A plugin can turn one skip into that of the whole run, which would pass.
 ran=$(sed -n 's/.*<testsuite [^>]*tests="\([0-9]*\)".*/\1/p' ../clone_build/isotruss_ros/pytest.xml)

@@ -1,4 +1,9 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The stiffness of one's own tube, fitted to measurements."""
+"""
+Home, stiffness and tube laws of a real robot, fitted to measurements.
+
+Entry points: `home.calibrate_home`, `stiffness_scale`, `analysis.analyse`, `roller_check`.
+Imports `core`.
+"""

@@ -8,18 +8,28 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from isotruss_ros.calibration.beam_fit import fit_beam, FittedBeam
+from isotruss_ros.calibration.beam_fit import fit_beam, FittedBeam, outlying_ratios
 from isotruss_ros.calibration.law import fit_law, FittedLaw
 from isotruss_ros.calibration.linear_range import fit_slope, Slope, TOLERANCE
 from isotruss_ros.calibration.local_fit import fit_local_stiffness, FittedLocalStiffness
 from isotruss_ros.calibration.measurements import (
+    Group,
     MeasurementError,
     Measurements,
     MODES,
     Presses,
 )
+from isotruss_ros.calibration.outliers import outlying_points
+from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
 
+#: Constants of tubes, from rubber film to metal foil [N/m], and of their ends [-]. Displacements
+#: in mm make the first two a thousandth, pressures in kPa the last one a thousand times as large.
+PLAUSIBLE = {
+    'membrane_modulus': (1e3, 1e7),
+    'membrane_shear_modulus': (3e2, 1e7),
+    'end_softening': (0.2, 200.0),
+}
 #: Of the tube of the paper and of the presets [m].
 DIAMETER = 0.102
 
@@ -64,7 +74,8 @@ def analyse(
     ranges = max_displacements or {}
     slopes: dict[str, list[Slope]] = {mode: [] for mode in MODES}
     unused = {reason: list(lines) for reason, lines in measurements.unused.items()}
-    for group in measurements.groups:
+    for whole in measurements.groups:
+        group = _without_outliers(whole, unused)
         slope = fit_slope(group, tolerance, ranges.get(group.mode))
         for reason in sorted(set(slope.reasons) - {''}):
             lines = group.lines[np.array(slope.reasons) == reason]
@@ -73,9 +84,11 @@ def analyse(
             slopes[group.mode].append(slope)
     fitted, refusal = None, ''
     try:
+        slopes = _without_outlying_groups(slopes, 0.5 * diameter, unused)
         fitted = _beam(slopes, 0.5 * diameter)
+        _require_plausible(fitted)
     except MeasurementError as error:
-        refusal = str(error)
+        fitted, refusal = None, str(error)
     local, local_refusal = None, ''
     if len(measurements.presses.loads):
         try:
@@ -91,15 +104,55 @@ def analyse(
     return Analysis(slopes, fitted, refusal, local, local_refusal, laws, missing, unused)
 
 
+def _without_outliers(group: Group, unused: dict[str, list[int]]) -> Group:
+    """Return a group without the points that are off the line of the others; note their rows."""
+    out, off = outlying_points(group)
+    unit = 'N m' if group.mode == 'rotary' else 'N'
+    for i in np.flatnonzero(out):
+        reason = f'{group.name}: {off[i]:+.3g} {unit} off the line of the others'
+        unused.setdefault(reason, []).append(int(group.lines[i]))
+    return group.only(~out) if out.any() else group
+
+
+def _without_outlying_groups(
+    slopes: Mapping[str, list[Slope]], radius: float, unused: dict[str, list[int]]
+) -> dict[str, list[Slope]]:
+    """Return slopes without those that are off the beam of the others; note their rows."""
+    found = [slope for mode in MODES for slope in slopes[mode]]
+    ratios = outlying_ratios(*_measured(found), radius)
+    for slope, ratio in zip(found, ratios, strict=True):
+        if ratio != 1.0:
+            reason = f'{slope.group.name}: {ratio:.3g} times as stiff as the beam of the others'
+            unused.setdefault(reason, []).extend(slope.group.lines[slope.used].tolist())
+    left = [slope for slope, ratio in zip(found, ratios, strict=True) if ratio == 1.0]
+    return {mode: [slope for slope in left if slope.group.mode == mode] for mode in MODES}
+
+
+def _require_plausible(fitted: FittedBeam) -> None:
+    """Refuse constants that no tube has, as far as the points tell them."""
+    for name, (low, high) in PLAUSIBLE.items():
+        value = getattr(fitted.constants, name)
+        known = getattr(fitted.high, name) < np.inf
+        if known and not low <= value <= high:
+            raise MeasurementError(
+                f'{name} = {value:.3g}: must be from {low:g} to {high:g} in a tube of cloth; are '
+                'displacements in m and rad, loads in N and N m, pressures in Pa?'
+            )
+
+
+def _measured(slopes: Sequence[Slope]) -> tuple[Indices, Array, Array, Array]:
+    """Return modes, lengths, pressures and stiffnesses, (n,) each."""
+    return (
+        np.array([MODES.index(slope.group.mode) for slope in slopes], dtype=np.intp),
+        np.array([slope.group.length for slope in slopes]),
+        np.array([slope.group.pressure for slope in slopes]),
+        np.array([slope.stiffness for slope in slopes]),
+    )
+
+
 def _beam(slopes: Mapping[str, Sequence[Slope]], radius: float) -> FittedBeam:
     found = [slope for mode in MODES for slope in slopes[mode]]
-    return fit_beam(
-        np.array([MODES.index(slope.group.mode) for slope in found], dtype=np.intp),
-        np.array([slope.group.length for slope in found]),
-        np.array([slope.group.pressure for slope in found]),
-        np.array([slope.stiffness for slope in found]),
-        radius,
-    )
+    return fit_beam(*_measured(found), radius)
 
 
 def _local(presses: Presses, fitted: FittedBeam | None) -> FittedLocalStiffness:

@@ -27,6 +27,11 @@ from scipy.optimize import least_squares
 
 #: Constants are sought within this factor of a first estimate; beyond, they act no more.
 RANGE = 1e6
+#: Scatter of ln(stiffness) between trials of one tube, and a misfit that is no scatter [-]. With a
+#: third of the latter, tubes that are no such beam lose groups; with three times, slips of 8 stay.
+COMMON_MISFIT, LEAST_MISFIT = 0.1, 0.7
+#: Largest share of the groups that are slips [-]; where more are off, the beam is wrong.
+MOST_OUT = 0.2
 #: A combination of constants that acts this much less than another one is not determined.
 INDIFFERENT = 1e-4
 
@@ -124,6 +129,36 @@ def fit_beam(
         *(BeamConstants(*map(float, values)) for values in (constants, low, high)),
         misfits,
     )
+
+
+def outlying_ratios(
+    modes: Indices, lengths: Array, pressures: Array, stiffnesses: Array, radius: float
+) -> Array:
+    """
+    Return by what factor stiffnesses are off the beam of the others, by a Cauchy loss.
+
+    :param modes: as of `fit_beam`, which says more of these parameters.
+    :param lengths: of the members [m].
+    :param pressures: gauge [Pa].
+    :param stiffnesses: [N/m], rotary [N m/rad].
+    :param radius: R of the tube [m].
+    :return: (n,) 1 for those that are not off; all where too many are to be slips.
+    :raises MeasurementError: the points do not determine the constants.
+    """
+    _require_modes(modes)
+    measured, target = (modes, lengths, pressures), np.log(stiffnesses)
+    start, reach = _estimate(*measured, stiffnesses, radius), np.log(RANGE)
+    found = least_squares(
+        lambda logs: np.log(_stiffnesses(logs, *measured, radius)) - target,
+        start,
+        jac='3-point',
+        bounds=(start - reach, start + reach),
+        loss='cauchy',
+        f_scale=COMMON_MISFIT,
+    )
+    off = target - np.log(_stiffnesses(found.x, *measured, radius))
+    out = np.abs(off) > LEAST_MISFIT
+    return np.exp(np.where(out, off, 0.0)) if out.mean() <= MOST_OUT else np.ones(len(off))
 
 
 def _stiffnesses(

@@ -5,33 +5,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from isotruss_ros.calibration.home_fit import fit_home, home_jacobian, HomeFit, Posture
+from isotruss_ros.calibration.home_mistakes import find_mistake
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint
 from isotruss_ros.core.model.description import RobotDescription
-from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.records import Record
 import numpy as np
-import scipy
 
 #: Fewer measured joints are not relied on.
 FEWEST_JOINTS = 3
-#: A joint that is off the fit by more than so many standard deviations does not fit.
-GATE = 5.0
 #: A combination of zeros that moves the joints so much less than another one is not determined.
 INDIFFERENT = 1e-2
-
-
-@dataclass(frozen=True)
-class Posture:
-    """Where joints of the empty robot were measured at one reading of the encoders."""
-
-    roller_positions: Array  #: (r,) readings [m]
-    joints: Mapping[str, tuple[float, float]]  #: (x, y) by the name of the joint, robot frame [m]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -60,57 +51,36 @@ def calibrate_home(
     :raises MeasurementError: there are too few joints, they do not determine the zeros, or one of
         them does not fit; names it.
     """
-    joints = [_numbers(robot, posture) for posture in postures]
     measured = np.concatenate(
         [np.array(list(posture.joints.values()), dtype=float) for posture in postures]
     )
     known = {name for posture in postures for name in posture.joints}
+    for name in known:
+        check_joint(robot, name)
     if len(known) < FEWEST_JOINTS:
         raise MeasurementError(
             f'joints {", ".join(sorted(known)) or "none"}: must be {FEWEST_JOINTS} or more'
         )
     if not np.isfinite(measured).all() or not deviation > 0.0:
         raise MeasurementError('measured joints and their deviation: must be finite, in metres')
-
-    def misfit(zeros: Array) -> Array:
-        shapes = [robot.home.moved_to(each.roller_positions + zeros) for each in postures]
-        found = [shape.nodes[each] for shape, each in zip(shapes, joints, strict=True)]
-        return (measured - np.concatenate(found)).ravel()
-
-    def slope(zeros: Array) -> Array:
-        shapes = [robot.home.moved_to(each.roller_positions + zeros) for each in postures]
-        rows = [
-            shape.node_jacobian.reshape(-1, 2, len(zeros))[each].reshape(-1, len(zeros))
-            for shape, each in zip(shapes, joints, strict=True)
-        ]
-        return -np.concatenate(rows)
-
-    _require_determined(robot, sorted(known), slope(np.zeros(len(robot.roller_names))))
     try:
-        found = scipy.optimize.least_squares(
-            misfit, np.zeros(len(robot.roller_names)), slope, method='lm', xtol=1e-12
-        )
+        jacobian = home_jacobian(robot, postures)
+        _require_determined(robot, sorted(known), jacobian)
+        found = fit_home(robot, postures)
     except ConfigurationError as error:
-        raise MeasurementError(f'the joints fit no shape of the robot: {error}') from error
-    residuals = found.fun.reshape(-1, 2)
-    _refuse_misfit(postures, residuals, found.jac, deviation)
-    free = len(found.fun) - len(found.x)
-    scatter = float(np.sqrt(found.fun @ found.fun / free)) if free else 0.0
-    spread = np.linalg.inv(found.jac.T @ found.jac)
+        text = f'the joints fit no shape of the robot: {error}'
+        raise MeasurementError(find_mistake(robot, postures, deviation) or text) from error
+    _refuse_misfit(robot, postures, found, deviation)
+    errors = found.residuals.ravel()
+    free = len(errors) - len(found.zeros)
+    scatter = float(np.sqrt(errors @ errors / free)) if free else 0.0
+    spread = np.linalg.inv(found.jacobian.T @ found.jacobian)
     return HomeCalibration(
-        found.x,
+        found.zeros,
         max(deviation, scatter) * np.sqrt(np.diag(spread)),
-        residuals,
-        move_home(robot, found.x),
+        found.residuals,
+        move_home(robot, found.zeros),
     )
-
-
-def _numbers(robot: Robot, posture: Posture) -> Indices:
-    """Return the numbers of the measured joints."""
-    for name in posture.joints:
-        check_joint(robot, name)
-    names = robot.topology.joint_names
-    return np.array([names.index(name) for name in posture.joints], dtype=np.intp)
 
 
 def _require_determined(robot: Robot, known: Sequence[str], jacobian: Array) -> None:
@@ -128,21 +98,19 @@ def _require_determined(robot: Robot, known: Sequence[str], jacobian: Array) -> 
 
 
 def _refuse_misfit(
-    postures: Sequence[Posture], residuals: Array, jacobian: Array, deviation: float
+    robot: Robot, postures: Sequence[Posture], found: HomeFit, deviation: float
 ) -> None:
-    """Refuse a joint that is off the fit by much more than it is measured to."""
+    """Refuse joints that are off the fit by much more than they are measured to."""
+    worst = found.worst(deviation)
+    if worst is None:
+        return
     names = [(number, name) for number, each in enumerate(postures) for name in each.joints]
-    q = np.linalg.qr(jacobian)[0]
-    # What is left of an error of one coordinate after the fit: 1 minus its leverage.
-    left = np.sqrt(np.clip(1.0 - (q**2).sum(axis=1), 1e-6, 1.0)).reshape(-1, 2)
-    off = np.abs(residuals) / left
-    worst = int(off.max(axis=1).argmax())
-    if off[worst].max() > GATE * deviation and left[worst].max() > 0.1:
-        number, name = names[worst]
-        raise MeasurementError(
-            f'joint {name} of posture {number + 1}: {1e3 * off[worst].max():.0f} mm off the fit '
-            f'of the others, measured to {1e3 * deviation:.1g} mm; check this marker and its name'
-        )
+    (number, name), off = names[worst[0]], worst[1]
+    raise MeasurementError(
+        find_mistake(robot, postures, deviation)
+        or f'joint {name} of posture {number + 1}: {1e3 * off:.0f} mm off the fit of the others, '
+        f'measured to {1e3 * deviation:.1g} mm; check this marker and its name'
+    )
 
 
 def move_home(robot: Robot, zeros: Array) -> RobotDescription:

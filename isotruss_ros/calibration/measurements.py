@@ -7,13 +7,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 import csv
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import io
+import math
 from pathlib import Path
 
 from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.model.robot_schema import MAX_MAGNITUDE
-from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.model.units import likely_unit
+from isotruss_ros.core.numerics.arrays import Array, Flags, Indices
 import numpy as np
 
 #: The modes of Fig. 2, in its order.
@@ -24,6 +26,15 @@ DIAMETER = 'diameter'
 NUMBERS = ('pressure', 'length', 'displacement', 'load')
 COLUMNS = ('mode', *NUMBERS)
 TRIAL = 'trial'
+#: Ranges of the numbers of a row: pressures as in a robot file [Pa], tubes from a hand to a hall
+#: [m], and bars [m].
+RANGES = {
+    'pressure': (1e3, 3e5, 'Pa'),
+    'length': (0.02, 100.0, 'm'),
+    DIAMETER: (1e-3, 1.0, 'm'),
+}
+#: Largest angle of the rotary mode [rad]. In the others a tube moves no farther than it is long.
+MAX_ANGLE = math.pi
 #: A million points; what is longer, or never ends, is something else.
 MAX_FILE_SIZE = 50_000_000
 
@@ -43,6 +54,15 @@ class Group:
     trials: Indices  #: (n,) number of the trial of each, 0 ... t - 1
     displacements: Array  #: (n,) [m], rotary [rad]
     loads: Array  #: (n,) [N], rotary [N m]
+
+    def only(self, chosen: Flags) -> Group:
+        """
+        Return a part of the group, with the same numbers of trials.
+
+        :param chosen: which points (n,).
+        """
+        names = ('lines', 'trials', 'displacements', 'loads')
+        return replace(self, **{name: getattr(self, name)[chosen] for name in names})
 
     @property
     def name(self) -> str:
@@ -94,7 +114,7 @@ def read_measurements(path: Path) -> Measurements:
                 continue  # an empty line
             rows += 1
             cells = [cell.strip() for cell in row]
-            complaint = '; '.join(_complaints(header, cells))
+            complaint = '; '.join(_complaints(header, cells) or _too_far(header, cells))
             if complaint:
                 unused.setdefault(complaint, []).append(reader.line_num)
                 continue
@@ -140,7 +160,22 @@ def _check_header(path: Path, header: Sequence[str]) -> tuple[str, ...]:
     return tuple(name for name in header if name not in (*COLUMNS, TRIAL, DIAMETER))
 
 
-def _complaints(header: Sequence[str], cells: Sequence[str]) -> Iterator[str]:
+def _complaints(header: Sequence[str], cells: Sequence[str]) -> list[str]:
+    """Return what is wrong with the numbers of a row, each on its own."""
+    return list(_find_complaints(header, cells))
+
+
+def _too_far(header: Sequence[str], cells: Sequence[str]) -> Iterator[str]:
+    """Yield that the end of a tube cannot have moved so far."""
+    values = dict(zip(header, cells, strict=True))
+    moved = abs(float(values['displacement']))
+    if values['mode'] == 'rotary' and moved > MAX_ANGLE:
+        yield 'displacement of more than half a turn: must be in rad; these may be degrees'
+    elif values['mode'] != 'rotary' and moved > float(values['length']):
+        yield 'displacement of more than the length of the tube: must be in m; these may be mm'
+
+
+def _find_complaints(header: Sequence[str], cells: Sequence[str]) -> Iterator[str]:
     """Yield what is wrong with a row."""
     if len(cells) != len(header):
         yield f'{len(cells)} values for {len(header)} columns'
@@ -167,6 +202,10 @@ def _complaints(header: Sequence[str], cells: Sequence[str]) -> Iterator[str]:
                 yield f'{name} {shown}: must be finite, at most {MAX_MAGNITUDE:g}'
             elif name in positive and value < 1.0 / MAX_MAGNITUDE:
                 yield f'{name} {shown}: must be positive, at least {1.0 / MAX_MAGNITUDE:g}'
+            elif name in RANGES and not RANGES[name][0] <= value <= RANGES[name][1]:
+                low, high, unit = RANGES[name]
+                hint = likely_unit(value, unit, low, high)
+                yield f'{name} {shown}: must be from {low:g} to {high:g} {unit}{hint}'
 
 
 def _group(

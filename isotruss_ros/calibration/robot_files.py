@@ -10,7 +10,8 @@ import contextlib
 import csv
 from pathlib import Path
 
-from isotruss_ros.calibration.home import HomeCalibration, Posture
+from isotruss_ros.calibration.home import HomeCalibration
+from isotruss_ros.calibration.home_fit import Posture
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.calibration.stiffness_scale import StiffnessCalibration
 from isotruss_ros.core.kinematics.robot import Robot

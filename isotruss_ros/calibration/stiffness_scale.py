@@ -9,7 +9,7 @@ from collections.abc import Mapping
 import math
 from typing import NamedTuple
 
-from isotruss_ros.calibration.home import GATE
+from isotruss_ros.calibration.home_fit import GATE
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.statics.deform import deform

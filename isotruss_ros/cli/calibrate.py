@@ -14,7 +14,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 import sys
 
-from isotruss_ros.calibration.home import calibrate_home, Posture
+from isotruss_ros.calibration.home import calibrate_home
+from isotruss_ros.calibration.home_fit import Posture
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.calibration.robot_files import COLUMNS, read_postures, write_robot_file
 from isotruss_ros.calibration.stiffness_scale import calibrate_stiffness

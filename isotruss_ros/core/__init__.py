@@ -6,6 +6,8 @@ The mathematics of isoperimetric truss robots, without ROS.
 
 robot -> configuration -> grasp -> twist to rollers (docs/kinematics.md);
 robot -> structure -> contact -> closure (docs/statics.md).
+Entry points: the names below, the public API.
+Imports NumPy, SciPy, ruamel.yaml and jsonschema, no ROS.
 """
 
 from isotruss_ros.core.contact.analyze_grasp import analyze_grasp

@@ -240,7 +240,9 @@ def _verdict(records: Sequence[PhaseRecord], real: bool, console: Console) -> in
 
 def _tell_odd(record: PhaseRecord, console: Console) -> None:
     """Say which states were odd, and what a pull did."""
-    odd = {str(status) for status in record.statuses - {Status.OK, Status.IDLE}}
+    odd = {
+        str(status) for status in record.statuses - {Status.OK, Status.IDLE, Status.ACCELERATING}
+    }
     codes = {GraspCode(grasp.code) for grasp in record.grasps}
     odd |= {f'grasp: {code}' for code in codes - {GraspCode.OK}}
     if odd:

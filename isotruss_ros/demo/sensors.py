@@ -18,15 +18,10 @@ PERFECT, REAL = 'perfect', 'real'
 REAL_SENSORS = {
     'seed': 3,
     'encoder_step': 2e-5,
-    'pose_rate': 20.0,
-    'pose_delay': 0.03,
-    'pose_dropouts': 0.3,
-    'pose_noise': 1e-3,
-    'angle_noise': float(np.radians(0.5)),
-    'marker_rate': 20.0,
-    'marker_delay': 0.03,
-    'marker_dropouts': 0.3,
-    'marker_noise': 1e-3,
+    'tracker_rate': 20.0,
+    'tracker_delay': 0.03,
+    'tracker_dropouts': 0.3,
+    'tracker_noise': 1e-3,
     # Three that tell all zeros.
     'marker_joints': ['Q', 'R', 'Z'],
     # What encoders cannot tell.

@@ -39,9 +39,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog='view', description=__doc__)
     parser.add_argument('--plant', choices=PLANTS, default=ELASTIC, help='of the simulator')
     parser.add_argument('--port', type=int, default=8080, help='of the viewer')
+    parser.add_argument('--object', type=Path, help='YAML file of one that is no disc')
     options = parser.parse_args(arguments)
     domain = keep_to_this_machine()
     shown = {'object_diameter': DIAMETER, 'friction': FRICTION}
+    if options.object is not None:
+        shown['object'] = str(options.object.resolve())
     common = shown | {'rate': RATE, 'command_timeout': 1.0}
     plant = {
         'plant': options.plant,

@@ -1,7 +1,12 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The ROS nodes: messages in, messages out; the mathematics is in `isotruss_ros.core`."""
+"""
+The ROS nodes: messages in, messages out; the mathematics is in `isotruss_ros.core`.
+
+Entry points: a module or a package for each node, run by `isotruss_ros.executables`.
+Imports `core` and all packages before `nodes` in test/style/test_architecture.py.
+"""
 
 import os
 

@@ -17,9 +17,6 @@ from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.shapes import Disc
 from isotruss_ros.core.statics.wrinkling import MAX_UTILISATION
-from isotruss_ros.nodes.components import common_parameters as common
-from isotruss_ros.nodes.components.sensors import Inputs
-from isotruss_ros.nodes.components.transforms import TransformBroadcaster
 from isotruss_ros.nodes.conversions.grasp_messages import (
     read_external_wrench,
     read_query,
@@ -27,10 +24,13 @@ from isotruss_ros.nodes.conversions.grasp_messages import (
 )
 from isotruss_ros.nodes.conversions.markers import to_marker_array
 from isotruss_ros.nodes.conversions.messages import make_header, name_object_frame
+from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import Spec
+from isotruss_ros.nodes.framework.sensors import Inputs
 from isotruss_ros.nodes.framework.topics import RELIABLE
+from isotruss_ros.nodes.framework.transforms import TransformBroadcaster
 from isotruss_ros.nodes.grasp.grasp_monitor import GraspMonitor
 from isotruss_ros.nodes.grasp.grasp_report import GraspCode, GraspQuery, GraspReport
 from std_msgs.msg import Bool

@@ -12,17 +12,17 @@ from isotruss_ros.core.control.inputs import InputError
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.planning.searcher import Answer, Outcome, Searcher
 from isotruss_ros.core.planning.workers import MAX_WORKERS
-from isotruss_ros.nodes.components import common_parameters as common
-from isotruss_ros.nodes.components.sensors import Inputs, TrackedShape
-from isotruss_ros.nodes.components.single_goal import SingleGoal
 from isotruss_ros.nodes.conversions.plan_messages import (
     read_goal,
     to_feedback_message,
     to_result_message,
 )
+from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import FixedSpec
+from isotruss_ros.nodes.framework.sensors import Inputs, TrackedShape
+from isotruss_ros.nodes.framework.single_goal import SingleGoal
 
 SPECS = (
     common.OBJECT,

@@ -18,18 +18,18 @@ from isotruss_ros.core.control.path_servo import Outcome, PathServo, ServoFeedba
 from isotruss_ros.core.control.path_tracking import Tracking, TrackingSettings
 from isotruss_ros.core.errors import GraspError, NoMotionError, PathError
 from isotruss_ros.core.planning.foresee_path import foresee_grip
-from isotruss_ros.nodes.components import common_parameters as common
-from isotruss_ros.nodes.components.commands import create_twist_publisher
-from isotruss_ros.nodes.components.sensors import Inputs
-from isotruss_ros.nodes.components.single_goal import SingleGoal
 from isotruss_ros.nodes.conversions.path_messages import (
     read_object_path,
     to_path_feedback,
     to_path_result,
 )
+from isotruss_ros.nodes.framework import common_parameters as common
+from isotruss_ros.nodes.framework.commands import create_twist_publisher
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import Parameters, Spec
+from isotruss_ros.nodes.framework.sensors import Inputs
+from isotruss_ros.nodes.framework.single_goal import SingleGoal
 import numpy as np
 
 SPECS = (

@@ -16,12 +16,12 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, Twist, WrenchStamped
 from isotruss_msgs.msg import GraspState, ManipulationStatus
 from isotruss_ros.core import IsotrussError
-from isotruss_ros.nodes.components.transforms import TFMessage
 from isotruss_ros.nodes.conversions.message_text import schema_text, type_name
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.parameters import FixedSpec, ParameterError
 from isotruss_ros.nodes.framework.runner import StoppableNode
 from isotruss_ros.nodes.framework.topics import EVENTS, NEWEST
+from isotruss_ros.nodes.framework.transforms import TFMessage
 from isotruss_ros.viewer.names import MissingPackageError
 from rclpy.duration import Duration
 from rclpy.qos import QoSProfile

@@ -16,15 +16,15 @@ from isotruss_ros.core.control.state_estimate import EstimatorSettings, StateEst
 from isotruss_ros.core.control.state_estimator import StateEstimator
 from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.manipulation.grip import Grip
-from isotruss_ros.nodes.components import common_parameters as common
-from isotruss_ros.nodes.components.robot_frame import RobotFrame
-from isotruss_ros.nodes.components.sensors import Inputs
 from isotruss_ros.nodes.conversions.estimate_messages import to_estimate_message
 from isotruss_ros.nodes.conversions.joint_state_messages import read_roller_state
 from isotruss_ros.nodes.conversions.messages import read_stamp
+from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import FixedSpec, Spec, Value
+from isotruss_ros.nodes.framework.robot_frame import RobotFrame
+from isotruss_ros.nodes.framework.sensors import Inputs
 from isotruss_ros.nodes.framework.topics import RELIABLE, subscribe_newest
 from sensor_msgs.msg import JointState, MultiDOFJointState
 

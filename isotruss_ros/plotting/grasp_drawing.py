@@ -20,7 +20,7 @@ import numpy as np
 FORCE_COLOR = '#c8102e'
 REGION_COLOR = '#1b1b6f'
 WRINKLED_COLOR = '#c8102e'
-UNDEFORMED_COLOR = '#2e9e44'
+UNDEFORMED_COLOR = '#222222'
 #: Length of an arrow for its force [m/N].
 ARROW_SCALE = 0.015
 #: The magnified view shows this much on each side of the object's centre, in diameters.

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 from isotruss_ros.viewer.control import Control
-from isotruss_ros.viewer.heartbeat import Heartbeat
 from isotruss_ros.viewer.names import DRAGGED, PICK, PLACE, PLANT, RELEASE, RESET
 from isotruss_ros.viewer.requests import Setting, SETTINGS, WRENCH
 import viser
@@ -32,46 +31,18 @@ class BrowserPanel:
         choices: Mapping[str, Sequence[str]],
         leave: Callable[[str, float | str], None],
     ) -> None:
-        self._client, self._gui = client, client.gui
-        self._choices, self._pass_on = choices, leave
+        self._number, self._gui = client.client_id, client.gui
+        self._choices, self._leave = choices, leave
         self._words = client.gui.add_markdown('', order=ORDER)
         self._switch = client.gui.add_checkbox(
             'control', False, hint='Commands are sent while on', order=ORDER + 1.0
         )
         self._commands: viser.GuiFolderHandle | None = None
-        self._heartbeat: Heartbeat | None = None
 
     @property
     def wish(self) -> bool:
         """Return whether this browser wants control."""
         return self._switch.value is True
-
-    def leave(self, name: str, value: object) -> None:
-        """
-        Leave a request, which is a sign of life.
-
-        :param name: of the request.
-        :param value: as it came.
-        """
-        heartbeat = self._heartbeat
-        if heartbeat is not None:
-            heartbeat.note()
-        self._pass_on(name, value)
-
-    def is_silent(self, now: float, timeout: float) -> bool:
-        """
-        Return whether this browser has control, and its page gave no sign of life for long.
-
-        :param now: on the monotonic clock [s].
-        :param timeout: how long [s].
-        """
-        return self._heartbeat is not None and now - self._heartbeat.last > timeout
-
-    def close(self) -> None:
-        """Ask for no more signs of life."""
-        if self._heartbeat is not None:
-            self._heartbeat.end()
-            self._heartbeat = None
 
     def show(self, control: Control, wish: bool, values: Mapping[str, float | str]) -> None:
         """
@@ -81,19 +52,17 @@ class BrowserPanel:
         :param wish: of this browser, of which that knew.
         :param values: of the settings, by the names of their requests.
         """
-        mine = control.browser == self._client.client_id
+        mine = control.browser == self._number
         # Only a wish that was refused: another one may have come since.
         if wish and not mine:
             self._switch.value = False
         self._switch.disabled = not mine and control.browser is not None
-        self._words.content = control.describe(self._client.client_id)
+        self._words.content = control.describe(self._number)
         if mine and self._commands is None:
             self._commands = self._add_commands(values)
-            self._heartbeat = Heartbeat(self._client)
         elif not mine and self._commands is not None:
             self._commands.remove()
             self._commands = None
-            self.close()
 
     def _add_commands(self, values: Mapping[str, float | str]) -> viser.GuiFolderHandle:
         gui = self._gui
@@ -105,7 +74,7 @@ class BrowserPanel:
                 ('release the stop', RELEASE),
                 ('reset', RESET),
             ):
-                gui.add_button(label).on_click(lambda _, name=name: self.leave(name, 0.0))
+                gui.add_button(label).on_click(lambda _, name=name: self._leave(name, 0.0))
             with gui.add_folder('assumed by the analysis', expand_by_default=False):
                 for setting in SETTINGS:
                     self._add_slider(setting, values[setting.name])
@@ -117,8 +86,8 @@ class BrowserPanel:
 
     def _add_slider(self, setting: Setting, value: float) -> None:
         slider = self._gui.add_slider(setting.label, *setting.bounds, setting.step, value)
-        slider.on_update(lambda _: self.leave(setting.name, slider.value))
+        slider.on_update(lambda _: self._leave(setting.name, slider.value))
 
     def _add_choice(self, label: str, name: str, values: Mapping[str, float | str]) -> None:
         choice = self._gui.add_dropdown(label, self._choices[name], initial_value=values[name])
-        choice.on_update(lambda _: self.leave(name, choice.value))
+        choice.on_update(lambda _: self._leave(name, choice.value))

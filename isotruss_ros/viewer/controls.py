@@ -19,6 +19,7 @@ from isotruss_ros.core import Pose
 from isotruss_ros.viewer.browser_panel import BrowserPanel
 from isotruss_ros.viewer.control import Control
 from isotruss_ros.viewer.drag import LEVER, place_on_circle
+from isotruss_ros.viewer.heartbeat import Heartbeats
 from isotruss_ros.viewer.names import (
     DRAGGED,
     OBJECT,
@@ -47,8 +48,12 @@ NEW_TASKS = (DRAGGED, PICK, PLACE, PLANT, RESET)
 FORCES = tuple(setting.name for setting in WRENCH)
 
 
-#: Of the stop, before all that the panel shows.
-STOP_ORDER = -10.0
+#: Of the stop, before all that the panel shows, and of the first words, behind it.
+STOP_ORDER, FIRST_ORDER = -10.0, -9.5
+FIRST_WORDS = """\
+A truss robot of inflated tubes holds an object. To move it, switch *control* on and drag the blue
+ball; the object follows. The orange ball turns it.
+"""
 
 
 class Controls:
@@ -86,12 +91,14 @@ class Controls:
             picture.robot.node_names[: len(picture.robot.topology.joint_names)]
         )
         self._timeout, self._report = timeout, report
+        self._heartbeats = Heartbeats(server)
         self._at: Pose | None = None
         self._grip = (0.0, 0.0)
         self._twisted = self._way = 0.0
         # Before all else, so that it is on every screen.
         stop = server.gui.add_button('stop', color='red', order=STOP_ORDER)
         stop.on_click(lambda event: self._requests.put((event.client_id, STOP, 0.0)))
+        server.gui.add_markdown(FIRST_WORDS, order=FIRST_ORDER)
         # Above the object and the tubes, so that it is always within reach.
         self._height = picture.robot.description.tube_diameter
         self._handle, self._turner = (
@@ -113,17 +120,22 @@ class Controls:
         :param now: time [s].
         :return: name and value of each.
         """
-        self._meet_browsers()
+        clients = self._server.get_clients()
+        self._panels = {
+            number: self._panels.get(number) or self._add_panel(client)
+            for number, client in clients.items()
+        }
         wishes = {number: panel.wish for number, panel in self._panels.items()}
         alive = dict(wishes)
-        holder = self._panels.get(self.control.browser)
-        if holder is not None and holder.is_silent(now, self._timeout):
-            alive[self.control.browser] = False
+        holder = self.control.browser
+        if self._heartbeats.is_silent(holder, now, self._timeout):
+            alive[holder] = False
             self._report(
-                f'control ended: browser {self.control.browser} gave no sign of life for '
-                f'{self._timeout:g} s'
+                f'control ended: browser {holder} gave no sign of life for {self._timeout:g} s'
             )
         self.control.pass_on(alive)
+        if self.control.browser not in (holder, None):
+            self._heartbeats.note(self.control.browser)
         taken = []
         while not self._requests.empty():
             number, name, value = self._requests.get()
@@ -138,14 +150,6 @@ class Controls:
         for number, panel in self._panels.items():
             panel.show(self.control, wishes[number], self._values)
         return taken
-
-    def _meet_browsers(self) -> None:
-        """Give each new browser a panel, and drop those of browsers that have gone."""
-        clients = self._server.get_clients()
-        for number in self._panels.keys() - clients.keys():
-            self._panels.pop(number).close()
-        for number in clients.keys() - self._panels.keys():
-            self._panels[number] = self._add_panel(clients[number])
 
     def update(self, pose: Pose | None) -> None:
         """
@@ -197,9 +201,7 @@ class Controls:
         """Leave a request; in the loop of the server, which keeps the order of the events."""
         begins = event.phase == 'start'
         drag = (begins, event.start_position[:2], event.end_position[:2])
-        panel = self._panels.get(event.client_id)
-        if panel is not None:
-            panel.leave(name, drag)
+        self._requests.put((event.client_id, name, drag))
 
     def _move_handle(
         self, begins: bool, grabbed: tuple[float, float], pointer: tuple[float, float], now: float

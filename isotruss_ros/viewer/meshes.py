@@ -12,9 +12,9 @@ import numpy as np
 CORNERS = 12
 #: A pinched end is this share of the diameter thick, and opens over so many diameters.
 PINCH, TAPER = 0.15, 0.8
-#: Colours of utilisation: unloaded, half, nearly wrinkled, wrinkled.
+#: Colours of utilisation: unloaded blue, grey, nearly wrinkled orange, wrinkled red.
 USED = np.array([0.0, 0.4, 0.8, 1.0])
-COLORS = np.array([[111, 159, 200], [143, 181, 115], [242, 153, 0], [217, 26, 26]])
+COLORS = np.array([[111, 159, 200], [196, 196, 196], [242, 153, 0], [217, 26, 26]])
 
 
 def tube_vertices(line: Points, diameter: float, samples: int) -> Array:

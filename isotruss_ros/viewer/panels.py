@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+import re
+
 from isotruss_ros.viewer.message_checks import NO_RESULT
 from isotruss_ros.viewer.picture import HISTORY, NOTHING, Picture, trim_start
 import numpy as np
@@ -18,7 +20,7 @@ PLOT_EVERY = 5
 LEGEND = """\
 A truss robot of inflated tubes, seen from above; roller modules at its corners drive along them.
 
-- tubes: blue, green, orange from 0.8 of the moment at which they wrinkle, red where they do
+- tubes: blue, grey, orange from 0.8 of the moment at which they wrinkle, red where they do
 - object: green held, red not held, grey unknown
 - arrows: forces of the tubes on it; yellow stripes: where they touch
 - brown: supports; a box cannot move, a ball slides
@@ -79,26 +81,37 @@ def describe(picture: Picture, now: float) -> str:
     :param picture: what is shown.
     :param now: time on the clock of its messages [s].
     """
-    parts = []
-    state = picture.state
-    if not picture.is_fresh('state', now):
-        parts.append('**no grasp analysis**')
-    elif state.code >= NO_RESULT:
-        parts.append(f'**no result**: {state.message}')
-    else:
-        held = '**held**' if state.held else f'**not held**: {state.hold_message}'
-        closed = 'yes' if state.force_closure else 'no'
-        parts += [
-            held,
-            f'slip margin {state.slip_margin:.1f} N',
-            f'force closure: {closed}',
-            f'utilisation {max(state.utilisation, default=0.0):.2f} of the wrinkling moment',
-        ]
-        parts += [f'{state.message}'] if state.message else []
-    parts.append(picture.describe_manipulation(now))
-    if picture.goal_report:
-        parts.append(picture.goal_report)
+    parts = [*_describe_grasp(picture, now), escape(picture.describe_manipulation(now))]
+    parts += [escape(words) for words in (picture.describe_squeeze(now), picture.goal_report)]
     if picture.is_fresh('object_pose', now):
         x, y, angle = picture.pose
         parts.append(f'object at ({x:.3f}, {y:.3f}) m, {np.degrees(angle):.1f}°')
-    return '  \n'.join(parts)
+    return '  \n'.join(filter(None, parts))
+
+
+def _describe_grasp(picture: Picture, now: float) -> list[str]:
+    state = picture.state
+    if not picture.is_fresh('state', now):
+        return ['**no grasp analysis**']
+    if state.code >= NO_RESULT:
+        return [f'**no result**: {escape(state.message)}']
+    if state.held:
+        parts = [f'**held**, slip margin {state.slip_margin:.1f} N']
+    else:
+        closed = 'yes' if state.force_closure else 'no'
+        parts = [f'**not held**: {escape(state.hold_message)}', f'force closure: {closed}']
+    used = max(state.utilisation, default=0.0)
+    return [
+        *parts,
+        f'utilisation {used:.2f} of the wrinkling moment',
+        escape(state.message),
+    ]
+
+
+def escape(text: str) -> str:
+    """
+    Return a text that shows as it is, where Markdown and HTML are read.
+
+    :param text: of another node, or of a recording.
+    """
+    return re.sub(r'([!-/:-@\[-`{-~])', r'\\\1', text)

@@ -10,7 +10,7 @@ without ROS serve alike.
 
 from __future__ import annotations
 
-from collections import deque
+from collections import Counter, deque
 from dataclasses import dataclass, field
 import math
 from typing import Any
@@ -40,6 +40,11 @@ HISTORY = 20.0
 SAMPLES = 400
 #: Actions of markers that delete one, as in older recordings, or all.
 DELETE, DELETEALL = 2, 3
+#: Statuses that are kept: of some seconds at the rates of a control loop.
+STATUSES = 2000
+#: Codes of a motion that nothing holds back.
+UNHINDERED = (Status.OK, Status.IDLE, Status.FOLLOWING_TRAJECTORY, Status.ARRIVED)
+
 #: A plot without a curve.
 NOTHING = (np.array([-1.0, 0.0]), np.array([np.nan, np.nan]))
 
@@ -76,6 +81,8 @@ class Picture:
         self.config = self.robot.home
         self._tracker = ConfigurationTracker(self.robot.home)
         self._received: dict[str, float] = {}
+        #: Of the last seconds, with the times of their arrival.
+        self._statuses: deque[tuple[float, Any]] = deque(maxlen=STATUSES)
         #: Travel of each roller, and when it was received.
         self._travel: dict[str, tuple[float, float]] = {}
 
@@ -149,6 +156,7 @@ class Picture:
         """
         check_status(message)
         self.status = message
+        self._statuses.append((now, message))
         self._received['status'] = now
 
     def receive_markers(self, message: Any, now: float) -> None:
@@ -207,13 +215,36 @@ class Picture:
         """
         if not self.is_fresh('status', now):
             return 'no manipulation'
-        code = str(Status(self.status.code)).replace('_', ' ')
-        words = ': '.join(filter(None, ('manipulation', code, self.status.message)))
-        squeeze, deviation = self.status.squeeze, self.status.squeeze_deviation
-        if math.isnan(squeeze):
-            return words
+        if self.status.code == Status.HALT_NO_TWIST and self.goal is None:
+            return 'manipulation: at rest, nothing is commanded'
+        return _describe_status(self.status)
+
+    def describe_squeeze(self, now: float) -> str:
+        """
+        Return the estimated squeeze in words; empty where none is regulated.
+
+        :param now: as above [s].
+        """
+        if not self.is_fresh('status', now) or math.isnan(self.status.squeeze):
+            return ''
+        deviation = self.status.squeeze_deviation
         sure = 'deviation not known' if math.isinf(deviation) else f'deviation {deviation:.1f} N'
-        return f'{words}  \nsqueeze {squeeze:.1f} N, {sure}'
+        return f'squeeze {self.status.squeeze:.1f} N, {sure}'
+
+    def describe_hindrance(self, now: float, span: float) -> str:
+        """
+        Return what held the manipulation back most of a time, in words.
+
+        :param now: as above [s].
+        :param span: the time, up to now [s].
+        """
+        lately = [status for time, status in self._statuses if now - time <= span]
+        codes = Counter(status.code for status in lately if status.code not in UNHINDERED)
+        if not codes:
+            return self.describe_manipulation(now)
+        (code, _), *_ = codes.most_common(1)
+        slowest = min((s for s in lately if s.code == code), key=lambda s: s.scale)
+        return _describe_status(slowest)
 
     def sample(self, now: float) -> None:
         """
@@ -227,6 +258,11 @@ class Picture:
         if self.goal is not None and self.pose is not None:
             error = math.dist(self.goal, self.pose[:2])
         self.samples.append((now, squeeze, error))
+
+
+def _describe_status(status: Any) -> str:
+    code = str(Status(status.code)).replace('_', ' ')
+    return ': '.join(filter(None, ('manipulation', code, status.message)))
 
 
 def trim_start(time: Array, values: Array) -> tuple[Array, Array]:

@@ -10,6 +10,7 @@ import math
 
 from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.numerics.arrays import Array, Points
+from isotruss_ros.viewer.camera import place_camera
 from isotruss_ros.viewer.meshes import color_of, prism, tube_faces, tube_vertices
 from isotruss_ros.viewer.message_checks import DEFORMED, FORCES, REGIONS
 from isotruss_ros.viewer.picture import Picture
@@ -39,15 +40,20 @@ class Scene:
         scene = server.scene
         lines = member_lines(picture.config)
         points = picture.config.points
-        low = np.array([points.real.min(), points.imag.min()])
-        high = np.array([points.real.max(), points.imag.max()])
-        x, y = 0.5 * (low + high)
-        server.initial_camera.position = (x, y - 0.5, 0.95 * float((high - low).max()))
-        server.initial_camera.look_at = (x, y, 0.0)
-        server.initial_camera.up = (0.0, 1.0, 0.0)
+        camera = server.initial_camera
+        camera.position, camera.look_at = place_camera(points, 1.1)
+        camera.up = (0.0, 1.0, 0.0)
+        self._server, self._fitted = server, set()
         # Shadows would take most of the time of a browser without a graphics card.
         scene.configure_default_lights(cast_shadow=False)
-        scene.add_grid('/grid', 6.0, 6.0, position=(x, y, -0.3), cell_size=0.25, section_size=1.0)
+        scene.add_grid(
+            '/grid',
+            6.0,
+            6.0,
+            position=(*camera.look_at[:2], -0.3),
+            cell_size=0.25,
+            section_size=1.0,
+        )
         self._diameter = picture.robot.description.tube_diameter
         faces = tube_faces(SECTIONS)
         self._tubes = [
@@ -88,6 +94,7 @@ class Scene:
         :param picture: what to show.
         :param now: time on the clock of its messages [s].
         """
+        self._fit_cameras(picture)
         if picture.diameter != self._shown['diameter']:
             self._object.remove()
             self._make_object(picture)
@@ -111,6 +118,17 @@ class Scene:
         self._show_lines(self._regions, pieces, top)
         forces = [line[None] for line in picture.select_lines(FORCES, now) if len(line) == 2]
         self._show_lines(self._forces, forces, top)
+
+    def _fit_cameras(self, picture: Picture) -> None:
+        """Show the whole robot on each upright screen, once its page is where all pages begin."""
+        for number, client in self._server.get_clients().items():
+            camera = client.camera
+            begins = np.allclose(camera.position, self._server.initial_camera.position, atol=0.01)
+            if number not in self._fitted and begins:
+                self._fitted.add(number)
+                if camera.aspect < 1.0:
+                    points = picture.config.points
+                    camera.position, camera.look_at = place_camera(points, camera.aspect)
 
     def _add_support(
         self, scene: viser.SceneApi, joint: str, axes: Sequence[str]

@@ -25,6 +25,8 @@ from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 from isotruss_ros.core import IsotrussError
+from isotruss_ros.viewer.camera import STYLE
+from isotruss_ros.viewer.heartbeat import SCRIPT
 from isotruss_ros.viewer.names import LOCAL
 import viser
 import websockets.asyncio.server
@@ -33,6 +35,8 @@ from websockets.http11 import Request, Response
 
 #: Of an answer: no page from elsewhere shows ours in a frame, or reads its address.
 HEADERS = {'X-Frame-Options': 'DENY', 'Referrer-Policy': 'no-referrer'}
+#: The beginning of a page.
+HEAD = f'<head>{SCRIPT}{STYLE}'
 #: A documentation address (RFC 5737); asking for the route to it sends nothing.
 ELSEWHERE = ('192.0.2.1', 9)
 #: Beside the websocket of a page, as viser asks for it.
@@ -88,8 +92,13 @@ class Gate:
                 return connection.respond(
                     HTTPStatus.FORBIDDEN, 'Open the address that was printed, with its token.\n'
                 )
+            # As it is, since our script and style go into a page.
+            request.headers.pop('Accept-Encoding', None)
             response = answer(connection, request)
             if response is not None:
+                response.body = response.body.replace(b'<head>', HEAD.encode(), 1)
+                response.headers.pop('Content-Length', None)
+                response.headers['Content-Length'] = str(len(response.body))
                 response.headers.update(HEADERS)
                 if self._token:
                     response.headers['Set-Cookie'] = (

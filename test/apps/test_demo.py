@@ -9,7 +9,7 @@ import signal
 from geometry_msgs.msg import Point
 from isotruss_msgs.msg import PlannedGrasp, StateEstimate
 from isotruss_ros.core import load_robot, Pose
-from isotruss_ros.demo import processes
+from isotruss_ros.demo import processes, view
 from isotruss_ros.demo import run as demo
 from isotruss_ros.demo.figures import animate, draw_panels, FRAMES_PER_SECOND, SPEED_UP
 from isotruss_ros.demo.film import film
@@ -18,8 +18,8 @@ from isotruss_ros.demo.path import figure_9
 from isotruss_ros.demo.record import PhaseRecord, Snapshot
 from isotruss_ros.demo.run import OBJECT_CENTER, OBJECT_DIAMETER, PULL
 from isotruss_ros.demo.sensors import REAL_SENSORS, truth_table
-from isotruss_ros.nodes import simulator
 from isotruss_ros.nodes.conversions.path_messages import read_duration, to_trajectory_message
+from isotruss_ros.nodes.simulator import node as simulator
 from mujoco_worlds import CENTER, needs_egl, needs_mujoco, record
 import numpy as np
 from PIL import Image
@@ -187,3 +187,19 @@ def test_the_table_of_the_truth_has_the_errors_of_squeeze_joints_and_pose():
     table = truth_table([record], ROBOT, 20.0)
     cells = [next(iter(column.cells)) for column in table.columns]
     assert cells == ['up', '+10', '-30', '-5', '1.0', '5.0', '2.0', '1.50']
+
+
+def test_an_object_of_another_shape_is_passed_to_all_nodes_of_a_view(monkeypatch, tmp_path):
+    started = []
+    monkeypatch.setattr(view, '_run', lambda nodes, _folder: started.extend(nodes) or 0)
+    monkeypatch.setattr(signal, 'signal', lambda *_: None)
+    assert view.main(['--object', str(tmp_path / 'box.yaml')]) == 0
+    shown = {name for name, values in started if values.get('object', '').endswith('box.yaml')}
+    assert shown == {
+        'simulator',
+        'manipulation',
+        'grasp_analysis',
+        'path_follower',
+        'pick_and_place',
+        'viewer',
+    }

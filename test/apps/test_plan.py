@@ -59,7 +59,7 @@ def test_finds_what_the_core_finds_on_one_process_or_two(tmp_path, capsys):
         assert one['score'] == other.score == -other.total_force
         assert one['touch'] == other.touch
         near = np.arange(len(other.path) - 1) >= other.touch - 2
-        times = path_times(other.path, ROBOT.description.max_speed, near)
+        times = path_times(other.path, ROBOT.description, near)
         assert one['times'] == times.tolist()
         assert f'{other.total_force:.2f}' in printed
         assert other.members[0] in printed

@@ -14,6 +14,7 @@ from isotruss_ros.viewer.picture import Picture
 import pytest
 
 viser = pytest.importorskip('viser')
+from isotruss_ros.viewer.heartbeat import SCRIPT  # noqa: E402
 from isotruss_ros.viewer.server import ViewError  # noqa: E402
 from isotruss_ros.viewer.view import View  # noqa: E402
 from websockets.exceptions import InvalidStatus  # noqa: E402
@@ -103,6 +104,13 @@ def test_the_page_with_the_token_brings_a_cookie_that_opens_the_websocket(public
 
 def test_no_other_page_shows_the_view_in_a_frame(local):
     assert fetch(local)[1]['X-Frame-Options'] == 'DENY'
+
+
+def test_every_page_has_the_script_that_gives_signs_of_life(local):
+    address = f'http://127.0.0.1:{local.server.get_port()}/'
+    asked = urllib.request.Request(address, headers={'Accept-Encoding': 'gzip'})
+    with urllib.request.urlopen(asked, timeout=60) as answer:
+        assert SCRIPT.encode() in answer.read()
 
 
 def test_no_message_of_a_page_makes_the_server_public(local):

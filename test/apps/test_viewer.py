@@ -6,8 +6,9 @@
 import math
 
 from geometry_msgs.msg import Point
-from isotruss_msgs.msg import GraspState
-from isotruss_ros.core import load_robot, Polygon
+from isotruss_msgs.msg import GraspState, ManipulationStatus
+from isotruss_ros.core import load_robot, Polygon, Status
+from isotruss_ros.viewer.camera import COVERED, FIELD, place_camera
 from isotruss_ros.viewer.control import Control, ZERO
 from isotruss_ros.viewer.drag import (
     Drag,
@@ -197,3 +198,67 @@ def test_a_curve_begins_where_it_is_known():
     assert shown[0].tolist() == [1.0, 2.0, 3.0]
     assert np.array_equal(shown[1], values[1:], equal_nan=True)
     assert all(len(part) == 2 for part in trim_start(time, np.full(4, np.nan)))
+
+
+def tell(picture, code, now=0.0, **values):
+    """Give a picture a status of the manipulation."""
+    picture.receive_status(ManipulationStatus(code=code, squeeze=math.nan, **values), now)
+
+
+def test_a_robot_that_nobody_commands_is_said_to_be_at_rest():
+    picture = Picture(ROBOT, 0.3)
+    tell(picture, Status.HALT_NO_TWIST, message='twist: 203.6 s old; set it higher')
+    assert picture.describe_manipulation(0.0) == 'manipulation: at rest, nothing is commanded'
+
+
+def test_a_twist_that_is_late_in_mid_drag_is_told():
+    picture = Picture(ROBOT, 0.3)
+    picture.goal = (1.0, 0.0)
+    tell(picture, Status.HALT_NO_TWIST, message='twist: 0.3 s old')
+    assert picture.describe_manipulation(0.0) == 'manipulation: halt no twist: twist: 0.3 s old'
+
+
+def test_the_hindrance_of_a_motion_is_what_slowed_it_most_of_the_time():
+    picture = Picture(ROBOT, 0.3)
+    tell(picture, Status.HALT_NO_GRASP, 0.0)
+    for step in range(8):
+        tell(picture, Status.SLOWED_RIGIDITY, 3.0 + 0.1 * step, scale=0.1, message=f'{step}')
+    tell(picture, Status.SLOWED_RIGIDITY, 3.85, scale=0.01, message='slowest')
+    tell(picture, Status.SLOWED_ROLLER_SPEED, 3.9, scale=0.99)
+    tell(picture, Status.OK, 3.95, scale=1.0)
+    assert picture.describe_hindrance(4.0, 2.0) == 'manipulation: slowed rigidity: slowest'
+
+
+def test_words_of_other_nodes_are_no_markup():
+    pytest.importorskip('viser')
+    from isotruss_ros.viewer.panels import describe
+
+    picture = Picture(ROBOT, 0.3)
+    picture.goal_report = '<img src=x onerror=alert(1)> [a](b) *c*'
+    shown = describe(picture, 0.0)
+    assert r'\<img src\=x onerror\=alert\(1\)\> \[a\]\(b\) \*c\*' in shown
+
+
+@pytest.mark.parametrize('held', [True, False])
+def test_force_closure_is_told_only_of_what_is_not_held(held):
+    pytest.importorskip('viser')
+    from isotruss_ros.viewer.panels import describe
+
+    picture = Picture(ROBOT, 0.3)
+    picture.receive_state(GraspState(held=held, utilisation=[0.1] * 9), 0.0)
+    assert ('force closure' in describe(picture, 0.0)) != held
+
+
+@pytest.mark.parametrize('aspect', [0.46, 0.7, 1.0, 1.6, 2.4])
+def test_the_whole_robot_is_on_the_screen_and_above_the_panel_of_a_phone(aspect):
+    points = ROBOT.home.points
+    position, target = (np.array(place) for place in place_camera(points, aspect))
+    forward = (target - position) / np.linalg.norm(target - position)
+    up = np.cross([1.0, 0.0, 0.0], forward)
+    rays = np.column_stack([points.real, points.imag, np.zeros(len(points))]) - position
+    depth = rays @ forward
+    scale = math.tan(0.5 * FIELD)
+    across, upward = rays[:, 0] / depth / (scale * aspect), (rays @ up) / depth / scale
+    assert np.abs(across).max() < 1.0
+    assert upward.max() < 1.0
+    assert upward.min() > (-1.0 if aspect >= 1.0 else 2.0 * COVERED - 1.0)

@@ -5,7 +5,8 @@
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from isotruss_ros.calibration.home import calibrate_home, move_home, Posture
+from isotruss_ros.calibration.home import calibrate_home, move_home
+from isotruss_ros.calibration.home_fit import Posture
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.core import load_robot
 from isotruss_ros.core.errors import GraspError
@@ -118,3 +119,84 @@ def test_a_home_that_is_moved_and_moved_back_is_the_same():
     assert np.array(list(back.joints.values())) == pytest.approx(
         np.array(list(ROBOT.description.joints.values())), abs=1e-9
     )
+
+
+# -- Mistakes --
+
+
+def postures():
+    """Return three postures of all joints, measured to 1 mm."""
+    readings = 0.05 * np.random.default_rng(0).normal(size=(3, N))
+    return measure(draw_zeros(8), readings, noise=1e-3)
+
+
+def places(change):
+    """Return the postures with each measured joint changed, x + iy [m]."""
+    found = [
+        {name: change(name, complex(*place)) for name, place in posture.joints.items()}
+        for posture in postures()
+    ]
+    return [
+        Posture(each.roller_positions, {k: (z.real, z.imag) for k, z in joints.items()})
+        for each, joints in zip(postures(), found, strict=True)
+    ]
+
+
+def readings(change):
+    """Return the postures with the readings of the encoders changed."""
+    return [Posture(change(each.roller_positions.copy()), each.joints) for each in postures()]
+
+
+def swapped(one, other):
+    """Return the postures with the names of two markers swapped."""
+    names = {one: other, other: one}
+    return [
+        Posture(
+            each.roller_positions,
+            {names.get(name, name): place for name, place in each.joints.items()},
+        )
+        for each in postures()
+    ]
+
+
+SIGNS = np.array([1.0, 1.0, -1.0, 1.0, 1.0, 1.0])
+MISTAKES = {
+    'markers in mm': (places(lambda _, z: 1e3 * z), 'the markers are in mm'),
+    'markers in cm': (places(lambda _, z: 1e2 * z), 'the markers are in cm'),
+    'encoders in mm': (readings(lambda x: 1e3 * x), 'the encoders read in mm'),
+    'encoder sign': (readings(lambda x: SIGNS * x), 'the encoder of east/Q counts the other way'),
+    'encoders swapped': (
+        readings(lambda x: x[[3, 1, 2, 0, 4, 5]]),
+        'the names of the encoders of south/P and east/R are swapped',
+    ),
+    'markers swapped': (
+        swapped('Q', 'R'),
+        'names of the markers of joints Q and R are swapped',
+    ),
+    'frame shifted': (
+        places(lambda _, z: z + 0.3),
+        r'the frame of the tracker is not that of the robot: .* \(-0.30\d, .* turned by -?0.0',
+    ),
+    'frame turned': (
+        places(lambda _, z: (z - 0.2j) * np.exp(-0.1j)),
+        r'the frame of the tracker is not .* turned by 5.7 degrees: publish that transform',
+    ),
+    'one marker off': (
+        places(lambda name, z: z + 0.05j * (name == 'R')),
+        'joint R of posture .: .* mm off the fit of the others',
+    ),
+}
+
+
+@pytest.mark.parametrize('mistake', MISTAKES)
+def test_the_mistake_is_named(mistake):
+    wrong, words = MISTAKES[mistake]
+    with pytest.raises(MeasurementError, match=words):
+        calibrate_home(ROBOT, wrong)
+
+
+@pytest.mark.parametrize('mistake', ['markers in mm', 'markers swapped', 'frame shifted'])
+def test_one_posture_of_all_joints_tells_the_mistake(mistake):
+    wrong, words = MISTAKES[mistake]
+    with pytest.raises(MeasurementError, match=words):
+        calibrate_home(ROBOT, wrong[:1])

@@ -28,14 +28,19 @@ CAMERA = {
     'look_at': [0.0, 0.0, 0.0],
     'up_direction': [0.0, 1.0, 0.0],
 }
-ANSWER = {'type': 'LocalStorageGetItemResponseMessage', 'value': None, 'error': None}
+ALIVE = {
+    'type': 'LocalStorageGetItemResponseMessage',
+    'request_uuid': '',
+    'value': None,
+    'error': None,
+}
 
 
 class FakeBrowser:
     """
-    Connected to a view, it answers its questions while it is not frozen.
+    Connected to a view, it gives signs of life while it is not frozen.
 
-    :ivar frozen: whether it answers nothing.
+    :ivar frozen: whether it gives none.
     :ivar controls: uuid of what the page shows, by its label.
     :param address: of the view.
     """
@@ -50,14 +55,20 @@ class FakeBrowser:
             max_size=None,
         )
         self.frozen, self.controls = False, {}
-        self._thread = threading.Thread(target=self._listen, daemon=True)
-        self._thread.start()
+        self._closed = threading.Event()
         self._send(CAMERA)
+        self._threads = [
+            threading.Thread(target=each, daemon=True) for each in (self._listen, self._live)
+        ]
+        for thread in self._threads:
+            thread.start()
 
     def close(self) -> None:
         """Disconnect."""
+        self._closed.set()
         self._socket.close()
-        self._thread.join()
+        for thread in self._threads:
+            thread.join()
 
     def set(self, label: str, value: object) -> None:
         """Give a control a value, once the page shows it."""
@@ -75,6 +86,12 @@ class FakeBrowser:
     def _send(self, message: dict[str, Any]) -> None:
         self._socket.send(msgspec.msgpack.encode(message))
 
+    def _live(self) -> None:
+        with contextlib.suppress(ConnectionClosed):
+            while not self._closed.wait(0.1):
+                if not self.frozen:
+                    self._send(ALIVE)
+
     def _listen(self) -> None:
         with contextlib.suppress(ConnectionClosed):
             while True:
@@ -89,5 +106,3 @@ class FakeBrowser:
     def _take(self, message: dict[str, Any]) -> None:
         if 'props' in message and (label := message['props'].get('label')):
             self.controls[label] = message['uuid']
-        if message['type'] == 'LocalStorageGetItemRequestMessage' and not self.frozen:
-            self._send(ANSWER | {'request_uuid': message['request_uuid']})

@@ -25,7 +25,7 @@ from isotruss_ros.nodes.conversions.messages import (
     to_twist_message,
 )
 from isotruss_ros.nodes.framework.managed import ManagedNode
-from isotruss_ros.nodes.manipulation import Manipulation
+from isotruss_ros.nodes.manipulation.node import Manipulation
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 import numpy as np

@@ -49,11 +49,13 @@ class Walk:
     What became of a walk.
 
     `lowest` has the smallest margins met, of rigidity [-], clearance [m] and clearance of the
-    object [m], at and between the samples: negative where the walk crossed a bound.
+    object [m], at and between the samples: negative where the walk crossed a bound. `quickest` is
+    the largest acceleration of a roller [m/s^2].
     """
 
     lowest: np.ndarray
     statuses: Counter
+    quickest: float = 0.0
 
     @property
     def crossed(self):
@@ -205,6 +207,8 @@ def walk(seed, steps, slide=False, guarded=True, sensors=None):
         if lowest.min() < 0.01:
             half = rolled(held, 0.5 * period * velocities)
             lowest = np.minimum(lowest, margins(half))
+        change = np.abs(velocities - seen[-1][1]).max()
+        result.quickest = max(result.quickest, float(change) / period)
         held = end
         seen.append((held, velocities))
         result.lowest = np.minimum(result.lowest, lowest)

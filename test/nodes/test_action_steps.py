@@ -23,8 +23,11 @@ from isotruss_ros.core.control.inputs import InputError, StampedInput
 from isotruss_ros.core.control.path_tracking import RETURN
 from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.planning.describe_plan import NEAR_SHARE
-from isotruss_ros.nodes.components import action_steps, grasp_sequences
-from isotruss_ros.nodes.components.action_steps import (
+from isotruss_ros.nodes.conversions.messages import to_pose_message
+from isotruss_ros.nodes.conversions.path_messages import read_duration
+from isotruss_ros.nodes.conversions.plan_messages import read_goal
+from isotruss_ros.nodes.pick_and_place import action_steps, grasp_sequences
+from isotruss_ros.nodes.pick_and_place.action_steps import (
     ActionStep,
     CANCEL_TICKS,
     CancelledError,
@@ -33,11 +36,8 @@ from isotruss_ros.nodes.components.action_steps import (
     set_parameters,
     StepError,
 )
-from isotruss_ros.nodes.components.grasp_sequences import GraspSequences
-from isotruss_ros.nodes.conversions.messages import to_pose_message
-from isotruss_ros.nodes.conversions.path_messages import read_duration
-from isotruss_ros.nodes.conversions.plan_messages import read_goal
-from isotruss_ros.nodes.pick_and_place import _find_outcome
+from isotruss_ros.nodes.pick_and_place.grasp_sequences import GraspSequences
+from isotruss_ros.nodes.pick_and_place.node import _find_outcome
 from nav_msgs.msg import Path
 import numpy as np
 from probe import ROBOT

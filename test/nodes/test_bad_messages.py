@@ -33,9 +33,9 @@ from isotruss_ros.nodes.conversions.messages import make_header, MessageError
 from isotruss_ros.nodes.grasp.grasp_report import GraspCode
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from isotruss_ros.nodes.grasp_planner import GraspPlanner
-from isotruss_ros.nodes.manipulation import Manipulation
+from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.path_follower import PathFollower
-from isotruss_ros.nodes.simulator import Simulator
+from isotruss_ros.nodes.simulator.node import Simulator
 from manual_world import world
 import numpy as np
 from probe import CENTER, manipulation, MODULE, N, overrides, ROBOT

@@ -12,14 +12,14 @@ from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.core import load_robot
 from isotruss_ros.nodes.bring_up.check_rollers import CheckRollers
 from isotruss_ros.nodes.bring_up.preflight import Preflight
-from isotruss_ros.nodes.simulator import Simulator
+from isotruss_ros.nodes.simulator.node import Simulator
 from manual_world import world
 from mujoco_worlds import needs_mujoco
 from probe import maker, overrides, ROBOT
 import pytest
 from std_msgs.msg import Bool
 
-MARKERS = {'marker_rate': 20.0, 'marker_noise': 0.001}
+MARKERS = {'tracker_rate': 20.0, 'tracker_noise': 0.001, 'marker_joints': ['all']}
 
 
 plant = maker(Simulator, object_is_free=True, object_y=5.0, **MARKERS)
@@ -136,9 +136,13 @@ def test_a_robot_of_a_preset_is_not_ready(tmp_path, capsys):
     [
         ({'encoder_delay': 0.8}, 'encoders', r'joint_states is 0\.8\d* s old'),
         ({'zero_deviation': 0.03, 'seed': 2}, 'zeros', 'mm off the encoders; at most 10 mm'),
-        ({'pose_delay': 0.8}, 'object pose', r'object_pose is 0\.8\d* s old'),
-        ({'encoder_rate': 20.0}, 'rates', r'joint_states comes \d+ times a second: must be 50'),
-        ({'pose_dropouts': 0.97}, 'rates', r'object_pose comes [\d.]+ times a second: must be 10'),
+        ({'tracker_delay': 0.8}, 'object pose', r'object_pose is 0\.8\d* s old'),
+        ({'rate': 20.0}, 'rates', r'joint_states comes \d+ times a second: must be 50'),
+        (
+            {'tracker_rate': 8.0},
+            'rates',
+            r'object_pose comes [\d.]+ times a second',
+        ),
         ({'pressed': True}, 'emergency stop', 'the last message of emergency_stop is true'),
         ({'mass': 0.0}, 'masses', 'object_mass is not given'),
         ({'unchecked': ', north/Z'}, 'roller signs', 'north/Z not checked: run check_rollers'),

@@ -7,21 +7,27 @@ from geometry_msgs.msg import Vector3
 from isotruss_msgs.srv import CalibrateStiffness
 from isotruss_ros.core import load_robot
 from isotruss_ros.nodes.bring_up.calibration import Calibration
-from isotruss_ros.nodes.simulator import Simulator
+from isotruss_ros.nodes.simulator.node import Simulator
 from manual_world import world
 from mujoco_worlds import needs_mujoco
 import numpy as np
 from probe import maker, overrides, ROBOT
 import pytest
-from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
 NAMES = ROBOT.topology.joint_names
-MARKERS = {'marker_rate': 20.0, 'marker_noise': 0.001, 'marker_dropouts': 0.3, 'seed': 4}
+TRACKER = {'tracker_rate': 20.0, 'tracker_noise': 0.001, 'tracker_dropouts': 0.3, 'seed': 4}
 
 
 #: The encoders read zero 15 mm from the home.
-plant = maker(Simulator, object_is_free=True, object_y=5.0, zero_deviation=0.015, **MARKERS)
+plant = maker(
+    Simulator,
+    object_is_free=True,
+    object_y=5.0,
+    zero_deviation=0.015,
+    marker_joints=['all'],
+    **TRACKER,
+)
 
 
 def calibrating(tmp_path):
@@ -43,14 +49,12 @@ def test_the_robot_that_is_written_is_where_the_simulated_one_is(tmp_path, kind)
     assert np.abs((truth.nodes - ROBOT.home.nodes)[: len(NAMES)]).max() > 0.015
 
 
-@pytest.mark.parametrize('kind', ['kinematic', pytest.param('mujoco', marks=needs_mujoco)])
-def test_a_pull_tells_the_stiffness(tmp_path, kind):
-    """With the plant as stiff as the model; kinematic robots give to a pull as the model does."""
-    with world(plant(plant=kind), calibrating(tmp_path)) as w:
+@needs_mujoco
+def test_a_plant_as_stiff_as_the_model_has_a_stiffness_scale_of_one(tmp_path):
+    with world(plant(plant='mujoco'), calibrating(tmp_path)) as w:
         w.spin(1.5)
         assert w.call('calibrate_home', Trigger.Request()).success
-        pull = {'pull_joint': 'Z', 'pull_force': 10.0}
-        w.nodes[1].set_parameters([Parameter(name, value=value) for name, value in pull.items()])
+        w.nodes[1]._driven.plant.load_joint('Z', (10.0, 0.0))
         w.spin(4.0)
         request = CalibrateStiffness.Request(joint='Z', force=Vector3(x=10.0))
         answer = w.call('calibrate_stiffness', request)
@@ -70,7 +74,7 @@ def test_a_pull_in_another_posture_is_refused(tmp_path):
 
 
 def test_without_markers_it_says_so(tmp_path):
-    with world(plant(marker_rate=0.0), calibrating(tmp_path)) as w:
+    with world(plant(marker_joints=['']), calibrating(tmp_path)) as w:
         w.spin(1.5)
         answer = w.call('calibrate_home', Trigger.Request())
     assert not answer.success

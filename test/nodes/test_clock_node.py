@@ -10,8 +10,8 @@ from isotruss_ros.core import Pose, Status
 from isotruss_ros.nodes.conversions.messages import read_stamp, to_pose_message
 from isotruss_ros.nodes.framework.managed import log_refusals
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
-from isotruss_ros.nodes.manipulation import Manipulation
-from isotruss_ros.nodes.simulator import Simulator
+from isotruss_ros.nodes.manipulation.node import Manipulation
+from isotruss_ros.nodes.simulator.node import Simulator
 from lifecycle_msgs.msg import Transition
 from manual_world import EPOCH, Manager, world
 import numpy as np

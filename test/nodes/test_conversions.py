@@ -23,7 +23,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from isotruss_msgs.msg import Contact, GraspState
 from isotruss_ros.core import Pose, tangent_center
-from isotruss_ros.nodes.components.robot_frame import RobotFrame
 from isotruss_ros.nodes.conversions.grasp_messages import (
     MAX_WRENCH,
     read_external_wrench,
@@ -43,6 +42,7 @@ from isotruss_ros.nodes.conversions.messages import (
     to_twist_message,
 )
 from isotruss_ros.nodes.conversions.plan_messages import to_duration
+from isotruss_ros.nodes.framework.robot_frame import RobotFrame
 import numpy as np
 from probe import DIAMETER, MODULE, N, ROBOT
 import pytest

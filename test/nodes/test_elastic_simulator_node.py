@@ -9,8 +9,8 @@ from unittest.mock import ANY, Mock
 from geometry_msgs.msg import PoseStamped
 from isotruss_ros.core import ElasticObject
 from isotruss_ros.core.holding.held_grip import HoldStatus
-from isotruss_ros.nodes import simulator
-from isotruss_ros.nodes.simulator import Simulator
+from isotruss_ros.nodes.simulator import node as simulator
+from isotruss_ros.nodes.simulator.node import Simulator
 from manual_world import world
 import numpy as np
 from probe import CENTER, maker
@@ -22,7 +22,7 @@ node = maker(Simulator, plant='elastic', friction=0.8, indentation=0.05, rate=50
 def test_every_parameter_of_the_object_reaches_it(monkeypatch):
     make = Mock(wraps=ElasticObject)
     monkeypatch.setattr(simulator, 'ElasticObject', make)
-    given = {'stiffness_scale': 1.3, 'ground_friction': 0.2, 'module_friction': 0.1}
+    given = {'stiffness_scale': 1.3, 'ground_friction': 0.2}
     with world(node(**given)):
         make.assert_called_once_with(ANY, 0.8, *given.values())
 

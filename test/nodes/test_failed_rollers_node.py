@@ -12,8 +12,8 @@ from isotruss_ros.core import (
     Status,
 )
 from isotruss_ros.core.safety.margins import shape_margins
-from isotruss_ros.nodes.manipulation import Manipulation
-from isotruss_ros.nodes.simulator import Simulator
+from isotruss_ros.nodes.manipulation.node import Manipulation
+from isotruss_ros.nodes.simulator.node import Simulator
 from lifecycle_msgs.msg import Transition
 from manual_world import DOWN, Manager, UP, world
 from matches import follow
@@ -270,7 +270,7 @@ def test_slows_near_singular_configurations_and_slides_on_request():
     least = shape_margins(ROBOT.configuration(lifted)).rigidity - 0.001
     assert least < shape_margins(ROBOT.home).rigidity
     values = {'min_rigidity': least, 'failed_rollers': failed, 'failure_time': 0.0}
-    with world(node(**values)) as w:
+    with world(node(**values, slide_along_limits=False)) as w:
 
         def send(speed):
             w.probe.send_joints(position=lifted.tolist())

@@ -17,7 +17,6 @@ from isotruss_ros.core import (
     settle_grasp,
     tangent_center,
 )
-from isotruss_ros.nodes.conversions import markers
 from isotruss_ros.nodes.conversions.grasp_messages import read_query, to_wrench_message
 from isotruss_ros.nodes.conversions.messages import MessageError, read_stamp, to_pose_message
 from isotruss_ros.nodes.conversions.object_messages import to_object_message
@@ -124,68 +123,6 @@ def test_a_grasp_of_three_members_is_closed_and_its_answer_ends_with_the_inputs(
         assert_no_answer(w, state)
 
 
-@pytest.mark.parametrize(
-    ('silent', 'missing', 'stale'),
-    [
-        ('send_joints', GraspCode.NO_JOINT_STATES, GraspCode.STALE_JOINT_STATES),
-        ('send_pose', GraspCode.NO_OBJECT_POSE, GraspCode.STALE_OBJECT_POSE),
-    ],
-)
-def test_a_missing_or_stale_input_gives_no_result(silent, missing, stale):
-    timeout = 0.2
-    with world(node(command_timeout=timeout)) as w:
-        rest = {'send_joints': w.probe.send_pose, 'send_pose': w.probe.send_joints}[silent]
-        state = w.until_code(missing, rest, 'state')
-        assert 'none received yet' in state.message
-        assert_no_answer(w, state)
-        until_ok(w)
-        fell_silent = w.now
-        state = w.until_code(stale, rest, 'state')
-        answered = [t for t, m in w.probe.seen['state'] if m.code == GraspCode.OK]
-        # The last good input was sent before; what is left is transport and this busy process.
-        assert answered[-1] - fell_silent < timeout + 0.1
-        assert_no_answer(w, state)
-        wrenches = len(w.probe.seen['wrench'])
-        w.spin(0.1, rest)
-        assert len(w.probe.seen['wrench']) == wrenches
-        until_ok(w)
-
-
-def test_an_object_without_contact_is_reported():
-    with world(node()) as w:
-        until_ok(w)
-        w.until(
-            lambda: not w.probe.last('state').contacts and w.code('state') == GraspCode.OK,
-            feed(w, center=(5.0, 1e5)),
-        )
-        state = w.probe.last('state')
-        assert 'touches nothing' in state.message
-        assert not state.force_closure
-        w.until(lambda: w.probe.last('closure') is not None, feed(w))
-        assert not any(m.data for _, m in w.probe.seen['closure'])
-
-
-def test_an_external_wrench_counts_until_it_is_stale():
-    load = (-3.0, 2.0, 0.1)
-    expected = analyze_grasp(ROBOT.home, ConvexObject.disc(SQUEEZED, DIAMETER), 0.5, load)
-    with world(node()) as w:
-        free = until_ok(w).closure_residual
-        assert free != pytest.approx(expected.closure_residual, rel=0.01)
-
-        def send(**changes):
-            feed(w)()
-            w.probe.send_wrench(**({'wrench': load} | changes))
-
-        def balanced():
-            state = w.probe.last('state')
-            return state.closure_residual == pytest.approx(expected.closure_residual)
-
-        w.until(balanced, send)
-        state = w.until_code(GraspCode.STALE_EXTERNAL_WRENCH, feed(w), 'state')
-        assert_no_answer(w, state)
-        w.until_code(GraspCode.OK, lambda: send(frame=''), 'state')
-
-
 def test_runs_at_its_rate_at_most_and_computes_only_what_changes():
     with world(node(rate=50.0)) as w:
         until_ok(w)
@@ -249,14 +186,6 @@ def test_markers_show_the_grasp_and_leave_nothing_behind():
         w.until(lambda: update() == {'members', 'deformed', 'object'}, feed(w, center=away))
         # Nothing is known: nothing is shown.
         w.until(lambda: update() == set())
-
-
-@pytest.mark.parametrize(
-    ('used', 'color'),
-    [(0.5, markers.DEFORMED), (0.9, markers.NEARLY_WRINKLED), (1.1, markers.WRINKLED)],
-)
-def test_the_colour_of_a_tube_says_how_near_it_is_to_wrinkling(used, color):
-    assert markers._tube_color(used) is color
 
 
 def test_the_object_is_green_when_held():
@@ -328,18 +257,6 @@ def test_parameters_change_at_run_time():
         assert np.mean(np.diff(arrivals)) > 0.035  # a busy machine is only slower
 
 
-def test_the_papers_own_model_is_a_parameter():
-    expected = analyze_grasp(
-        ROBOT.home, ConvexObject.disc(SQUEEZED, DIAMETER), 0.5, flattening=False
-    )
-    with world(node(flattening=False)) as w:
-        state = until_ok(w)
-        assert state.required_friction == pytest.approx(expected.required_friction)
-        assert not state.contact_widths
-        answer = ask(w)
-        assert answer.state.required_friction == pytest.approx(expected.required_friction)
-
-
 # Held or not
 
 
@@ -370,14 +287,6 @@ def test_a_wrinkling_tube_ends_held_and_leaves_force_closure():
         assert state.force_closure
         w.until(lambda: any(m.data for _, m in w.probe.seen['closure']), feed(w, center=center))
         assert not any(m.data for _, m in w.probe.seen['held'])
-
-
-def test_what_slips_is_not_held_and_the_message_says_why():
-    with world(node(friction=0.3)) as w:
-        state = until_ok(w)
-        assert not state.held
-        assert 'friction' in state.hold_message
-        assert not any(m.data for _, m in w.probe.seen['closure'])
 
 
 # Objects that are no discs

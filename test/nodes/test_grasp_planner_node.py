@@ -65,13 +65,6 @@ def test_the_object_of_a_goal_goes_before_that_of_the_parameter():
         assert read_goal(goal(), ROBOT, described).body == ConvexObject.disc(CENTER, DIAMETER)
 
 
-def test_members_are_named_beside_a_module():
-    names = ('south/P-Q', 'north/R-P')
-    needs = read_goal(goal(members=names), ROBOT).requirements
-    assert needs == GraspRequirements(members=names)
-    assert needs.module is None
-
-
 def test_the_parameter_describes_the_object(monkeypatch):
     monkeypatch.setattr(grasp_planner, 'Searcher', StandIn)
     with world(node(workers=2, object=BOX)) as w:
@@ -324,14 +317,6 @@ def test_a_cancelled_goal_ends_with_what_was_found(planner):
     assert not handle.cancel()
 
 
-def test_feedback_without_a_grasp_is_not_a_number(planner):
-    planner.searcher.found = Progress(0, 0, None, 0.0, None)
-    handle = planner.send_goal(goal())
-    planner.until(lambda: bool(handle.feedback))
-    assert math.isnan(handle.feedback[0].best)
-    assert math.isnan(handle.feedback[0].time_left)
-
-
 def test_rejects_a_goal_while_it_searches(planner):
     handle = planner.send_goal(goal(min_margin=NO_MARGIN))
     assert not planner.send_goal(goal()).accepted
@@ -383,8 +368,3 @@ def test_an_inactive_node_ends_the_search_and_accepts_no_goals(planner):
     assert not planner.send_goal(goal()).accepted
     assert manager.ask(Transition.TRANSITION_ACTIVATE)
     assert planner.send_goal(goal()).accepted
-
-
-def test_the_pose_may_have_no_frame():
-    assert read_goal(goal(frame=''), ROBOT).body.pose[:2] == CENTER
-    assert PoseStamped().header.frame_id == ''

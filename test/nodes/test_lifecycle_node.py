@@ -7,8 +7,8 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_msgs.msg import GraspState
 from isotruss_ros.core import load_robot, Status, tangent_center
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
-from isotruss_ros.nodes.manipulation import Manipulation
-from isotruss_ros.nodes.simulator import Simulator
+from isotruss_ros.nodes.manipulation.node import Manipulation
+from isotruss_ros.nodes.simulator.node import Simulator
 from lifecycle_msgs.msg import Transition
 from manual_world import DOWN, Manager, UP, world
 import numpy as np

@@ -8,8 +8,8 @@ from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.core import Pose, Status
 from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message
-from isotruss_ros.nodes.manipulation import Manipulation
-from isotruss_ros.nodes.simulator import Simulator
+from isotruss_ros.nodes.manipulation.node import Manipulation
+from isotruss_ros.nodes.simulator.node import Simulator
 from manual_world import world
 import numpy as np
 from probe import maker, overrides, ROBOT

@@ -15,17 +15,15 @@ from isotruss_ros.core.control.squeeze_control import SqueezeSettings
 from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.manipulation.status import RollerCommand
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
-from isotruss_ros.nodes.components import servo_settings
 from isotruss_ros.nodes.conversions.messages import read_stamp, read_twist
-from isotruss_ros.nodes.simulator import Simulator
+from isotruss_ros.nodes.manipulation import servo_settings
+from isotruss_ros.nodes.simulator.node import Simulator
 from manual_world import world
 import numpy as np
 from probe import DIAMETER, MODULE, N, overrides, ROBOT, UP
 from probe import manipulation as node
 import pytest
 from rclpy.parameter import Parameter
-
-TIMEOUT = 0.2
 
 
 def test_moves_the_object_as_commanded():
@@ -40,46 +38,6 @@ def test_moves_the_object_as_commanded():
         assert status.header.frame_id == 'truss'
         assert np.abs(w.command()).max() > 0.001
         assert len(w.command()) == N
-
-
-@pytest.mark.parametrize(
-    ('missing', 'code'),
-    [
-        ('send_twist', Status.HALT_NO_TWIST),
-        ('send_joints', Status.HALT_NO_JOINT_STATES),
-        ('send_pose', Status.HALT_NO_OBJECT_POSE),
-    ],
-)
-def test_halts_until_every_input_has_come(missing, code):
-    with world(node()) as w:
-        senders = [w.probe.send_twist, w.probe.send_joints, w.probe.send_pose]
-        given = [send for send in senders if send.__name__ != missing]
-        status = w.until_code(code, lambda: [send() for send in given])
-        assert 'none received yet' in status.message
-        assert not w.command().any()
-        assert status.scale == 0.0
-
-
-@pytest.mark.parametrize(
-    ('silent', 'code'),
-    [
-        ('send_twist', Status.HALT_NO_TWIST),
-        ('send_joints', Status.HALT_STALE_JOINT_STATES),
-        ('send_pose', Status.HALT_STALE_OBJECT_POSE),
-    ],
-)
-def test_halts_within_the_timeout_of_the_last_input_and_resumes(silent, code):
-    with world(node(command_timeout=TIMEOUT)) as w:
-        w.until_code(Status.OK, w.probe.send_all)
-        senders = [w.probe.send_twist, w.probe.send_joints, w.probe.send_pose]
-        given = [send for send in senders if send.__name__ != silent]
-        fell_silent = w.now
-        w.until_code(code, lambda: [send() for send in given])
-        moved = [t for t, message in w.probe.seen['command'] if any(message.data)]
-        # The last good input was sent before; what is left is transport and this busy process.
-        assert moved[-1] - fell_silent < TIMEOUT + 0.1
-        assert not w.command().any()
-        w.until_code(Status.OK, w.probe.send_all)
 
 
 @pytest.mark.parametrize('module', ['south/X', 'east/Y', 'north/R', 'north/P'])
@@ -99,37 +57,6 @@ def test_halts_where_another_module_than_the_grip_holds_the_object(module):
         assert not w.command().any()
         w.change(grip_module=module)
         w.until(lambda: w.command().any(), send)
-
-
-def test_slows_along_the_twist_with_the_reason():
-    with world(node()) as w:
-
-        def send():
-            w.probe.send_joints()
-            w.probe.send_pose()
-            w.probe.send_twist((0.0, 5.0, 0.0))
-
-        status = w.until_code(Status.SLOWED_ROLLER_SPEED, send)
-        assert 0.0 < status.scale < 0.1
-        assert status.achieved.linear.y == pytest.approx(5.0 * status.scale, rel=1e-6)
-        assert status.achieved.linear.x == pytest.approx(0.0, abs=1e-7)
-        assert np.abs(w.command()).max() == pytest.approx(ROBOT.description.max_speed, abs=1e-7)
-        assert 'limits of' in status.message
-
-
-def test_carries_out_the_closest_reachable_twist():
-    module = 'south/X'
-    center = tangent_center(ROBOT.home, module, DIAMETER)
-    with world(node(grip_module=module)) as w:
-
-        def send():
-            w.probe.send_joints()
-            w.probe.send_pose(center=center)
-            w.probe.send_twist((0.01, 0.0, 0.0))
-
-        status = w.until_code(Status.UNREACHABLE, send)
-        assert 'closest' in status.message
-        assert np.isfinite(w.command()).all()
 
 
 def test_parameters_change_at_run_time():

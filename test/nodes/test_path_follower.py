@@ -5,7 +5,6 @@
 
 import itertools
 import math
-import re
 
 from action_msgs.msg import GoalInfo, GoalStatus
 from geometry_msgs.msg import PoseStamped, Quaternion, Twist, TwistStamped
@@ -18,9 +17,9 @@ from isotruss_ros.nodes.conversions.messages import (
     read_stamp,
     to_pose_message,
 )
-from isotruss_ros.nodes.manipulation import Manipulation
+from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.path_follower import PathFollower
-from isotruss_ros.nodes.simulator import Simulator
+from isotruss_ros.nodes.simulator.node import Simulator
 from lifecycle_msgs.msg import Transition
 from manual_world import Manager, world
 from nav_msgs.msg import Path
@@ -131,16 +130,6 @@ def test_carries_the_object_to_the_end_of_the_path():
         count = len(client.twists())
         w.spin(0.3)
         assert len(client.twists()) == count
-
-
-def test_a_path_of_one_pose_leads_there():
-    with world(*real()) as w:
-        client = Client(w)
-        w.until(lambda: w.probe.last('pose') is not None)
-        there = np.add(HOME, (0.01, 0.03, 0.1))
-        status, result = client.result(client.send(goal(begin=there)))
-        assert (status, result.code) == (GoalStatus.STATUS_SUCCEEDED, Result.REACHED)
-        assert np.abs(w.place() - there).max() < 0.01
 
 
 def test_stops_at_once_when_cancelled():
@@ -280,61 +269,6 @@ def test_a_path_of_one_pose_is_reached_where_the_object_is_there_already():
         assert not client.twists().any()
         bad = goal(begin=PROBED, position_tolerance=0.0)
         assert client.follow(bad, tell)[1].code == Result.BAD_GOAL
-
-
-def test_does_not_move_without_the_object_pose():
-    with world(node()) as w:
-        client = Client(w)
-        status, result = client.follow(goal(UP, begin=PROBED))
-        assert (status, result.code) == (GoalStatus.STATUS_ABORTED, Result.STOPPED)
-        assert result.message == 'object pose: none received yet'
-        assert not client.twists().any()
-
-
-@pytest.mark.parametrize(
-    ('code', 'scale'),
-    [
-        (Status.HALT_EMERGENCY_STOP, 0.0),
-        (255, 1.0),
-        (Status.OK, math.nan),
-    ],
-)
-def test_waits_while_manipulation_halts_and_aborts_after_the_timeout(code, scale):
-    with world(node(progress_timeout=2.0)) as w:
-        fine, halted = fake(w), fake(w, code, scale)
-        client, handle = begin(w, fine)
-        w.until(lambda: not client.moves(), halted)
-        w.until(client.moves, fine)  # goes on by itself
-        w.until(lambda: not client.moves(), halted)
-        began = w.now
-        status, result = client.result(handle, halted)
-        assert (status, result.code) == (GoalStatus.STATUS_ABORTED, Result.STOPPED)
-        assert w.now - began == pytest.approx(2.0, abs=0.2)
-        assert 'no progress' in result.message
-        assert 'manipulation: ' in result.message
-        assert not client.moves()
-
-
-#: What is published once the object moves, how the goal ends by it, and words of the result.
-ENDS = {
-    'old': ({'ages': (9.0, 0.0)}, Result.STOPPED, '^object pose: .* must be at most 1.0 s'),
-    'silent': (None, Result.STOPPED, '^object pose: .* must be at most 1.0 s'),
-    'off the path': ({'center': (CENTER[0] + 0.02, CENTER[1])}, Result.OFF_PATH, ''),
-}
-
-
-@pytest.mark.parametrize('case', ENDS)
-def test_a_pose_that_is_late_or_off_the_path_ends_the_motion(case):
-    published, code, words = ENDS[case]
-    with world(node(command_timeout=1.0)) as w:
-        client, handle = begin(w, fake(w))
-        each = (lambda: None) if published is None else fake(w, **published)
-        status, result = client.result(handle, each)
-        assert (status, result.code) == (GoalStatus.STATUS_ABORTED, code)
-        assert re.search(words, result.message)
-        if code == Result.OFF_PATH:
-            assert result.max_position_error == pytest.approx(0.02, abs=0.011)
-        assert not client.moves()
 
 
 def test_an_inactive_node_accepts_no_goals_and_ends_the_active_one():

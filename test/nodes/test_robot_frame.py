@@ -10,10 +10,10 @@ from geometry_msgs.msg import Point, PoseStamped, Quaternion, Transform, Transfo
 from geometry_msgs.msg import Pose as PoseMessage
 from hypothesis import given
 from hypothesis import strategies as st
-from isotruss_ros.nodes.components import robot_frame
-from isotruss_ros.nodes.components.robot_frame import RobotFrame
 from isotruss_ros.nodes.conversions.marker_messages import to_joint_markers
 from isotruss_ros.nodes.conversions.messages import MessageError
+from isotruss_ros.nodes.framework import robot_frame
+from isotruss_ros.nodes.framework.robot_frame import RobotFrame
 import numpy as np
 from probe import ROBOT
 import pytest

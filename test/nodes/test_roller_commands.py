@@ -4,8 +4,8 @@
 """The command topic belongs to one node: what another one publishes there is noticed."""
 
 from isotruss_ros.core import Status
-from isotruss_ros.nodes.components.commands import RollerCommands
-from isotruss_ros.nodes.manipulation import Manipulation
+from isotruss_ros.nodes.framework.commands import RollerCommands
+from isotruss_ros.nodes.manipulation.node import Manipulation
 from probe import N, overrides, world
 import pytest
 from std_msgs.msg import Float64MultiArray

@@ -11,7 +11,7 @@ from types import SimpleNamespace
 from geometry_msgs.msg import PoseStamped, Twist
 from isotruss_ros.nodes.framework.cycle import Cycle, PacedExecutor
 from isotruss_ros.nodes.framework.topics import NEWEST, subscribe_newest, take_waiting
-from isotruss_ros.nodes.manipulation import Manipulation
+from isotruss_ros.nodes.manipulation.node import Manipulation
 from probe import begin_context, Probe
 import pytest
 import rclpy

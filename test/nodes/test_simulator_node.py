@@ -6,10 +6,10 @@
 from unittest.mock import ANY, Mock
 
 from isotruss_ros.core import RollerFaults, SimulatedRobot, Status
-from isotruss_ros.nodes import simulator
 from isotruss_ros.nodes.conversions.messages import read_stamp
-from isotruss_ros.nodes.manipulation import Manipulation
-from isotruss_ros.nodes.simulator import Simulator
+from isotruss_ros.nodes.manipulation.node import Manipulation
+from isotruss_ros.nodes.simulator import node as simulator
+from isotruss_ros.nodes.simulator.node import Simulator
 from manual_world import world
 import numpy as np
 from probe import CENTER, maker, N, overrides, planar, ROBOT
@@ -85,14 +85,13 @@ def test_a_command_that_is_not_renewed_ends():
 def test_every_fault_of_the_rollers_reaches_them(monkeypatch):
     make = Mock(wraps=SimulatedRobot)
     monkeypatch.setattr(simulator, 'SimulatedRobot', make)
-    faults = {'speed_limit': 0.3, 'roller_noise': 0.002, 'roller_slip': 0.1}
-    with world(node(stuck_roller='north/Z', seed=7, **faults)):
-        expected = RollerFaults(0.3, 0.002, frozenset({'north/Z'}), 0.1)
+    with world(node(stuck_roller='north/Z', seed=7, roller_slip=0.1)):
+        expected = RollerFaults(1.0, 0.0, frozenset({'north/Z'}), 0.1)
         make.assert_called_once_with(ANY, ANY, expected, 7)
 
 
 def test_blocks_at_impossible_configurations_and_continues():
-    with world(node(speed_limit=10.0)) as w:
+    with world(node()) as w:
         push = np.zeros(N)
         push[0] = -2.0
         w.until(lambda: w.probe.last('joints') is not None)

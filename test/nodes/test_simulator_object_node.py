@@ -7,7 +7,7 @@ from boxes import ANGLE, BOX, box_between, DEPTH, ROBOT, SIDES
 from geometry_msgs.msg import PoseStamped
 from isotruss_ros.core import Disc, place_between, solve_twist
 from isotruss_ros.nodes.conversions.messages import to_pose_message
-from isotruss_ros.nodes.simulator import Simulator
+from isotruss_ros.nodes.simulator.node import Simulator
 from manual_world import world
 import numpy as np
 from probe import maker

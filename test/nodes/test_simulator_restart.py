@@ -5,8 +5,8 @@
 
 from types import SimpleNamespace
 
-from isotruss_ros.nodes.components.view_requests import SimulatorRestart
-from isotruss_ros.nodes.simulator import Simulator
+from isotruss_ros.nodes.simulator.node import Simulator
+from isotruss_ros.nodes.viewer.view_requests import SimulatorRestart
 from manual_world import world
 import numpy as np
 from probe import N, overrides

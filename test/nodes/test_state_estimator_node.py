@@ -8,7 +8,6 @@ from isotruss_msgs.msg import StateEstimate
 from isotruss_ros.core.control import state_estimate
 from isotruss_ros.core.control.state_estimator import StateEstimator
 from isotruss_ros.nodes import state_estimator
-from isotruss_ros.nodes.components import robot_frame
 from isotruss_ros.nodes.conversions.estimate_messages import read_estimate, to_estimate_message
 from isotruss_ros.nodes.conversions.marker_messages import to_joint_markers
 from isotruss_ros.nodes.conversions.messages import (
@@ -17,9 +16,10 @@ from isotruss_ros.nodes.conversions.messages import (
     read_pose,
     read_stamp,
 )
+from isotruss_ros.nodes.framework import robot_frame
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
-from isotruss_ros.nodes.manipulation import Manipulation
-from isotruss_ros.nodes.simulator import Simulator
+from isotruss_ros.nodes.manipulation.node import Manipulation
+from isotruss_ros.nodes.simulator.node import Simulator
 from isotruss_ros.nodes.state_estimator import StateEstimatorNode
 from manual_world import world
 import numpy as np
@@ -35,9 +35,10 @@ PLANT = {
     'object_is_free': True,
     'object_y': 5.0,
     'zero_deviation': 0.01,
-    'marker_rate': 20.0,
-    'marker_noise': 0.001,
-    'marker_dropouts': 0.3,
+    'tracker_rate': 20.0,
+    'tracker_noise': 0.001,
+    'tracker_dropouts': 0.3,
+    'marker_joints': ['all'],
     'seed': 4,
 }
 
@@ -253,7 +254,9 @@ def test_estimates_that_are_not_usable_are_refused(changes):
 
 def test_over_dds_measured_pressures_stiffen_the_tubes_of_the_estimate():
     plant = {'plant': 'elastic', 'friction': 0.9, 'indentation': 0.02, 'object_is_free': False}
-    with probe.world(lambda: Simulator(overrides(marker_rate=20.0, **plant)), estimator()) as w:
+    with probe.world(
+        lambda: Simulator(overrides(marker_joints=['all'], **plant)), estimator()
+    ) as w:
         w.probe.listen(StateEstimate, 'estimate', 'state_estimate')
         gauge = w.probe.create_publisher(JointState, 'tube_pressures', 1)
 
@@ -274,7 +277,8 @@ def test_over_dds_measured_pressures_stiffen_the_tubes_of_the_estimate():
 @pytest.mark.parametrize('estimated', [True, False])
 def test_the_squeeze_of_a_robot_with_wrong_zeros_is_regulated_by_the_estimate(estimated):
     plant = {'plant': 'elastic', 'friction': 0.9, 'indentation': 0.02, 'object_is_free': False}
-    marked = {'zero_deviation': 0.006, 'marker_rate': 20.0, 'marker_noise': 2e-4, 'seed': 1}
+    marked = {'zero_deviation': 0.006, 'tracker_rate': 20.0, 'tracker_noise': 2e-4}
+    marked |= {'marker_joints': ['all'], 'seed': 1}
     loop = {'squeeze_force': 30.0, 'friction': 0.9, 'rate': 20.0}
     nodes = [
         lambda: Simulator(overrides(**plant | marked | {'rate': 20.0})),

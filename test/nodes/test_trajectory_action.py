@@ -7,9 +7,9 @@ from action_msgs.msg import GoalInfo, GoalStatus
 from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_msgs.action import FollowRollerTrajectory
 from isotruss_ros.core import Status
-from isotruss_ros.nodes.components import trajectory_following
-from isotruss_ros.nodes.manipulation import Manipulation
-from isotruss_ros.nodes.simulator import Simulator
+from isotruss_ros.nodes.manipulation import trajectory_following
+from isotruss_ros.nodes.manipulation.node import Manipulation
+from isotruss_ros.nodes.simulator.node import Simulator
 from lifecycle_msgs.msg import Transition
 from manual_world import Manager, world
 import numpy as np

@@ -7,8 +7,8 @@ import math
 from types import SimpleNamespace
 
 from isotruss_ros.core import load_robot
-from isotruss_ros.nodes.components import transforms
-from isotruss_ros.nodes.components.transforms import TransformBroadcaster
+from isotruss_ros.nodes.framework import transforms
+from isotruss_ros.nodes.framework.transforms import TransformBroadcaster
 import numpy as np
 import pytest
 

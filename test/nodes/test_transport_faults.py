@@ -13,10 +13,10 @@ import copy
 from geometry_msgs.msg import PoseStamped
 from isotruss_ros.core import Status
 from isotruss_ros.core.control.inputs import RejectedInput, StampedInput
-from isotruss_ros.nodes.components.sensors import _select_latest
 from isotruss_ros.nodes.conversions.messages import read_stamp
-from isotruss_ros.nodes.manipulation import Manipulation
-from isotruss_ros.nodes.simulator import Simulator
+from isotruss_ros.nodes.framework.sensors import _select_latest
+from isotruss_ros.nodes.manipulation.node import Manipulation
+from isotruss_ros.nodes.simulator.node import Simulator
 from manual_world import world
 import numpy as np
 from probe import overrides, planar, ROBOT

@@ -29,10 +29,15 @@ CORE = [
 ]
 NODES = [
     ['nodes.grasp'],
-    ['nodes.framework'],
     ['nodes.conversions'],
-    ['nodes.components'],
-    ['nodes.bring_up'],
+    ['nodes.framework'],
+    [
+        'nodes.bring_up',
+        'nodes.manipulation',
+        'nodes.pick_and_place',
+        'nodes.simulator',
+        'nodes.viewer',
+    ],
     ['nodes'],
 ]
 REST = [
@@ -101,6 +106,27 @@ def test_imports_only_from_packages_before_its_own(module):
     assert not others & NOT_INSTALLED
 
 
+def import_closure(package):
+    """Return the packages that the modules of a package import, directly and through others."""
+    waiting = [module for module in IMPORTS if package_of(module) == package]
+    found = set()
+    while waiting:
+        module = waiting.pop()
+        if module not in found:
+            found.add(module)
+            waiting += IMPORTS[module][0] & IMPORTS.keys()
+    return {package_of(module) for module in found} - {package}
+
+
+MECHANICS = ('model', 'kinematics', 'statics', 'contact', 'manipulation', 'holding', 'safety')
+LOOPS = {'core.control'}
+
+
+@pytest.mark.parametrize('package', [*MECHANICS, 'planning'])
+def test_mechanics_and_planning_import_no_loop(package):
+    assert not import_closure(f'core.{package}') & LOOPS
+
+
 def test_no_files_import_each_other():
     left = {module: ours - {module} for module, (ours, _) in IMPORTS.items()}
     while left:
@@ -118,6 +144,17 @@ def test_each_half_of_the_grasp_has_few_files_on_few_floors(package):
         files = {module for module in files if IMPORTS[module][0] & files}
         floors += 1
     assert floors <= 5
+
+
+PACKAGES = [path.parent for path in FILES.values() if path.stem == '__init__']
+
+
+@pytest.mark.parametrize('package', sorted(PACKAGES)[1:], ids=lambda path: path.name)
+def test_every_package_names_its_entry_points_and_imports(package):
+    said = ast.get_docstring(ast.parse((package / '__init__.py').read_text(encoding='utf-8')))
+    assert 'Entry point' in said
+    assert 'Imports' in said
+    assert len(said.splitlines()) <= 9
 
 
 def test_objects_grips_and_barriers_are_closed_against_their_kinds():

@@ -15,9 +15,10 @@ import sys
 from types import ModuleType, SimpleNamespace
 
 from isotruss_ros.nodes.framework.parameters import AUTOSTART, ParameterError, ROBOT
+from isotruss_ros.nodes.framework.runner import find_node
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
-from isotruss_ros.nodes.manipulation import Manipulation
-from isotruss_ros.nodes.simulator import Simulator
+from isotruss_ros.nodes.manipulation.node import Manipulation
+from isotruss_ros.nodes.simulator.node import Simulator
 from manual_world import world
 from probe import overrides
 import pytest
@@ -56,9 +57,9 @@ def stand_in(monkeypatch):
     """Put a stand-in for launch in its place."""
     for name in MODULES.split():
         monkeypatch.setitem(sys.modules, name, StandIn(name))
-    monkeypatch.delitem(sys.modules, 'isotruss_ros.nodes.components.launching', raising=False)
+    monkeypatch.delitem(sys.modules, 'isotruss_ros.nodes.framework.launching', raising=False)
     yield
-    sys.modules.pop('isotruss_ros.nodes.components.launching', None)
+    sys.modules.pop('isotruss_ros.nodes.framework.launching', None)
 
 
 @pytest.fixture(params=sorted(FOLDER.glob('*tion.launch.py')), ids=lambda path: path.name)
@@ -88,8 +89,7 @@ def nodes(entities):
 
 def specs_of(executable):
     """Return the parameters that a node declares, by name."""
-    module = importlib.import_module(f'isotruss_ros.nodes.{executable}')
-    return {spec.name: spec for spec in (*module.SPECS, ROBOT, AUTOSTART)}
+    return {spec.name: spec for spec in (*find_node(executable).specs, ROBOT, AUTOSTART)}
 
 
 def test_arguments_are_parameters_with_the_defaults_of_the_nodes(path, said, entities, nodes):

@@ -7,7 +7,7 @@ import subprocess
 import sys
 
 from isotruss_ros.core import Status
-from isotruss_ros.nodes.components.sparse_messages import MAX_BATCH
+from isotruss_ros.nodes.manipulation.sparse_messages import MAX_BATCH
 from probe import manipulation as node
 from probe import ROBOT, world
 import pytest

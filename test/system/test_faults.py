@@ -186,7 +186,7 @@ def test_two_manipulation_nodes_halt_until_one_of_them_ends(r):
 #: A manipulation node with a mistake of ours in it, for once.
 MISTAKEN = """
 import sys
-from isotruss_ros.nodes.manipulation import Manipulation
+from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.framework.runner import run
 
 

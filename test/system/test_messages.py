@@ -7,7 +7,7 @@ from geometry_msgs.msg import Twist, TwistStamped, WrenchStamped
 from isotruss_ros.core import Status
 from isotruss_ros.demo.processes import NodeProcess
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
-from isotruss_ros.nodes.simulator import Simulator
+from isotruss_ros.nodes.simulator.node import Simulator
 import numpy as np
 from probe import manipulation, N, ROBOT, world
 import pytest

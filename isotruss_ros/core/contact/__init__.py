@@ -1,4 +1,9 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The object is held fast: contact with the tubes, friction and closure, (5) to (10)."""
+"""
+An object held fast: contact with the tubes, closure by friction, equations (5) to (10).
+
+Entry points: `analyze_grasp.analyze_grasp`, which returns a `GraspAnalysis`.
+Imports `core.statics` and what is below it.
+"""

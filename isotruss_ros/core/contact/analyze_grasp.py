@@ -102,7 +102,7 @@ def analyze_grasp(
     normals = contact.normals.view(np.float64).reshape(-1, 2)
     tangents = np.column_stack([-normals[:, 1], normals[:, 0]])
     pressed, levers = _pressed(body, contact_points, contact, margin, round_)
-    load = (pressed + wrench) / np.array([1.0, 1.0, body.arm])
+    load = _about_middle(body, pressed + wrench)
     closure = balance_by_friction(tangents, contact.forces, load, mu, levers)
     return GraspAnalysis(
         points=(contact_points.skin + contact.displacements)[kept].view(np.float64).reshape(-1, 2),
@@ -190,8 +190,15 @@ def _pressed(
     arms = contact_points.skin + contact.displacements - body.center
     arms = arms - (contact.gaps + margin) * contact.normals
     force, moment = contact.push.sum(), (arms.conj() * contact.push).imag.sum()
-    levers = (arms * contact.normals.conj()).real / body.arm
+    levers = ((arms + body.center - body.middle) * contact.normals.conj()).real / body.arm
     return -np.array([force.real, force.imag, moment]), levers
+
+
+def _about_middle(body: ConvexObject, wrench: Array) -> Array:
+    """Return (fx, fy, m / arm) about the middle of the area, which no frame moves [N]."""
+    away = body.middle - body.center
+    x, y, moment = wrench
+    return np.array([x, y, (moment - away.real * y + away.imag * x) / body.arm])
 
 
 def _stiffness(contact_points: ContactPoints, contact: ContactState, center: complex) -> Array:

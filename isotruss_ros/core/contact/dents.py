@@ -33,9 +33,9 @@ DISC_DEPTHS, CORNER_DEPTHS = (0.8 * np.linspace(0.0, 1.0, n)[1:] ** 2 for n in (
 #: Contact points across the chord in which the object overlaps the round tube.
 POINTS = 41
 POWER = 2.0 / 3.0
-#: Tables of corners are of outlines with points so far apart [m]; beyond this many tube radii from
-#: the contact nothing is counted as part of it.
-OUTLINE, REACH = 1e-3, 4.0
+#: Tables of corners are of outlines with points so many tube radii apart; beyond so many from the
+#: contact nothing is counted as part of it.
+OUTLINE, REACH = 0.02, 4.0
 
 
 class SkinIndentation:
@@ -226,7 +226,7 @@ def corner_dents(
     :param shape: of the object.
     :param angle: of the normal out of the object across the tube, in the object's frame; in steps,
         so that tables serve again [rad].
-    :param corner: number of the corner that is touched, see `Shape.corners_at`.
+    :param corner: number of the corner that is touched, see `Shape.corner_at`.
     :param cuts: how far the contact reaches before and behind the point that is touched,
         counter-clockwise around the object: half of a face where its other end is a contact of
         its own; may be infinite [m].
@@ -234,7 +234,7 @@ def corner_dents(
     """
     radius = 0.5 * robot.description.tube_diameter
     point = shape.point_at(corner, complex(np.exp(1j * angle)))
-    places, heights = _profile(shape, angle, point)
+    places, heights = _profile(shape, angle, point, OUTLINE * radius)
     reach = np.minimum(cuts, REACH * radius)
     depths = CORNER_DEPTHS * radius
     kernel = flattening_of(robot, pressures)
@@ -242,10 +242,10 @@ def corner_dents(
     return SkinIndentation(depths, presses, kernel, tube)
 
 
-def _profile(shape: Shape, angle: float, point: complex) -> tuple[Array, Array]:
+def _profile(shape: Shape, angle: float, point: complex, spacing: float) -> tuple[Array, Array]:
     """Return places counter-clockwise along a tube, and heights of the surface there."""
     inward = -np.exp(1j * angle)
-    seen = (shape.outline(OUTLINE) - point) * inward.conjugate()
+    seen = (shape.outline(spacing) - point) * inward.conjugate()
     # Along the tube counter-clockwise, and into the object.
     along, height = -seen.imag, seen.real
     first, last = int(along.argmin()), int(along.argmax())

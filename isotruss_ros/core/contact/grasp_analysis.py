@@ -63,8 +63,8 @@ class GraspAnalysis(
         [N, N m].
     :ivar closed_by_friction: whether the object is touched, and friction balances the normal
         forces and the external wrench, equation (10); see `SettledGrasp` for a free object.
-    :ivar closure_residual: what friction leaves, moments over half of the mean width, d/2 of a
-        cylinder [N].
+    :ivar closure_residual: what friction leaves, moments about the middle of the area over half of
+        the mean width, d/2 of a cylinder [N].
     :ivar closure_tolerance: below which the residual counts as none [N].
     :ivar required_friction: smallest coefficient that closes; infinite if none does.
     :ivar closure_margin: largest extra wrench of any direction that friction still balances,

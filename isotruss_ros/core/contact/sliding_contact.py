@@ -27,7 +27,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 #: Gaps are closed to this [m].
-GAP_TOLERANCE = 1e-7
+GAP_TOLERANCE = 1e-10
 #: The skin stays out of what it could only touch where it is steeper than this, against the tube:
 #: tangents that lean more are turned back to it.
 STEEPEST = np.exp(1j * np.deg2rad(75.0))

@@ -254,6 +254,15 @@ class CommandHistory:
             self.clear()
         self._travel.discard_before(now - span)
 
+    def elapsed(self, now: float, default: float) -> float:
+        """
+        Return the time since the last command [s].
+
+        :param now: time on the clock of the entries [s].
+        :param default: where nothing is recorded [s].
+        """
+        return default if self.last is None else now - self._travel.last[0]
+
     def record(self, now: float, speeds: Array) -> None:
         """
         Record a command.

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Roller trajectories: straight lines of roller travel between waypoints, and a servo along them.
+Roller trajectories: straight lines of roller travel with rounded corners, and a servo along them.
 
 The servo begins where the rollers are and closes the loop over measured positions. While a roller
 lags, trajectory time waits; an input that is missing, timed out or rejected ends the trajectory.
@@ -41,12 +41,16 @@ class RollerTrajectory:
     """
     Waypoints of the rollers at given times, straight lines of travel between them.
 
+    Corners, with start and end, are rounded by parabolas at the largest acceleration, half of it
+    before the waypoint and half of it after. So the start takes longer, by half of its parabola.
+
     :ivar duration: of the whole trajectory [s].
     :param robot: the robot.
     :param positions: (k, r) waypoints [m], at least one.
     :param times: (k,) when to be there [s], from 0 on, increasing, at most a day.
     :raises ConfigurationError: shapes that do not fit, numbers that are not finite, times that do
-        not increase or do not end, or a speed beyond what the robot's rollers can do.
+        not increase or do not end, or a speed or an acceleration beyond what the robot's rollers
+        can do.
     """
 
     def __init__(self, robot: Robot, positions: ArrayLike, times: ArrayLike) -> None:
@@ -75,7 +79,24 @@ class RollerTrajectory:
                 f'the trajectory asks a roller for {quickest:.9g} m/s; must be at most {fastest:g}'
             )
         self._slopes = np.pad(slopes, ((1, 1), (0, 0)))  # at rest before and after
-        self.duration = float(self._times[-1])
+        self._halves = self._round_corners(robot, steps)
+        self._times = self._times + max(self._halves[0] - self._times[0], 0.0)
+        self.duration = float(self._times[-1] + self._halves[-1])
+
+    def _round_corners(self, robot: Robot, steps: Array) -> Array:
+        """Return half of the time (k,) in which each corner is rounded [s]."""
+        changes = np.abs(np.diff(self._slopes, axis=0)).max(axis=1)
+        most = robot.description.max_acceleration
+        needed = 0.5 * (changes[1:] + changes[:-1])
+        with np.errstate(over='ignore'):
+            asked = needed / steps
+        if asked.max(initial=0.0) > most * (1.0 + 1e-6):
+            place = int(asked.argmax())
+            raise ConfigurationError(
+                f'the trajectory asks a roller for {asked[place]:.4g} m/s^2 from point {place} to '
+                f'{place + 1}; must be at most {most:g}'
+            )
+        return 0.5 * changes / most
 
     def at(self, time: float) -> RollerState:
         """
@@ -83,9 +104,21 @@ class RollerTrajectory:
 
         :param time: since the beginning [s].
         """
-        piece = int(np.searchsorted(self._times, time, side='right'))
-        start, slope = max(piece - 1, 0), self._slopes[piece]
-        return RollerState(self._positions[start] + (time - self._times[start]) * slope, slope)
+        times, slopes = self._times, self._slopes
+        piece = int(np.searchsorted(times, time, side='right'))
+        start, slope = max(piece - 1, 0), slopes[piece]
+        positions = self._positions[start] + (time - times[start]) * slope
+        ends = (start, min(piece, len(times) - 1))
+        corner = min(ends, key=lambda end: abs(times[end] - time))
+        left = self._halves[corner] - abs(time - times[corner])
+        if left <= 0.0:
+            return RollerState(positions, slope)
+        before, after = slopes[corner : corner + 2]
+        acceleration = (after - before) / (2.0 * self._halves[corner])
+        return RollerState(
+            positions + 0.5 * left**2 * acceleration,
+            0.5 * (before + after) + (time - times[corner]) * acceleration,
+        )
 
 
 class RollerStep(NamedTuple):
@@ -178,12 +211,13 @@ class RollerTrajectoryServo:
             self._offsets = state.offsets
         # Each marker moves an estimate by more than the tolerance: at the end the last one counts.
         positions = state.positions - state.offsets + self._offsets
-        wanted, behind = trajectory.at(ahead), trajectory.at(self.time).positions - positions
-        error, speeds = wanted.positions - positions, wanted.velocities
+        wanted = trajectory.at(ahead).positions
+        behind = trajectory.at(self.time).positions - positions
+        error = wanted - positions
         # Rollers at rest are behind, those under way are ahead by what they do in a cycle.
         waits = min(float(np.abs(error).max()), float(np.abs(behind).max())) > MAX_LAG
         if waits:
-            error, speeds = behind, np.zeros_like(behind)
+            error = behind
         lag, at_end = float(np.abs(error).max()), ahead >= trajectory.duration
         near = at_end and lag <= TOLERANCE
         if self._rests(near, min(measured.time, now), now):
@@ -197,7 +231,7 @@ class RollerTrajectoryServo:
                 return self._finish()
             worst = self._robot.roller_names[int(np.abs(error).argmax())]
             return self._finish(f'roller {worst} stays {lag:.4g} m behind the trajectory')
-        speeds = speeds + GAIN * error
+        speeds = (error - behind) / (elapsed or self.timeout) + GAIN * behind
         if at_end:
             # What has arrived rests: rollers are uneven only while they move.
             speeds = np.where(np.abs(error) <= TOLERANCE, 0.0, speeds)

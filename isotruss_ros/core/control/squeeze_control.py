@@ -197,18 +197,19 @@ class SqueezeControl:
             )
         return model.usage.limit_utilisation(command, period, self.settings.max_utilisation)
 
-    def advance(self, twist: Array, command: RollerCommand) -> None:
+    def advance(self, twist: Array, command: RollerCommand, missing: Array) -> None:
         """
         Take note of what is carried out of a twist, which moves the reference from now on.
 
         :param twist: (3,) commanded [m/s, rad/s].
-        :param command: the command of this cycle; in a direction other than the twist's it ends
-            the reference.
+        :param command: that was solved for; in a direction other than the twist's it ends the
+            reference.
+        :param missing: (3,) part of its twist that acceleration or shape did not admit.
         """
         if command.status in (Status.UNREACHABLE, Status.SLIDING):
             self.reference = None
         self._asked = np.asarray(twist)
-        self._velocity = command.scale * self._asked
+        self._velocity = command.scale * self._asked - missing
 
     def _correction(self, model: HeldModel, period: float) -> Array:
         """Return the twist (3,) that takes pose errors and what the rows of (19) miss away."""

@@ -34,9 +34,10 @@ from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.holding.held_grip import HoldStatus
 from isotruss_ros.core.kinematics.configuration import Configuration, ConfigurationTracker
 from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.manipulation.acceleration import limit_acceleration, limit_change
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.limit_handling import LimitHandling
-from isotruss_ros.core.manipulation.limits import default_limits, Limit
+from isotruss_ros.core.manipulation.limits import default_limits, Limit, stack_rows
 from isotruss_ros.core.manipulation.rolling_grip import roll_object
 from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint, solve_joint_velocity
 from isotruss_ros.core.manipulation.solve_twist import solve_twist
@@ -68,6 +69,8 @@ class TwistServo:
     :ivar guard: bounds on the configuration; None for those of the robot file only.
     :ivar limits: of the rollers and the members; those of the robot file to begin with.
     :ivar slide_along_limits: rather than stop at limits of lengths and shapes.
+    :ivar max_acceleration: largest change of a roller's speed in a second; that of the robot file
+        to begin with. Halts do not obey it [m/s^2].
     :ivar detector: detects rollers that fail; None for no detection.
     :ivar squeeze: regulates how hard the robot squeezes; None keeps the angle of the grip (14).
     :ivar grip: how the object is held, wherever it is: its pose is the measured one.
@@ -91,7 +94,8 @@ class TwistServo:
         self.stopped: tuple[Status, str] | None = None
         self.guard: ShapeGuard | None = ShapeGuard(robot, ShapeBounds())
         self.limits: Sequence[Limit] = default_limits(robot)
-        self.slide_along_limits = False
+        self.slide_along_limits = True
+        self.max_acceleration = robot.description.max_acceleration
         self.detector: FailureDetector | None = None
         self.squeeze: SqueezeControl | None = None
         self._joint: str | None = None
@@ -189,20 +193,24 @@ class TwistServo:
             squeeze=squeeze.squeeze,
         )
 
-    def note_command(self, velocities: Array, now: float) -> None:
+    def command(self, velocities: Array, now: float) -> Array:
         """
-        Take note of roller velocities that are commanded in place of those for a twist.
+        Return the roller velocities (r,) to command in place of those for a twist [m/s].
 
         They count for the prediction of the next commands and for the detection of failures.
 
-        :param velocities: (r,) [m/s].
+        :param velocities: (r,) that are asked for; zeros stop the rollers at once [m/s].
         :param now: time on the clock of the inputs [s].
         """
         self._history.discard_old(now, self.timeout + 2.0 * self.period)
         self._detect()
+        last = np.zeros(len(velocities)) if self._history.last is None else self._history.last
+        if velocities.any():
+            velocities = limit_change(velocities, last, self._largest_change(now))
         self._history.record(now, velocities)
         if self.squeeze is not None:
             self.squeeze.acknowledge()
+        return velocities
 
     def _detect(self) -> None:
         """Compare the commanded roller travel with the measured one."""
@@ -256,11 +264,21 @@ class TwistServo:
         else:
             offsets = rollers.value.offsets
             command = self._regulate(self.squeeze, config, grip, twist, solve, now, offsets)
+        asked = command
+        if command.status < Status.HALT_NO_TWIST:
+            change = self._largest_change(now)
+            command = limit_acceleration(command, last, change, lambda: stack_rows(config, limits))
         if watch is not None:
             command = watch.keep(command, last, self.period)
         if grip is not None and self.squeeze is not None:
-            self.squeeze.advance(twist, command)
+            missing = asked.achieved_twist - command.achieved_twist
+            self.squeeze.advance(twist, asked, missing)
         return command
+
+    def _largest_change(self, now: float) -> float:
+        """Return the largest change of a roller's speed since the last command [m/s]."""
+        # Timers are early now and then; late cycles have held their command for longer.
+        return self.max_acceleration * max(self._history.elapsed(now, 0.0), self.period)
 
     def _solve_joint(
         self,

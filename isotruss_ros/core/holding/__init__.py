@@ -1,4 +1,9 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The object is free: its equilibrium between the members that hold it, and how it slips."""
+"""
+A free object: its equilibrium between the members that hold it, and how it slips.
+
+Entry points: `settle_grasp.settle_grasp`, `attach_grip`, `roll_grip`, `grasp_gradient`.
+Imports `core.contact`, `core.manipulation` and what is below them.
+"""

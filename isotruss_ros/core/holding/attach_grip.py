@@ -10,6 +10,8 @@ pose what is not.
 
 from __future__ import annotations
 
+import cmath
+from collections.abc import Callable
 from dataclasses import replace
 import itertools
 
@@ -24,6 +26,7 @@ from isotruss_ros.core.holding.contact_forces import (
     ANGLE,
     CENTER,
     ContactForces,
+    POSE,
     PressedContacts,
 )
 from isotruss_ros.core.holding.contact_statics import (
@@ -53,6 +56,8 @@ FEW_STEPS, NEAR, LIKE = 5, 2e-3, 0.3
 #: A quick search looks at so many sets of contacts, in so many states each. It finds 95 of 100
 #: equilibria of boxes that the whole search finds.
 QUICK_SETS, QUICK_STEPS = 2, 12
+#: Origins of frames that are nearer to the middle than this share of the size are there.
+CENTERED = 1e-3
 
 
 def attach_grip(
@@ -90,13 +95,42 @@ def attach_grip(
     if depths[members].min() <= -config.robot.description.tube_diameter:
         raise NotHeldError(HoldStatus.NO_CONTACT)
     wrench = scaled_wrench(external_wrench, body.arm)
-    most, steps = (QUICK_SETS, QUICK_STEPS) if quick else (None, MAX_STEPS)
-    for contacts in _choices(find_pressed(config, body, members))[:most]:
+    sets, steps = (QUICK_SETS, QUICK_STEPS) if quick else (None, MAX_STEPS)
+
+    def find(contacts: PressedContacts) -> HeldGrip | None:
         statics = build_statics(config, body, contacts, tubes)
-        found = _find_rest(config, statics, wrench, tubes, before, steps)
-        if found is not None and found.presses:
+        return _find_rest(config, statics, wrench, tubes, before, steps)
+
+    found = _find_pressing(find, find_pressed(config, body, members), body.middle, sets)
+    if found is None:
+        raise NotHeldError(HoldStatus.NO_BALANCE)
+    return found
+
+
+def _find_pressing(
+    find: Callable[[PressedContacts], HeldGrip | None],
+    contacts: PressedContacts,
+    middle: complex,
+    sets: int | None,
+) -> HeldGrip | None:
+    """Return the equilibrium in which both ends of all faces press, after a number of sets."""
+    for _ in range(sets or len(contacts.owners)):
+        found = find(contacts)
+        if found is None:
+            break
+        pulling = found.pulling_end
+        if pulling is None:
             return found
-    raise NotHeldError(HoldStatus.NO_BALANCE)
+        contacts = contacts.without(pulling)
+    if sets is not None:
+        return None
+    # Not found with both ends of some face: the nearest one with as few ends less as may be.
+    for _, alike in itertools.groupby(_choices(contacts)[1:], lambda each: len(each.owners)):
+        others = [each for each in map(find, alike) if each is not None]
+        pressing = [each for each in others if each.pulling_end is None]
+        if pressing:
+            return min(pressing, key=lambda each: abs(each.body.middle - middle))
+    return None
 
 
 def _find_rest(
@@ -109,7 +143,7 @@ def _find_rest(
 ) -> HeldGrip | None:
     """Return the equilibrium at given contacts near where the object was measured, if any."""
     body, contacts = statics.body, statics.contacts
-    closure = rest(statics, body.center, body.pose.angle)
+    closure = rest(statics, body)
     found, motion = None, None
     if before is not None and _is_like(before, statics):
         travel = config.roller_positions - before.config.roller_positions
@@ -117,15 +151,15 @@ def _find_rest(
         if found is not None:
             motion = travel, found[1].unknowns - before.state.unknowns
     if found is None:
-        found = statics.settle(start_at(statics, body), wrench, closure, steps)
+        start = _search_centered(statics, wrench, steps)
+        found = None if start is None else statics.settle(start, wrench, closure, steps)
     if found is not None and not tubes.paper_model and len(contacts.owners) > len(contacts.ends):
         # How deep a face's ends dent the skin rests on how the tube is bent over them, and on how
         # the object has turned.
         statics, state = found
         turned = body.moved_to(state.unknowns[:3])
         dents = find_dents(statics.bent.structure, turned, contacts, tubes, state.normals)
-        statics = replace(statics, body=turned, indentation=dents)
-        closure = rest(statics, body.center, body.pose.angle)
+        statics = replace(statics, indentation=dents)
         found = statics.settle(state.unknowns, wrench, closure, steps)
     if found is None:
         return None
@@ -143,6 +177,26 @@ def _find_rest(
         tubes=tubes,
         motion=motion,
     )
+
+
+def _search_centered(statics: ContactStatics, wrench: Array, steps: int) -> Array | None:
+    """Return unknowns from which a search ends at the same equilibrium in every frame."""
+    body, shape = statics.body, statics.body.shape
+    if abs(shape.centroid) <= CENTERED * body.arm:
+        return start_at(statics, body)
+    pose = (body.middle.real, body.middle.imag, body.pose.angle)
+    centered = ConvexObject(shape.centered, pose)
+    away = (body.middle - body.center) / body.arm
+    moment = wrench[2] - away.real * wrench[1] + away.imag * wrench[0]
+    statics = replace(statics, body=centered)
+    start, closure = start_at(statics, centered), rest(statics, centered)
+    state = statics.solve(start, np.append(wrench[:2], moment), closure, steps)
+    if state is None:
+        return None
+    found = state.unknowns.copy()
+    center = state.center - cmath.rect(1.0, found[ANGLE]) * shape.centroid
+    found[CENTER] = center.real, center.imag
+    return found
 
 
 def _is_like(grip: HeldGrip, statics: ContactStatics) -> bool:
@@ -183,7 +237,7 @@ def _choices(contacts: PressedContacts) -> list[PressedContacts]:
     return [chosen for _, chosen in sorted(found, key=lambda item: item[0])]
 
 
-def rest(statics: ContactStatics, center: complex, angle: float) -> Closure:
+def rest(statics: ContactStatics, body: ConvexObject) -> Closure:
     """
     Return the closure with unknown contact history: the pose is near to a measured one.
 
@@ -193,11 +247,10 @@ def rest(statics: ContactStatics, center: complex, angle: float) -> Closure:
     members then need none, and without a face they rub alike.
 
     :param statics: the equations.
-    :param center: measured origin of the object's frame, x + iy [m].
-    :param angle: measured [rad].
+    :param body: the object where it was measured.
     """
     contacts, places, count = statics.contacts, statics.places, len(statics.sides)
-    ends, pressing = contacts.ends, slice(places.normal.start, None)
+    ends, owners, pressing = contacts.ends, contacts.owners, slice(places.normal.start, None)
     pairs = [(own[:1], own[1:], -1.0) for own in ends if len(own) == 2]
     faces, across = bool(pairs), len(ends) == 2
     if faces and across:
@@ -209,15 +262,17 @@ def rest(statics: ContactStatics, center: complex, angle: float) -> Closure:
         form[np.ix_(count + other, one)] = sign
     alike += alike.transpose(0, 2, 1)
     first = len(pairs) + across
+    # Shares of the normals in the chord from their mean at the second member to that at the first.
+    shares = np.where(owners == 0, 1.0, -1.0) / np.bincount(owners)[owners]
     linear, given = np.zeros((count, places.size)), np.zeros(count)
     if not faces:
-        linear[first, ANGLE], given[first] = statics.body.arm, statics.body.arm * angle
+        linear[first, ANGLE], given[first] = body.arm, body.arm * body.pose.angle
     if not across:
         # The friction of the first members, or their differences, that is to be none.
         signs = np.eye(len(ends))[: count - first - (not faces)]
         signs = signs if faces else signs - np.roll(signs, 1, axis=1)
         rubbing = slice(first + (not faces), None)
-        linear[rubbing, places.friction] = SOFTNESS * signs[:, contacts.owners]
+        linear[rubbing, places.friction] = SOFTNESS * signs[:, owners]
 
     def rows(unknowns: Array, normals: Points) -> tuple[Array, Array]:
         left, derivative = linear @ unknowns - given, linear.copy()
@@ -226,17 +281,18 @@ def rest(statics: ContactStatics, center: complex, angle: float) -> Closure:
             slopes = alike @ forces * SOFTNESS / max(float(np.abs(forces[:count]).sum()), 1e-3)
             left[: len(pairs)], derivative[: len(pairs), pressing] = 0.5 * slopes @ forces, slopes
         if across:
-            # How far the object has moved across the chord of two normals; that turns as the
-            # tubes incline.
-            row, (one, other) = derivative[first - 1], (normals.item(own[0]) for own in ends)
-            chord, away = one - other, complex(unknowns[0], unknowns[1]) - center
+            # How far the object's middle has moved across the chord, which turns as the tubes
+            # incline.
+            row, chord = derivative[first - 1], complex(shares @ normals)
+            arm = cmath.rect(1.0, unknowns[ANGLE]) * body.shape.centroid
+            away = complex(unknowns[0], unknowns[1]) + arm - body.middle
             size = max(abs(chord), 1e-9)
             along = 1j * chord / size
             lever = (along.conjugate() * -1j * away).real / size**2
-            left[first - 1], row[:2] = (along.conjugate() * away).real, (along.real, along.imag)
-            bent = row[places.inclinations]
-            bent[ends[0][0]] = (chord.conjugate() * 1j * one).imag * lever
-            bent[ends[1][0]] = -(chord.conjugate() * 1j * other).imag * lever
+            left[first - 1] = (along.conjugate() * away).real
+            row[:POSE] = along.real, along.imag, (along.conjugate() * 1j * arm).real
+            turned = (chord.conjugate() * 1j * normals).imag * lever
+            row[places.inclinations] = turned * shares
         return left, derivative
 
     return rows

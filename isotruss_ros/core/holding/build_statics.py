@@ -9,6 +9,9 @@ It presses with one corner, or with both ends of a face.
 
 from __future__ import annotations
 
+import cmath
+import math
+
 from isotruss_ros.core.contact.dents import (
     corner_dents,
     Indentation,
@@ -19,73 +22,41 @@ from isotruss_ros.core.holding.contact_forces import PressedContacts
 from isotruss_ros.core.holding.contact_statics import ContactStatics, TubeModel
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_lines
+from isotruss_ros.core.model.contact_patch import contact_patch, LEAST_DEPTH, LEAST_FACE
 from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.model.shapes import Face, Shape
+from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.statics.bent_tubes import BentTubes
 from isotruss_ros.core.statics.structure import Structure, structure_of
 import numpy as np
 
-#: Ends of a face that are nearer than this many tube radii along the tube share one dent.
-LEAST_FACE = 1.0
 #: Tubes of the robot file, which flatten.
 AS_MODELLED = TubeModel()
-#: Tables of dents are for normals in steps of this [rad].
+#: Tables of dents are for normals in steps of this at most [rad].
 ANGLE_STEP = 0.01
-#: Objects that only touch are taken to be this deep, as a share of their size.
-LEAST_DEPTH = 1e-3
 
 
 def find_pressed(config: Configuration, body: ConvexObject, members: Indices) -> PressedContacts:
     """
-    Return where members touch an object: with one corner, or both ends of a face.
+    Return where members touch an object, see `contact_patch`.
 
     :param config: configuration of the robot.
     :param body: the object in its place.
     :param members: (m,) numbers of the members, which rise.
     """
-    if not body.shape.faces_at(0):
-        count = len(members)
-        return PressedContacts(
-            members, np.zeros(count, dtype=np.intp), np.full((count, 2), np.inf)
-        )
     starts, normals = facing_lines(config, body, members)
     own = normals * body.turn.conjugate()
-    away = ((starts - body.center) * normals.conj()).real
     radius = 0.5 * config.robot.description.tube_diameter
+    depths = body.shape.support(own) + radius - ((starts - body.center) * normals.conj()).real
+    depths = np.maximum(depths, LEAST_DEPTH * body.arm)
     found: list[tuple[int, int, float, float]] = []
-    for member, normal, distance in zip(
-        members.tolist(), own.tolist(), away.tolist(), strict=True
-    ):
-        corner = body.shape.corners_at(normal, 0.0)[0]
-        face = _deeper_face(body.shape, corner, normal)
-        if face is None or not _is_laid(body.shape, corner, face, normal, distance, radius):
-            found.append((member, corner, np.inf, np.inf))
-            continue
-        one, other = (corner, face.corner)[:: face.step]
-        half = 0.5 * face.length
-        found += [(member, one, np.inf, half), (member, other, half, np.inf)]
+    for member, normal, depth in zip(members.tolist(), own.tolist(), depths.tolist(), strict=True):
+        first, *others = contact_patch(body.shape, normal, depth, LEAST_FACE * radius)
+        half = 0.5 * (others[0].along - first.along) if others else np.inf
+        found.append((member, first.corner, np.inf, half))
+        found += [(member, other.corner, half, np.inf) for other in others]
     numbers, corners, before, behind = zip(*found, strict=True)
     return PressedContacts(np.array(numbers), np.array(corners), np.column_stack([before, behind]))
-
-
-def _is_laid(
-    shape: Shape, corner: int, face: Face, normal: complex, distance: float, radius: float
-) -> bool:
-    """Return whether the other end of a face is in the tube too, and not in the same dent."""
-    back, end = normal.conjugate(), shape.point_at(face.corner, normal)
-    apart = face.step * ((end - shape.point_at(corner, normal)) * back).imag
-    deep = (end * back).real - distance + radius
-    return apart >= LEAST_FACE * radius and deep > 0.0
-
-
-def _deeper_face(shape: Shape, corner: int, normal: complex) -> Face | None:
-    """Return the face at a corner whose other end is farther out along a normal, if it has any."""
-    faces = shape.faces_at(corner)
-    if not faces:
-        return None
-    back = normal.conjugate()
-    return max(faces, key=lambda face: (shape.point_at(face.corner, normal) * back).real)
 
 
 def facing_lines(
@@ -205,18 +176,33 @@ def _dents(
     if body.shape.is_round:
         radius = body.shape.reach
         return [skin_indentation(config.robot, int(tube), radius, pressures) for tube in tubes]
-    angles = ANGLE_STEP * np.round(np.angle(normals * body.turn.conjugate()) / ANGLE_STEP)
+    facing = normals * body.turn.conjugate()
     return [
         corner_dents(
             config.robot,
-            int(tube),
+            tube,
             body.shape,
-            float(angle),
-            int(corner),
-            (float(cut[0]), float(cut[1])),
+            _tabulated(body.shape, corner, normal),
+            corner,
+            (before, behind),
             pressures,
         )
-        for tube, angle, corner, cut in zip(
-            tubes, angles, contacts.corners, contacts.cuts, strict=True
+        for tube, normal, corner, (before, behind) in zip(
+            tubes.tolist(),
+            facing.tolist(),
+            contacts.corners.tolist(),
+            contacts.cuts.tolist(),
+            strict=True,
         )
     ]
+
+
+def _tabulated(shape: Shape, corner: int, normal: complex) -> float:
+    """Return the angle of the table nearest to a normal [rad]: the faces at a corner have one."""
+    faces = shape.faces_at(corner)
+    if not faces:
+        return ANGLE_STEP * round(cmath.phase(normal) / ANGLE_STEP)
+    before, after = (face.normal for face in faces)
+    middle, half = cmath.phase(before + after), 0.5 * cmath.phase(after / before)
+    step = half / math.ceil(half / ANGLE_STEP)
+    return middle + step * round(cmath.phase(normal * cmath.rect(1.0, -middle)) / step)

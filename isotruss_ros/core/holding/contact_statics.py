@@ -24,11 +24,13 @@ import cmath
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 import functools
+import math
 from typing import NamedTuple
 
 from isotruss_ros.core.contact.dents import Indentation
 from isotruss_ros.core.holding.contact_forces import (
     ANGLE,
+    CENTER,
     ContactForces,
     Places,
     POSE,
@@ -90,7 +92,7 @@ class ContactStatics:
     The equations of a convex object at k contacts.
 
     :ivar bent: how the tubes give at the contacts.
-    :ivar body: the object, near where it is.
+    :ivar body: the object where it was measured.
     :ivar contacts: the k contacts.
     :ivar tube_radius: [m].
     :ivar sides: (k,) +1 where the object is on the right of the member (seen along its axis from
@@ -275,6 +277,7 @@ class ContactStatics:
                 return None if folded else state
             _, _, step, singular = lapack.dgesv(state.jacobian, -residual)
             size = np.abs(step)
+            size[CENTER] = math.hypot(step[0], step[1])
             if singular or not size.max() < np.inf:
                 return None
             unknowns = unknowns + step / max(1.0, float((size / longest).max()))

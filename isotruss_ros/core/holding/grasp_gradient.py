@@ -20,13 +20,15 @@ from isotruss_ros.core.holding.contact_forces import slip_conditions
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.loaded_tubes import GraspParameters, LoadedTubes
 from isotruss_ros.core.holding.settled_grasp import SettledGrasp
-from isotruss_ros.core.numerics.arrays import Array, Points
+from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.records import Record
 import numpy as np
 
 #: Wrench of differences along a response, as a share of the squeeze [-].
 STEP = 3e-4
+#: Values that differ by less than this share are equally large.
+TIE = 1e-7
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -37,6 +39,8 @@ class GraspGradient(
     """
     The derivatives of a `SettledGrasp` by p parameters; contacts stay those that there are.
 
+    Without an equilibrium they are those of a `LostContact`: pose and slip margin change alone.
+
     Where the object is set down counts by how deep it sits between two members: across their
     bisector, and of three members at all, the equilibrium does not depend on the place.
 
@@ -45,12 +49,12 @@ class GraspGradient(
     :ivar pose: (3, p) of (x, y, angle).
     :ivar normal_forces: (m, p) by grasping member, in the order of `SettledGrasp.normal_forces`.
     :ivar friction_forces: (m, p) on the object, counter-clockwise.
-    :ivar required_friction: (p,) of the member that needs the most; it has a kink where several
-        do, as in a symmetric grasp, and is then that of any of them.
-    :ivar needs_most: its name.
+    :ivar required_friction: (p,) of the first member that `needs_most`.
+    :ivar needs_most: names of the members that need the most friction. Where several do, as in a
+        symmetric grasp, the required friction has a kink.
     :ivar utilisation: (n, p) of the place of each member where it is largest, in the order of
         `Robot.member_names`.
-    :ivar most_used: the name of the member with the largest.
+    :ivar most_used: names of the members with the largest.
     """
 
     parameters: GraspParameters
@@ -59,11 +63,11 @@ class GraspGradient(
     normal_forces: Array
     friction_forces: Array
     required_friction: Array
-    needs_most: str
+    needs_most: tuple[str, ...]
     utilisation: Array
-    most_used: str
+    most_used: tuple[str, ...]
     # For second derivatives: how parameters and unknowns change, behind them by a unit wrench.
-    _changes: tuple[Array, Array]
+    _changes: tuple[Array, Array] | None
 
     @property
     def squeeze(self) -> Array:
@@ -73,6 +77,8 @@ class GraspGradient(
     @functools.cached_property
     def stiffness(self) -> Array:
         """Return those of the stiffness, (3, 3, p)."""
+        if self._changes is None:
+            return np.zeros((3, 3, self.parameters.size))
         grip = self.settled.equilibrium
         inverse = np.linalg.inv(grip.response.pose)
         rates = -np.einsum('ia,apb,bj->ijp', inverse, self._response[:3], inverse)
@@ -81,13 +87,23 @@ class GraspGradient(
 
     @property
     def slip_margin(self) -> Array:
-        """Return those of the slip margin: of the member that `gives_way`, (p,)."""
-        return self._margin[0]
+        """Return those of the slip margin: of the first member that `gives_way`, (p,)."""
+        return self.slip_margins[0]
 
     @property
-    def gives_way(self) -> str:
-        """Return the name of the member that slips, or lets go, under the least wrench."""
-        return self._margin[1]
+    def slip_margins(self) -> Array:
+        """Return those of the t conditions that are equally near, of one each, (t, p)."""
+        return self._margins[0]
+
+    @property
+    def gives_way(self) -> tuple[str, ...]:
+        """
+        Return the names of the members that give way under the least wrench; none if all have.
+
+        Of several, as in a symmetric grasp, the slip margin has a kink: it grows by the least of
+        `slip_margins`.
+        """
+        return self._margins[1]
 
     @functools.cached_property
     def _response(self) -> Array:
@@ -95,7 +111,12 @@ class GraspGradient(
         return _response_rates(self.settled.equilibrium, *self._changes)
 
     @functools.cached_property
-    def _margin(self) -> tuple[Array, str]:
+    def _margins(self) -> tuple[Array, tuple[str, ...]]:
+        if self._changes is None:
+            rates, places = np.zeros((1, self.parameters.size)), self.parameters
+            rolled, placed = self.settled.lost.slip_margin_rates()
+            rates[0, places.rollers], rates[0, places.place] = rolled, placed
+            return rates, ()
         _, change = self._changes
         return _slip_margin_rates(self.settled, change[:, :-3], self._response, self.parameters)
 
@@ -110,11 +131,11 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
     are computed where slip margin or stiffness are asked for.
 
     :param settled: where the object rests.
-    :raises GraspError: there is no equilibrium, or an indifferent one.
+    :raises GraspError: the equilibrium is indifferent.
     """
     grip = settled.equilibrium
     if grip is None:
-        raise GraspError(f'a grasp without equilibrium has no derivatives: {settled.reason}')
+        return _lost_gradient(settled)
     if grip.response is None:
         raise GraspError('an indifferent equilibrium has no derivatives')
     parameters = GraspParameters.of(grip.config)
@@ -127,27 +148,57 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
     used, utilisation = tubes.utilisation(rates)
     members = np.eye(len(grip.members))[grip.contacts.owners].T
     presses, rubs = (members @ change[each, :-3] for each in (places.normal, places.friction))
-    most, needed = _friction_rates(grip, presses, rubs)
+    needs = np.abs(grip.friction_forces) / grip.normal_forces
+    most, names = _find_largest(needs), grip.config.robot.member_names
     return GraspGradient(
         parameters=parameters,
         settled=settled,
         pose=change[:3, :-3],
         normal_forces=presses,
         friction_forces=-rubs,
-        required_friction=needed,
-        needs_most=grip.member_names[most],
+        required_friction=_friction_rates(grip, int(most[0]), presses, rubs),
+        needs_most=tuple(grip.member_names[i] for i in most),
         utilisation=utilisation[:, :-3],
-        most_used=grip.config.robot.member_names[int(used.argmax())],
+        most_used=tuple(names[i] for i in _find_largest(used)),
         _changes=(chosen, change),
     )
 
 
-def _friction_rates(grip: HeldGrip, presses: Array, rubs: Array) -> tuple[int, Array]:
-    """Return which member needs most friction, and how that changes, by its forces' rates."""
-    needs = np.abs(grip.friction_forces) / grip.normal_forces
-    most = int(needs.argmax())
-    sign = float(np.sign(grip.friction_forces[most]))
-    return most, (sign * rubs[most] - needs[most] * presses[most]) / grip.normal_forces[most]
+def _lost_gradient(settled: SettledGrasp) -> GraspGradient:
+    """Return the derivatives without an equilibrium: the pose stays where the object is put."""
+    parameters = GraspParameters.of(settled.lost.config)
+    pose = np.zeros((3, parameters.size))
+    pose[:, parameters.place] = np.eye(3)
+    none = np.zeros((0, parameters.size))
+    return GraspGradient(
+        parameters=parameters,
+        settled=settled,
+        pose=pose,
+        normal_forces=none,
+        friction_forces=none,
+        required_friction=np.zeros(parameters.size),
+        needs_most=(),
+        utilisation=np.zeros((len(settled.utilisation), parameters.size)),
+        most_used=(),
+        _changes=None,
+    )
+
+
+def _find_largest(values: Array) -> Indices:
+    """
+    Return which values (n,) are the largest, but for rounding, (t,).
+
+    :param values: (n,) numbers.
+    """
+    largest = float(values.max())
+    return np.flatnonzero(values >= largest - TIE * abs(largest))
+
+
+def _friction_rates(grip: HeldGrip, most: int, presses: Array, rubs: Array) -> Array:
+    """Return how the friction that a member needs changes, by its forces' rates, (p,)."""
+    normal, friction = grip.normal_forces[most], grip.friction_forces[most]
+    need = np.abs(friction) / normal
+    return (np.sign(friction) * rubs[most] - need * presses[most]) / normal
 
 
 def _response_rates(grip: HeldGrip, chosen: Array, change: Array) -> Array:
@@ -191,18 +242,25 @@ def _equation_changes(
 
 def _slip_margin_rates(
     settled: SettledGrasp, change: Array, answer: Array, parameters: GraspParameters
-) -> tuple[Array, str]:
-    """Return how the slip margin changes, (p,) [N], and which member gives way."""
+) -> tuple[Array, tuple[str, ...]]:
+    """Return how the slip margin changes, (t, p) [N], and which members give way."""
     grip = settled.equilibrium
     owners, response, begin = grip.contacts.owners, grip.response, grip.state.places.normal.start
     rows = slip_conditions(owners, settled.friction)
     reserve, slope, size = grip.slip_reserves(settled.friction)
-    nearest = int((reserve / size).argmin())
-    row, way = rows[nearest], slope[nearest] / size[nearest]
+    nearest, turn = _find_largest(-reserve / size), grip.about_middle
+    # By wrenches about the middle of the object, which moves around the origin as it turns.
+    ways = slope[nearest] @ turn / size[nearest, None]
+    rows, slope, size, along = rows[nearest], slope[nearest], size[nearest], ways @ turn.T
+    x, y = turn[2, 1], -turn[2, 0]
+    swung = -slope[:, 2] * (x * ways[:, 0] + y * ways[:, 1])
+    left = rows @ change[begin:]
+    longer = np.einsum('ta,apw,tw->tp', rows, answer[begin:], along) + np.outer(swung, change[2])
     # With friction the conditions change, but not those of contacts that let go.
-    presses = slip_conditions(owners, 1.0)[nearest] - slip_conditions(owners, 0.0)[nearest]
-    left, longer = row @ change[begin:], np.einsum('a,apw,w->p', row, answer[begin:], way)
-    left[parameters.friction] += presses @ grip.state.forces
-    longer[parameters.friction] += presses @ response.forces @ way
+    presses = (slip_conditions(owners, 1.0) - slip_conditions(owners, 0.0))[nearest]
+    left[:, parameters.friction] += presses @ grip.state.forces
+    longer[:, parameters.friction] += (presses @ response.forces * along).sum(axis=1)
     names = [*2 * grip.member_names, *(grip.member_names[i] for i in owners)]
-    return (left - reserve[nearest] / size[nearest] * longer) / size[nearest], names[nearest]
+    margins = reserve[nearest, None] / size[:, None]
+    rates = (left - margins * longer) / size[:, None]
+    return rates, tuple(dict.fromkeys(names[i] for i in nearest))

@@ -21,7 +21,7 @@ from isotruss_ros.core.holding.contact_statics import ContactStatics, TubeModel
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
-from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
 from isotruss_ros.core.statics.wrinkling import find_utilisation, Utilisation
 import numpy as np
 from scipy.linalg import lapack
@@ -156,8 +156,9 @@ class HeldGrip:
         """
         Return the smallest extra wrench at which a member slips or a contact lets go [N].
 
-        Moments count over the arm. A member slips where the friction of all its contacts,
-        |T| = mu N of their sums, is used; each end of a face lets go at N = 0. Forces change
+        Moments are about the middle of the object's area and count over the arm. A member slips
+        where the friction of all its contacts, |T| = mu N of their sums, is used; each end of a
+        face lets go at N = 0. Forces change
         linearly with the wrench, so that each condition is a plane in the space of wrenches, and
         the margin the distance of the nearest one.
 
@@ -175,26 +176,34 @@ class HeldGrip:
 
     def weakest_direction(self, friction: float) -> Array:
         """
-        Return the unit wrench (fx, fy, m / arm) along which the slip margin is the least, (3,).
+        Return the wrench (fx, fy, m / arm) along which the slip margin is the least, (3,).
+
+        Its size is one with the moment about the middle of the object's area, see `slip_margin`.
 
         :param friction: coefficient between tube and object.
         """
         reserve, slope, size = self.slip_reserves(friction)
-        nearest = int((reserve / size).argmin())
-        return -slope[nearest] / size[nearest]
+        nearest, about_middle = int((reserve / size).argmin()), self.about_middle
+        return -about_middle @ about_middle.T @ slope[nearest] / size[nearest]
+
+    @functools.cached_property
+    def about_middle(self) -> Array:
+        """Return wrenches about the frame's origin by those about the middle, m / arm, (3, 3)."""
+        away = (self.body.middle - self.body.center) / self.arm
+        return np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-away.imag, away.real, 1.0]])
 
     def slip_reserves(self, friction: float) -> tuple[Array, Array, Array]:
         """
         Return what is left of each of `slip_conditions`, (c,) [N], and its slope by a wrench.
 
         :param friction: coefficient between tube and object.
-        :return: besides, the slopes (c, 3) and their sizes (c,).
+        :return: besides, the slopes (c, 3), and their sizes (c,) by wrenches about the middle.
         """
         if friction not in self._reserves:
             rows = slip_conditions(self.contacts.owners, friction)
             slope = rows @ self.response.forces
             # Of any friction, squares may overflow.
-            size = np.hypot.reduce(slope, axis=1)
+            size = np.hypot.reduce(slope @ self.about_middle, axis=1)
             self._reserves[friction] = rows @ self.state.forces, slope, size
         return self._reserves[friction]
 
@@ -216,20 +225,22 @@ class HeldGrip:
         return find_utilisation(bent.structure, *bent.state(state.loads, state.feet))
 
     @property
-    def presses(self) -> bool:
-        """Tell whether both ends of all faces press."""
+    def pulling_end(self) -> int | None:
+        """Return which end of a face pulls most; None if both ends of all faces press."""
         owners = self.contacts.owners
-        alone = np.bincount(owners)[owners] == 1
-        return bool((alone | (self.state.normal_forces > 0.0)).all())
+        return self._most_pulling(np.bincount(owners)[owners] > 1)
 
     @property
     def pulling(self) -> int | None:
         """Return which end of a face, or third member, pulls most; None if none does."""
-        owners, normal = self.contacts.owners, self.state.normal_forces
-        more = (np.bincount(owners)[owners] > 1) | (owners[-1] > 1)
-        pulling = np.where(more, normal, np.inf)
-        least = int(pulling.argmin())
-        return least if pulling[least] < 0.0 else None
+        owners = self.contacts.owners
+        return self._most_pulling((np.bincount(owners)[owners] > 1) | (owners[-1] > 1))
+
+    def _most_pulling(self, chosen: Flags) -> int | None:
+        """Return which of the chosen contacts (k,) pulls most; None if none does."""
+        normal = np.where(chosen, self.state.normal_forces, np.inf)
+        least = int(normal.argmin())
+        return least if normal[least] < 0.0 else None
 
     @functools.cached_property
     def tangent(self) -> Array:

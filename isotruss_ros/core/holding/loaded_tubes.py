@@ -164,10 +164,14 @@ class LoadedTubes:
         torque = (swept.conj() * forces + arms.conj() * turned).imag.sum(axis=0)
         total = turned.sum(axis=0)
         wrench = self._chosen[self._parameters.wrench] / np.array([[1.0], [1.0], [grip.arm]])
-        # The closure depends on the normals, and on how far the pose is from where it was set.
-        closing = state.jacobian[places.closure]
+        # The closure depends on the normals, and on how far the pose is from where it was set; the
+        # middle, which counts, has turned about the origin since.
+        closing, measured = state.jacobian[places.closure], statics.body
         closure = closing[:, places.inclinations] @ spins
-        closure -= closing[:, :3] @ self._chosen[self._parameters.place]
+        place = self._chosen[self._parameters.place]
+        still = measured.middle - measured.center - (body.middle - body.center)
+        place = place + np.array([[-still.imag], [still.real], [0.0]]) * place[2]
+        closure -= closing[:, :3] @ place
         balance = wrench - np.stack([total.real, total.imag, torque / grip.arm])
         touch = np.stack([gap.real, gap.imag, slope], axis=1).reshape(3 * len(gap), -1)
         return np.concatenate([touch, balance, closure])

@@ -16,7 +16,6 @@ from isotruss_ros.core.holding.build_statics import (
     facing_lines,
     find_dents,
     find_pressed,
-    LEAST_FACE,
     start_at,
 )
 from isotruss_ros.core.holding.contact_forces import PressedContacts
@@ -31,6 +30,7 @@ from isotruss_ros.core.holding.held_grip import HeldGrip, scaled_wrench, travel_
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths, member_lines
 from isotruss_ros.core.manipulation.grip import MOST
+from isotruss_ros.core.model.contact_patch import LEAST_FACE
 from isotruss_ros.core.model.convex_object import segment_gaps
 from isotruss_ros.core.model.shapes import Face
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
@@ -188,7 +188,9 @@ def _lay_down(grip: HeldGrip, changes: int = MAX_CHANGES) -> HeldGrip:
                 continue
             short = face.length < LEAST_FACE * grip.statics.tube_radius
             laid = _lay(grip, k, face, short)
-            if laid is not None and laid.presses:
+            # In a longer motion the object rolls over the face, and this end lifts again.
+            laid = None if laid is None else _lift_ends(laid)
+            if laid is not None and not np.array_equal(laid.contacts.corners, corners):
                 return _lay_down(laid, changes - 1) if short and changes > 0 else laid
             break
     return grip

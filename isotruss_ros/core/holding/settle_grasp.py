@@ -6,12 +6,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-import math
 
 from isotruss_ros.core.contact.analyze_grasp import check_load
+from isotruss_ros.core.contact.lost_contact import LostContact
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_statics import TubeModel
-from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, NotHeldError
+from isotruss_ros.core.holding.held_grip import (
+    HeldGrip,
+    HoldStatus,
+    NotHeldError,
+    scaled_wrench,
+)
 from isotruss_ros.core.holding.settled_grasp import SettledGrasp
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths
@@ -68,7 +73,8 @@ def settle_grasp(
     try:
         found = attach_grip(config, body, numbers, wrench, tubes, before)
     except NotHeldError as error:
-        return SettledGrasp(error.hold, str(error), body.pose, mu)
+        lost = LostContact.of(config, body, numbers, scaled_wrench(wrench, body.arm), pressure)
+        return SettledGrasp(error.hold, str(error), body.pose, mu, lost=lost)
     return assess_equilibrium(body.pose, found, mu)
 
 
@@ -82,7 +88,9 @@ def assess_equilibrium(given: Pose, found: HeldGrip, friction: float) -> Settled
     """
     sticks = found.hold(friction)
     if sticks in (HoldStatus.NO_CONTACT, HoldStatus.OFF_MEMBER):
-        return SettledGrasp(sticks, sticks.value, given, friction)
+        body, pressure = found.body.moved_to(given), found.tubes.pressure
+        lost = LostContact.of(found.config, body, found.members, found.wrench, pressure)
+        return SettledGrasp(sticks, sticks.value, given, friction, lost=lost)
     hold, reason = _judge(found, given, friction)
     return SettledGrasp(hold, reason, given, friction, found)
 
@@ -90,7 +98,7 @@ def assess_equilibrium(given: Pose, found: HeldGrip, friction: float) -> Settled
 def _judge(found: HeldGrip, given: Pose, friction: float) -> tuple[HoldStatus, str]:
     """Return whether an equilibrium holds the object, and why not."""
     robot = found.config.robot
-    shift = math.hypot(found.pose.x - given.x, found.pose.y - given.y)
+    shift = abs(found.body.middle - found.body.moved_to(given).middle)
     if shift > MAX_DISPLACEMENT * robot.description.tube_diameter:
         return HoldStatus.FAR, f'{HoldStatus.FAR.value}: {1e3 * shift:.3g} mm'
     depths = member_depths(found.config, found.body)

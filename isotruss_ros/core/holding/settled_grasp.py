@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 import math
 
+from isotruss_ros.core.contact.lost_contact import LostContact
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array
@@ -25,16 +26,19 @@ class SettledGrasp(
     """
     The equilibrium of a free object between two or three members, friction loading the tubes.
 
-    Where no equilibrium was found the pose is the given one, and there are no forces. Where a face
-    lies on a member with unknown contact history, friction is taken to be as little as the balance
-    needs: `held`, `required_friction` and `slip_margin` are the best case there. In MuJoCo such a
-    box needed a coefficient of 0.87 where this tells 0.59.
+    Where no equilibrium was found the pose is the given one, there are no forces, and the slip
+    margin continues by how far the members are from touching the object, see `LostContact`.
+
+    Where a face lies on a member with unknown contact history, friction is taken to be as little
+    as the balance needs: `held`, `required_friction` and `slip_margin` are the best case there. In
+    MuJoCo such a box needed a coefficient of 0.87 where this tells 0.59.
 
     :ivar hold: whether it is held, and if not, why.
     :ivar reason: the same for a message; empty when it is held.
     :ivar given: the pose near which it was looked for, robot frame [m, rad].
     :ivar friction: coefficient between tube and object with which it was settled.
     :ivar equilibrium: to begin with for a similar grasp; None where there is none.
+    :ivar lost: the contact that there is not; None where there is an equilibrium.
     """
 
     hold: HoldStatus
@@ -42,6 +46,7 @@ class SettledGrasp(
     given: Pose
     friction: float
     equilibrium: HeldGrip | None = field(default=None, repr=False)
+    lost: LostContact | None = field(default=None, repr=False)
 
     @property
     def held(self) -> bool:
@@ -97,11 +102,18 @@ class SettledGrasp(
         """
         Return the smallest extra wrench, moment over d/2, at which a member slips or lets go [N].
 
-        Negative where one does already, zero without an equilibrium. Of an object that is no disc
-        moments count over `ConvexObject.arm`, and each end of a face that lies on a member may let
-        go.
+        Negative where one does already, and without an equilibrium, see `LostContact`. Of an
+        object that is no disc moments count over `ConvexObject.arm`, and each end of a face that
+        lies on a member may let go.
         """
+        if self.lost is not None:
+            return self.lost.slip_margin
         return 0.0 if self.equilibrium is None else self.equilibrium.slip_margin(self.friction)
+
+    @property
+    def gap(self) -> float:
+        """Return how far the members are from touching the object [m]; 0 in an equilibrium."""
+        return 0.0 if self.lost is None else self.lost.gap
 
     @property
     def utilisation(self) -> dict[str, float]:
@@ -129,6 +141,8 @@ class SettledGrasp(
 
     def _named(self, find: Callable[[HeldGrip], Array], every: bool = False) -> dict[str, float]:
         """Return numbers of the equilibrium by grasping member, or by every member."""
+        if self.lost is not None and every:
+            return dict.fromkeys(self.lost.config.robot.member_names, 0.0)
         grip = self.equilibrium
         if grip is None:
             return {}

@@ -1,4 +1,9 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""From roller travel to node positions: equations (3), (12) and (13)."""
+"""
+From roller travel to node positions: equations (3), (12) and (13).
+
+Entry points: `robot.Robot`, `configuration.Configuration`, `rigidity`.
+Imports `core.model` and what is below it.
+"""

@@ -1,4 +1,9 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""From the twist of a grasped object to roller velocities: equations (11), (14) to (20)."""
+"""
+From the twist of a grasped object to roller velocities: equations (11), (14) to (20).
+
+Entry points: `solve_twist.solve_twist`, `grip.Grip`, `rolling_grip.RollingGrip`, `limits`.
+Imports `core.statics` and what is below it, not `core.contact`.
+"""

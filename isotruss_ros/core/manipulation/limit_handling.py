@@ -29,7 +29,8 @@ from isotruss_ros.core.manipulation.twist_qp import maximize_progress, PENALTIES
 from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
 
-#: Solutions are exact to rounding; a scale this close to 1 is 1.
+#: Solutions are exact to rounding; a scale this close to 1 is 1, and this
+#: much progress, in speeds of the rollers, is none.
 SCALE_TOLERANCE = 1e-9
 #: Bounds and twists this many times larger than the problem's scale are as good as infinite.
 MAX_REACH = 1e9
@@ -128,6 +129,9 @@ def apply_limits(
         solution, made = _solve(task, closest, bounds, guess)
         slack = bounds.slack(solution)
     scale = min(1.0, max(0.0, made * unit / gain / task.speed))
+    if made < SCALE_TOLERANCE:
+        # Speeds that make no progress are rounding of the program.
+        solution, scale = np.zeros_like(solution), 0.0
     velocities = working.spread(solution * unit)
     if scale > 1.0 - SCALE_TOLERANCE:
         return velocities, 1.0, task.status, ()

@@ -20,6 +20,9 @@ from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices
 import numpy as np
 
+#: Members approach a bound of their length at this share of their distance from it [1/s].
+APPROACH_RATE = 10.0
+
 
 class Rows(NamedTuple):
     """Rows lower <= matrix @ phidot <= upper, with lower <= 0 <= upper."""
@@ -102,12 +105,13 @@ class MemberLengthLimit:
     No member gets shorter than `min_length` or longer than `max_length`.
 
     A member approaches a bound at most at `rate` times its distance from it, so a loop that runs
-    at `rate` [Hz] or faster never violates the bound: lengths are linear in roller travel.
+    at `rate` [Hz] or faster never violates the bound: lengths are linear in roller travel. Rollers
+    that slow down so need `rate` times their largest speed as acceleration.
     """
 
     min_length: float  #: pinch to pinch [m]
     max_length: float  #: pinch to pinch [m]
-    rate: float = 10.0  #: of the approach to a bound [1/s]
+    rate: float = APPROACH_RATE  #: of the approach to a bound [1/s]
     status: ClassVar[Status] = Status.SLOWED_MEMBER_LENGTH
     can_slide: ClassVar[bool] = True
 
@@ -135,7 +139,7 @@ def default_limits(robot: Robot) -> tuple[Limit, ...]:
     file = robot.description
     return (
         RollerSpeedLimit(file.max_speed),
-        MemberLengthLimit(file.min_length, file.max_length),
+        MemberLengthLimit(file.min_length, file.max_length, min(APPROACH_RATE, file.braking_rate)),
     )
 
 

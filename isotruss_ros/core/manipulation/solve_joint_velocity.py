@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -28,12 +28,18 @@ class JointCommand(RollerCommand):
     Roller velocities, and the motion of the joints that follows from them; see `RollerCommand`.
 
     :ivar achieved_twist: (2 k,) vx, vy of k joints in the robot frame [m/s].
-    :ivar achieved_velocities: the same, (vx, vy) by joint.
+    :ivar joints: names of the joints.
     :ivar reachable_dof: number of independent motions of the joints that the working rollers can
         produce.
     """
 
-    achieved_velocities: dict[str, Array] = field(default_factory=dict)
+    joints: tuple[str, ...] = ()
+
+    @property
+    def achieved_velocities(self) -> dict[str, Array]:
+        """Return the achieved velocities (vx, vy) by joint [m/s]."""
+        velocities = self.achieved_twist[: 2 * len(self.joints)].reshape(-1, 2)
+        return dict(zip(self.joints, velocities, strict=True))
 
 
 def check_joint(robot: Robot, name: str) -> None:
@@ -94,5 +100,4 @@ def solve_joint_velocity(
     working = working_rollers(robot, frozenset([failed] if isinstance(failed, str) else failed))
     reach = Reach.of(jacobian, working, np.ones(len(jacobian)))
     command = carry_out(config, reach, desired, limits, handling)
-    achieved = dict(zip(velocities, command.achieved_twist.reshape(-1, 2), strict=True))
-    return JointCommand(**vars(command), achieved_velocities=achieved)
+    return JointCommand(**vars(command), joints=tuple(velocities))

@@ -42,6 +42,7 @@ def solve_twist(
     limits: Sequence[Limit] | None = None,
     handling: LimitHandling = SCALE,
     opening_rate: float = 0.0,
+    cost: ArrayLike | None = None,
 ) -> RollerCommand:
     """
     Find the roller velocities of the least cost (11) that move the object with a twist (20).
@@ -64,7 +65,10 @@ def solve_twist(
         with which each moves away from the object [m/s]: the right-hand side of the fourth row of
         (19), scaled with the twist; while sliding along limits as far as those of the roller
         speeds scale it, and zero where the others do not admit that.
-    :raises GraspError: the grip, the twist or a name in `failed` is not usable.
+    :param cost: (r, r) J of (11) as a positive definite form of the roller speeds; None for the
+        cost of the paper, the squared change of the member lengths. A cost W of the node
+        velocities is `rows.T @ W @ rows` with `rows = config.roller_rows(np.eye(len(W)))`.
+    :raises GraspError: the grip, the twist, the cost or a name in `failed` is not usable.
     :raises ConfigurationError: the configuration is singular.
     :raises SolverError: a quadratic program was not solved.
     """
@@ -75,6 +79,8 @@ def solve_twist(
         desired = finite_array(twist, 3, 'the twist (vx, vy [m/s], omega [rad/s])', GraspError)
     working = working_rollers(robot, frozenset([failed] if isinstance(failed, str) else failed))
     reach = _find_reach(config, grip, working)
+    if cost is not None:
+        reach = reach._replace(working=working.with_cost(cost))
     if len(reach.directions) < 3 and desired.any():
         reach = roll_off_faces(config, grip, reach, desired)
     return carry_out(config, reach, desired, limits, handling, opening_rate)
@@ -114,7 +120,9 @@ def carry_out(
     if not ((rates <= rows.upper) & (rates >= rows.lower)).all():
         velocities, scale, status, limiting = apply_limits(config, task, limits, rows, handling)
     achieved, dof = reach.motion.dot(velocities), len(reach.directions)
-    return RollerCommand(velocities, achieved, scale, status, limiting, dof)
+    return RollerCommand(
+        velocities, achieved, scale, status, limiting, dof, reach.motion, reach.contact_rows
+    )
 
 
 def solve_twist_ahead(

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 import enum
 
 from isotruss_ros.core.numerics.arrays import Array
@@ -24,6 +24,7 @@ class Status(enum.IntEnum):
     IDLE = 1  #: the twist is zero, and so is the command
     FOLLOWING_TRAJECTORY = 2  #: a trajectory of the rollers is followed; twists do not count
     ARRIVED = 3  #: the rollers are at the end of a trajectory; no twist came since
+    ACCELERATING = 4  #: the rollers change their speeds as quickly as they may
     SLOWED_ROLLER_SPEED = 10  #: along the twist, slower: a roller is at its largest speed
     SLOWED_MEMBER_LENGTH = 11  #: along the twist, slower: a member is near its length limit
     SLOWED_RIGIDITY = 12  #: along the twist, slower: the rigidity index is near its bound
@@ -78,6 +79,10 @@ class RollerCommand(
     :ivar limiting: names of the rollers, members and so on whose limits bind, empty at scale 1.
     :ivar reachable_dof: number of independent motions of the object that the working rollers can
         produce, 0 to 3; 0 too where the rollers are stopped for want of inputs.
+    :ivar motion: (3, r) rows of the twist on the speeds of the rollers; None where they are
+        stopped.
+    :ivar contact_rows: (g, r) rows on the speeds of the rollers that keep the contacts, zero for
+        those that have failed; None where they are stopped.
     """
 
     roller_velocities: Array
@@ -86,6 +91,8 @@ class RollerCommand(
     status: Status
     limiting: tuple[str, ...] = ()
     reachable_dof: int = 0
+    motion: Array | None = field(default=None, repr=False)
+    contact_rows: Array | None = field(default=None, repr=False)
 
     def slowed(self, share: float, status: Status, names: tuple[str, ...]) -> RollerCommand:
         """

@@ -15,11 +15,13 @@ import functools
 import math
 from typing import NamedTuple
 
+from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.model.topology import check_roller_names
-from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.linalg import lapack
 
 #: Directions in which 1 m/s at the rollers moves the object's surface by less [m/s] are lost.
@@ -31,6 +33,9 @@ EVERYWHERE = np.eye(3)
 EVERYWHERE.flags.writeable = False
 #: Twists faster than this are as good as this fast: roller speeds for them stay finite [m/s].
 FASTEST = 1e290
+#: A cost is symmetric, and its eigenvalues positive, by this share of its largest entry [-].
+COST_TOLERANCE = 1e-12
+SMALLEST_COST = float(np.finfo(float).tiny)
 #: A twist is unreachable where more than this share of it is.
 REACH_TOLERANCE = 1e-9
 
@@ -51,6 +56,33 @@ class WorkingRollers:
         :param rows: (..., r) on the speeds of all rollers.
         """
         return rows.take(self.places, -1)
+
+    def with_cost(self, cost: ArrayLike) -> WorkingRollers:
+        """
+        Return these rollers with another cost (11) of their speeds.
+
+        Only the ratios of its entries count: its trace becomes that of the cost of the paper.
+
+        :param cost: (r, r) of the speeds of all rollers, symmetric and positive definite.
+        :raises GraspError: it is not.
+        """
+        words = f'the cost, one of {self.count} rows'
+        given = cost if np.iterable(cost) else [cost]
+        matrix = np.array([finite_array(row, self.count, words, GraspError) for row in given])
+        if len(matrix) != self.count:
+            raise GraspError(f'the cost: {len(matrix)} rows; must be {self.count}')
+        size = max(float(np.abs(matrix).max()), SMALLEST_COST)
+        matrix = matrix / size
+        least = float(np.linalg.eigvalsh(matrix)[0])
+        if np.abs(matrix - matrix.T).max() > COST_TOLERANCE or least < COST_TOLERANCE:
+            raise GraspError(
+                f'the cost has the smallest eigenvalue {size * least:.4g}: must be symmetric and '
+                'positive definite; add a small part of the identity'
+            )
+        own = matrix[np.ix_(self.places, self.places)]
+        if len(own):
+            own = own * (np.trace(self.cost) / np.trace(own))
+        return WorkingRollers(self.count, self.places, own, _even(own))
 
     def spread(self, speeds: Array) -> Array:
         """
@@ -79,8 +111,12 @@ def working_rollers(robot: Robot, failed: frozenset[str]) -> WorkingRollers:
     # (11): J = |Ldot|^2, and Ldot = C phidot keeps the length of each tube (13).
     incidence = robot.topology.incidence[:, places]
     cost = incidence.T @ incidence
-    even = np.linalg.inv(np.linalg.cholesky(cost)).T
-    return WorkingRollers(len(robot.roller_names), places, cost, even)
+    return WorkingRollers(len(robot.roller_names), places, cost, _even(cost))
+
+
+def _even(cost: Array) -> Array:
+    """Return E (w, w) with |C E y| = |y| for a cost C^T C."""
+    return np.linalg.inv(np.linalg.cholesky(cost)).T
 
 
 class Reach(NamedTuple):
@@ -105,6 +141,16 @@ class Reach(NamedTuple):
     directions: Array
     weights: Array
     opening: Array
+
+    @property
+    def contact_rows(self) -> Array:
+        """Return the rows (g, r) on the speeds of all rollers that keep the contacts [-]."""
+        rows, working = self.rows[len(self.directions) :], self.working
+        if len(working.places) == working.count:
+            return rows
+        found = np.zeros((len(rows), working.count))
+        found[:, working.places] = rows
+        return found
 
     @classmethod
     def of(cls, jacobian: Array, working: WorkingRollers, weights: Array) -> Reach:

@@ -1,4 +1,9 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a robot is: the robot file, the presets, the topology, objects."""
+"""
+What a robot and an object are: robot files, presets, topology, shapes, poses.
+
+Entry points: `robot_file.read_robot_file`, `convex_object.ConvexObject`, `shapes`, `pose.Pose`.
+Imports `core.numerics`.
+"""

@@ -55,6 +55,7 @@ class RobotDescription:
     :ivar stiffness: block `stiffness` of the robot file.
     :ivar supports: grounded axes by joint, of x and y.
     :ivar max_speed: largest speed of a roller [m/s].
+    :ivar max_acceleration: largest change of a roller's speed in a second [m/s^2].
     :ivar min_length: smallest length of a member, pinch to pinch [m].
     :ivar max_length: largest length of a member, pinch to pinch [m].
     """
@@ -70,6 +71,7 @@ class RobotDescription:
     stiffness: Mapping[str, Any]
     supports: Mapping[str, tuple[str, ...]]
     max_speed: float
+    max_acceleration: float
     min_length: float
     max_length: float
     local_stiffness: float = 1.0
@@ -77,3 +79,8 @@ class RobotDescription:
     tube_mass: float = 0.1
     damping_ratio: float = 0.1
     calibration: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def braking_rate(self) -> float:
+        """Return the largest rate at which speeds decay within the acceleration [1/s]."""
+        return self.max_acceleration / self.max_speed

@@ -159,10 +159,7 @@ class Polygon(Shape):
 
     def corners_at(self, normal: complex, sine: float) -> tuple[int, ...]:
         """Return the corner that touches a straight line; see `Shape.corners_at`."""
-        facing, directions, _ = self._numbers
-        # As `_corner_of`.
-        angle = cmath.phase(normal * facing[0]) % (2.0 * math.pi)
-        corner = bisect.bisect_left(directions, angle) % len(facing)
+        facing, corner = self._numbers[0], self.corner_at(normal)
         # The faces that end and begin there are the nearest to the line.
         before, after = (normal * facing[corner - 1], normal * facing[corner])
         face, turned = (corner, after) if after.real > before.real else (corner - 1, before)
@@ -171,6 +168,13 @@ class Polygon(Shape):
         count = len(facing)
         return face % count, (face + 1) % count
 
+    def corner_at(self, normal: complex) -> int:
+        """Return the corner that is farthest out along a normal; see `Shape.corner_at`."""
+        facing, directions, _ = self._numbers
+        # As `_corner_of`.
+        angle = cmath.phase(normal * facing[0]) % (2.0 * math.pi)
+        return bisect.bisect_left(directions, angle) % len(facing)
+
     def point_at(self, corner: int, normal: complex) -> complex:
         """Return the point of the arc at a corner on a tangent; see `Shape.point_at`."""
         middle, radius = self._numbers[2][corner]
@@ -178,13 +182,21 @@ class Polygon(Shape):
 
     def faces_at(self, corner: int) -> tuple[Face, ...]:
         """Return the faces at a corner; see `Shape.faces_at`."""
-        count = len(self.vertices)
-        before, after = (corner - 1) % count, (corner + 1) % count
-        centers, normals = self.arc_centers, self.normals
-        return (
-            Face(-1, before, complex(normals[before]), abs(centers[before] - centers[corner])),
-            Face(1, after, complex(normals[corner]), abs(centers[after] - centers[corner])),
-        )
+        return self._faces[corner]
+
+    @cached_property
+    def _faces(self) -> list[tuple[Face, Face]]:
+        """Return the faces that end and begin at each corner."""
+        count, centers = len(self.vertices), self.arc_centers
+        lengths = np.abs(np.roll(centers, -1) - centers).tolist()
+        normals = self.normals.tolist()
+        return [
+            (
+                Face(-1, (k - 1) % count, normals[k - 1], lengths[k - 1]),
+                Face(1, (k + 1) % count, normals[k], lengths[k]),
+            )
+            for k in range(count)
+        ]
 
     def surface_at(self, corners: Indices, normals: Points) -> tuple[Points, Array]:
         """Return points of the arcs at corners with given normals; see `Shape.surface_at`."""
@@ -251,6 +263,12 @@ class Polygon(Shape):
         :param length: of the pieces [m].
         """
         return _rounded(self, length)
+
+    @cached_property
+    def centered(self) -> Polygon:
+        """Return the polygon with the origin of its frame at the centroid."""
+        away = self.corners - self.centroid
+        return Polygon(tuple(zip(away.real, away.imag, strict=True)), self.corner_radius)
 
     def outline(self, spacing: float) -> Points:
         """Return points along the surface; see `Shape.outline`."""

@@ -17,6 +17,9 @@ from isotruss_ros.core.model.safe_yaml import parse_yaml, read_text
 from isotruss_ros.core.model.stiffness_law import find_contradictions, read_laws
 
 DEFAULT_FRAME = 'truss'
+#: Time from rest to the largest speed of the rollers, where the file names no acceleration [s]. It
+#: is that of the approach to limits of lengths, which a slower robot approaches more slowly.
+DEFAULT_RISE_TIME = 0.1
 #: Optional numbers of the block `tube`, and their names in the description.
 TUBE_NUMBERS = {
     'stiffness_scale': 'stiffness_scale',
@@ -64,6 +67,7 @@ def describe_robot(path: Path, content: Any) -> RobotDescription:
     module = Module(**{key: float(value) for key, value in content['module'].items()})
     stiffness = content['tube'].get('stiffness', {'model': 'inflatable_beam'})
     refuse_if_any(path, _check_stiffness(stiffness, pressures, limits, module))
+    max_speed = float(content['rollers']['max_speed'])
     return RobotDescription(
         source=str(path),
         name=content['name'],
@@ -75,7 +79,10 @@ def describe_robot(path: Path, content: Any) -> RobotDescription:
         pressures=pressures,
         stiffness=stiffness,
         supports=supports,
-        max_speed=float(content['rollers']['max_speed']),
+        max_speed=max_speed,
+        max_acceleration=float(
+            content['rollers'].get('max_acceleration', max_speed / DEFAULT_RISE_TIME)
+        ),
         calibration=content.get('calibration', {}),
         **limits,
         **{

@@ -125,11 +125,19 @@ class Shape(ABC):
         """
         return (0,)
 
+    def corner_at(self, normal: complex) -> int:
+        """
+        Return the number of the corner that is farthest out; a shape without any has number 0.
+
+        :param normal: outward unit normal, x + iy.
+        """
+        return 0
+
     def point_at(self, corner: int, normal: complex) -> complex:
         """
         Return the point of the surface on a tangent, x + iy [m].
 
-        :param corner: number of the corner that is touched, see `corners_at`.
+        :param corner: number of the corner that is touched, see `corner_at`.
         :param normal: outward unit normal of the tangent, x + iy.
         """
         return complex(self.support_points(normal))
@@ -138,7 +146,7 @@ class Shape(ABC):
         """
         Return the face that ends at a corner and the one that begins there; none without faces.
 
-        :param corner: its number, see `corners_at`.
+        :param corner: its number, see `corner_at`.
         """
         return ()
 
@@ -187,7 +195,7 @@ class Shape(ABC):
         comes to lie on the line. A whole turn unrolls the perimeter.
 
         :param angles: (k,) of the outward normals, not wrapped [rad].
-        :param corners: (k,) numbers of the corners that are touched, see `corners_at`.
+        :param corners: (k,) numbers of the corners that are touched, see `corner_at`.
         """
 
     @abstractmethod
@@ -204,6 +212,11 @@ class Shape(ABC):
 
         :param length: of the pieces [m].
         """
+        return self
+
+    @property
+    def centered(self) -> Shape:
+        """Return the shape with the origin of its frame at the centroid."""
         return self
 
     @abstractmethod

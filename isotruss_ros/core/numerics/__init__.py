@@ -1,4 +1,9 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Arrays, factorization and quadratic programs, shared by all of the core."""
+"""
+Arrays, factorization and quadratic programs, shared by all of the core.
+
+Entry points: `qp.solve_qp`, `qp.find_nearest`, `factorization`, `arrays.finite_array`.
+Imports `core.errors`.
+"""

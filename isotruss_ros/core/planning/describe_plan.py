@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import fields
 from typing import Any
 
+from isotruss_ros.core.model.description import RobotDescription
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.planning.grasp_plan import GraspPlan, PlannedGrasp
 from isotruss_ros.core.planning.violations import violation_in_words
@@ -18,6 +19,8 @@ import numpy as np
 NEAR_SHARE = 0.25
 #: Of each piece of a path, so that times increase [s].
 LEAST_DURATION = 0.01
+#: Pieces that are too short for the acceleration are stretched by at least so much at a time [-].
+STRETCH = 1.01
 
 
 def export_figures(grasp: PlannedGrasp) -> dict[str, Any]:
@@ -44,22 +47,32 @@ def export_path(grasp: PlannedGrasp) -> dict[str, Any]:
         from two waypoints before the touch on.
     """
     near = np.arange(len(grasp.path) - 1) >= grasp.touch - 2
-    times = path_times(grasp.path, grasp.config.robot.description.max_speed, near)
+    times = path_times(grasp.path, grasp.config.robot.description, near)
     return {'path': grasp.path.tolist(), 'times': times.tolist(), 'touch': grasp.touch}
 
 
-def path_times(path: Array, max_speed: float, near: Array) -> Array:
+def path_times(path: Array, limits: RobotDescription, near: Array) -> Array:
     """
     Return when each waypoint is reached, straight between them.
 
     :param path: (k, r) roller positions [m].
-    :param max_speed: of any roller [m/s].
+    :param limits: largest speed and acceleration of the rollers.
     :param near: (k - 1,) pieces that are driven at `NEAR_SHARE` of the speed.
     :return: (k,) times from the start, the first 0 [s].
     """
-    speeds = np.where(near, NEAR_SHARE * max_speed, max_speed)
-    longest = np.abs(np.diff(path, axis=0)).max(axis=1, initial=0.0)
-    return np.append(0.0, np.cumsum(np.maximum(longest / speeds, LEAST_DURATION)))
+    speeds = np.where(near, NEAR_SHARE * limits.max_speed, limits.max_speed)
+    steps = np.diff(path, axis=0)
+    longest = np.abs(steps).max(axis=1, initial=0.0)
+    durations = np.maximum(longest / speeds, LEAST_DURATION)
+    # A piece has room for half of the rounding of both of its corners, see `RollerTrajectory`.
+    while len(steps):
+        slopes = np.pad(steps / durations[:, None], ((1, 1), (0, 0)))
+        changes = np.abs(np.diff(slopes, axis=0)).max(axis=1)
+        needed = 0.5 * (changes[1:] + changes[:-1]) / limits.max_acceleration
+        if (needed <= durations).all():
+            break
+        durations = np.maximum(durations, STRETCH * np.sqrt(durations * needed))
+    return np.append(0.0, np.cumsum(durations))
 
 
 def plan_in_words(plan: GraspPlan) -> str:

@@ -89,7 +89,8 @@ class ShapeGuard:
     ) -> None:
         bounds = ShapeBounds() if bounds is None else bounds
         self.bounds = bounds
-        rigidity, clearance, rate = bounds.rigidity_band, bounds.clearance_band, bounds.rate
+        rigidity, clearance = bounds.rigidity_band, bounds.clearance_band
+        rate = min(bounds.rate, robot.description.braking_rate)
         self._barriers: tuple[Barrier, ...] = (
             RigidityBarrier(robot, BarrierLaw(bounds.min_rigidity, rigidity, rate)),
             SelfCollisionBarrier(robot, BarrierLaw(bounds.min_clearance, clearance, rate)),

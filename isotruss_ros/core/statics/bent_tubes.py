@@ -242,8 +242,18 @@ class BentTubes:
         :param loads: (k, 3) at the places.
         :param places: (k,) from the members' starts [m].
         """
-        moved = self._changes[0][:, :2] @ self._ways(loads, places)
+        moved = self._displace(self._ways(loads, places))[0][:, :2]
         return float(np.abs(moved).max()) / self.share
+
+    def _displace(self, ways: Array) -> tuple[Array, Array]:
+        """Return changes of displacements (n, 3), and how far nodes go (n, 3), see `_ways`."""
+        nodes = self._changes[0] @ ways
+        moved = nodes.copy()
+        if self.before is not None:
+            # Places are where they move to.
+            slid = self.axis * ways[-1 - len(self.axis) : -1]
+            moved[self.frame.nodes, :2] -= np.column_stack([slid.real, slid.imag])
+        return moved, nodes
 
     def _ways(self, loads: Array, places: Array) -> Array:
         """Return how much of each of `_changes` takes the frame to loads and places."""
@@ -257,20 +267,14 @@ class BentTubes:
         :param loads: (k, 3) at the places.
         :param places: (k,) from the members' starts [m].
         """
-        ways, tangent, (moved, multipliers) = (
-            self._ways(loads, places),
-            self.tangent,
-            self._changes,
-        )
-        nodes = moved @ ways
-        displacements = tangent.displacements + nodes
+        ways, tangent = self._ways(loads, places), self.tangent
+        moved, nodes = self._displace(ways)
+        displacements = tangent.displacements + moved
+        multipliers = tangent.multipliers + self._changes[1] @ ways
         pull = self.frame.pulls(tangent, nodes[..., None])[:, 0]
-        slid = np.tile(ways[3 * len(places) : -1], 2)
+        slid = np.tile(ways[-1 - len(places) : -1], 2)
         np.add.at(pull, self._parts[0], self._place_rates[2][:, 0] * slid)
-        if self.before is not None:
-            slid = self.axis * (places - self._cut[2])
-            displacements[self.frame.nodes, :2] -= np.column_stack([slid.real, slid.imag])
-        return Displaced(displacements, tangent.multipliers + multipliers @ ways, loads, pull)
+        return Displaced(displacements, multipliers, loads, pull)
 
     def update(self, loads: Array, places: Array, structure: Structure | None = None) -> BentTubes:
         """

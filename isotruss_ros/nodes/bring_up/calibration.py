@@ -9,12 +9,13 @@ import math
 from pathlib import Path
 
 from isotruss_msgs.srv import CalibrateStiffness
-from isotruss_ros.calibration.home import calibrate_home, Posture
+from isotruss_ros.calibration.home import calibrate_home
+from isotruss_ros.calibration.home_fit import Posture
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.calibration.robot_files import write_robot_file
 from isotruss_ros.calibration.stiffness_scale import calibrate_stiffness, StiffnessCalibration
 from isotruss_ros.core import IsotrussError, load_robot
-from isotruss_ros.nodes.components.joint_markers import (
+from isotruss_ros.nodes.bring_up.joint_markers import (
     DEVIATION,
     JointMarkers,
     MeasuredJoints,

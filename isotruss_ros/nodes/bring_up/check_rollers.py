@@ -17,9 +17,9 @@ from isotruss_ros.calibration.robot_files import write_checked_rollers
 from isotruss_ros.calibration.roller_check import judge_roller, LARGEST_ERROR
 from isotruss_ros.core import load_robot
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.nodes.components import common_parameters as common
-from isotruss_ros.nodes.components.commands import RollerCommands
-from isotruss_ros.nodes.components.joint_markers import DEVIATION, JointMarkers, WINDOW
+from isotruss_ros.nodes.bring_up.joint_markers import DEVIATION, JointMarkers, WINDOW
+from isotruss_ros.nodes.framework import common_parameters as common
+from isotruss_ros.nodes.framework.commands import RollerCommands
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.parameters import FixedSpec, ROBOT, Spec
 from isotruss_ros.nodes.framework.runner import StoppableNode

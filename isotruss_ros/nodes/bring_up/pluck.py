@@ -15,16 +15,18 @@ from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.calibration.oscillation import fit_oscillation, Oscillation
 from isotruss_ros.core import load_robot, Status
-from isotruss_ros.nodes.components import common_parameters as common
-from isotruss_ros.nodes.components.commands import create_twist_publisher
-from isotruss_ros.nodes.components.robot_frame import RobotFrame
 from isotruss_ros.nodes.conversions.messages import read_stamp
+from isotruss_ros.nodes.framework import common_parameters as common
+from isotruss_ros.nodes.framework.commands import create_twist_publisher
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.parameters import ROBOT, Spec
+from isotruss_ros.nodes.framework.robot_frame import RobotFrame
 from isotruss_ros.nodes.framework.runner import StoppableNode
 from isotruss_ros.nodes.framework.topics import RELIABLE
 import numpy as np
 
+#: Duration of the push: short against the period of the oscillation [s].
+PUSH_TIME = 0.15
 SPECS = (
     ROBOT,
     common.OBJECT_DIAMETER,
@@ -34,7 +36,6 @@ SPECS = (
     Spec('vx', 0.04, 'Twist of the push: along x [m/s]', (-1.0, 1.0)),
     Spec('vy', 0.0, 'Along y [m/s]', (-1.0, 1.0)),
     Spec('omega', 0.0, 'About the origin of the object [rad/s]', (-10.0, 10.0)),
-    Spec('push_time', 0.15, 'Duration of the push [s]', (0.01, 2.0)),
     Spec('listen_time', 3.0, 'Poses after it are taken for so long [s]', (0.5, 60.0)),
     Spec(
         'wait_time',
@@ -93,9 +94,9 @@ class Pluck(StoppableNode):
         now, values = self.now(), self.values
         if self._pushed is None:
             self._wait(now)
-        elif now < self._pushed + values.push_time:
+        elif now < self._pushed + PUSH_TIME:
             self._publish_twist(1.0)
-        elif now < self._pushed + values.push_time + values.listen_time:
+        elif now < self._pushed + PUSH_TIME + values.listen_time:
             self._publish_twist(0.0)
         else:
             self._report()
@@ -118,7 +119,7 @@ class Pluck(StoppableNode):
     def _report(self) -> None:
         """Fit the oscillation and end."""
         times = np.array(self._times)
-        after = times > self._pushed + self.values.push_time
+        after = times > self._pushed + PUSH_TIME
         self.found = fit_oscillation(times[after], np.array(self._poses)[after], self._arm)
         frequency, damping, amplitude = self.found
         self.get_logger().info(

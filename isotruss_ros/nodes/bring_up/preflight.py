@@ -11,10 +11,10 @@ from geometry_msgs.msg import PoseStamped
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.core import IsotrussError, load_robot
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.nodes.components import common_parameters as common
-from isotruss_ros.nodes.components.joint_markers import JointMarkers, LATEST, WINDOW
+from isotruss_ros.nodes.bring_up.joint_markers import JointMarkers, LATEST, WINDOW
 from isotruss_ros.nodes.conversions.joint_state_messages import read_roller_state
 from isotruss_ros.nodes.conversions.messages import read_stamp
+from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.parameters import ROBOT, Spec
 from isotruss_ros.nodes.framework.runner import StoppableNode
@@ -23,15 +23,16 @@ import numpy as np
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
+#: Least messages of joint_states and object_pose in a second [Hz].
+LEAST_JOINT_RATE, LEAST_POSE_RATE = 50.0, 10.0
+#: Markers may be as far off the encoders as this [m].
+MAX_ZERO_ERROR = 0.01
 SPECS = (
     ROBOT,
     common.OBJECT,
     WINDOW,
     Spec('listen_time', 3.0, 'Topics are heard for so long [s]', (0.5, 60.0)),
-    Spec('joint_rate', 50.0, 'Least messages of joint_states in a second [Hz]', (1.0, 2000.0)),
-    Spec('pose_rate', 10.0, 'Least messages of object_pose in a second [Hz]', (1.0, 2000.0)),
     Spec('object_mass', 0.0, 'Mass of the object; 0: that of its description [kg]', (0.0, 100.0)),
-    Spec('zero_error', 0.01, 'Markers may be as far off the encoders as this [m]', (0.0, 1.0)),
 )
 
 
@@ -107,10 +108,10 @@ class Preflight(StoppableNode):
             for name, place in posture.joints.items()
         }
         worst = max(off, key=off.__getitem__)
-        if off[worst] > self.values.zero_error:
+        if off[worst] > MAX_ZERO_ERROR:
             raise MeasurementError(
                 f'joint {worst} is {1e3 * off[worst]:.0f} mm off the encoders; at most '
-                f'{1e3 * self.values.zero_error:.0f} mm: run calibrate_home again'
+                f'{1e3 * MAX_ZERO_ERROR:.0f} mm: run calibrate_home again'
             )
         return f'{words}; joint {worst} is {1e3 * off[worst]:.1f} mm off the encoders'
 
@@ -145,8 +146,8 @@ class Preflight(StoppableNode):
         )
 
     def _check_rates(self) -> str:
-        joints = self._check_rate('joint_states', self._joint_states, self.values.joint_rate)
-        return f'{joints}, {self._check_rate("object_pose", self._poses, self.values.pose_rate)}'
+        joints = self._check_rate('joint_states', self._joint_states, LEAST_JOINT_RATE)
+        return f'{joints}, {self._check_rate("object_pose", self._poses, LEAST_POSE_RATE)}'
 
     def _check_signs(self) -> str:
         checked = self._robot.description.calibration.get('checked_rollers', ())

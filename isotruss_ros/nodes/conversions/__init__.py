@@ -1,4 +1,9 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Between messages and the values of the core."""
+"""
+Messages to values of the core and back, with the checks of what comes from outside.
+
+Entry points: `read_...` raise MessageError, `to_...` return messages. Imports `nodes.grasp`, the
+core and message packages, no `rclpy` node.
+"""

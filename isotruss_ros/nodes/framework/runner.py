@@ -15,7 +15,7 @@ from types import FrameType
 from typing import ClassVar
 
 from isotruss_ros.core import IsotrussError
-from isotruss_ros.nodes.framework import BRING_UP
+from isotruss_ros.nodes.framework import MODULES
 from isotruss_ros.nodes.framework.command_line import explain_refusal, refuse_arguments
 from isotruss_ros.nodes.framework.cycle import Cycle, PacedExecutor
 from isotruss_ros.nodes.framework.parameters import Parameters, Spec
@@ -151,8 +151,7 @@ def find_node(name: str) -> type[StoppableNode]:
 
     :param name: of the node, its module and its executable.
     """
-    room = 'bring_up.' if name in BRING_UP else ''
-    module = importlib.import_module(f'isotruss_ros.nodes.{room}{name}')
+    module = importlib.import_module(f'isotruss_ros.nodes.{MODULES.get(name, name)}')
     return next(kind for kind in vars(module).values() if getattr(kind, 'node_name', '') == name)
 
 

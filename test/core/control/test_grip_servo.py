@@ -30,6 +30,7 @@ MODULE, DIAMETER = 'north/Z', 0.3
 def servo(pose, twist=(0.02, 0.0, 0.0), members=SIDES):
     """Return a servo with good inputs at NOW, whose robot holds the box."""
     made = TwistServo(ROBOT, Grip(members, read_object(BOX), 0.9), PERIOD, timeout=0.2)
+    made.max_acceleration = np.inf
     made.twist = StampedInput(twist, NOW)
     made.rollers = StampedInput(RollerState(HOME, HOME), NOW)
     made.pose = StampedInput(Pose(*pose), NOW)

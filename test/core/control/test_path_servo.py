@@ -168,20 +168,6 @@ def test_says_why_the_robot_stood_still_when_it_gives_up():
     assert not any(step.twist.any() for step in steps)
 
 
-def test_a_robot_that_says_it_moves_and_does_not_is_given_up():
-    steps = run(begun(progress_timeout=0.5), 5.0, follows=False)
-    assert steps[-1].outcome is Outcome.STOPPED
-    assert 'no progress' in steps[-1].message
-
-
-def test_object_that_is_elsewhere_ends_it():
-    servo = begun()
-    tell(servo, 10.0, pose=(0.0, 0.02, 0.0))
-    step = servo.decide(10.0)
-    assert step.outcome is Outcome.OFF_PATH
-    assert not step.twist.any()
-
-
 @pytest.mark.parametrize('pose', [(0.0, 0.011, 0.0), (0.0, 0.0, 0.21), (0.0, 0.0, math.pi)])
 def test_path_must_begin_where_the_object_is(pose):
     servo = PathServo(PERIOD, TIMEOUT)

@@ -100,20 +100,6 @@ def test_path_time_is_remembered_for_a_second():
     assert 1.0 <= now - moving.time_then(0.0, 9.0) < 2.5
 
 
-def test_it_begins_at_rest_and_ends_at_the_end():
-    resting = clock(1.0)
-    assert (resting.time, resting.rate, resting.waited) == (0.0, 0.0, 0.0)
-    assert resting.time_then(0.0, 0.0) == resting.time_then(0.0, 5.0) == 0.0
-    assert not resting.at_end
-    resting.advance(PERIOD, 1.0, 1.0, False)
-    # Where it is to be a cycle from now; now it is still at the beginning.
-    assert resting.time > resting.time_then(0.0, 0.0) == 0.0
-    for _ in range(400):
-        resting.advance(PERIOD, 1.0, 1.0, False)
-    assert resting.at_end
-    assert resting.time == 1.0
-
-
 def test_path_time_goes_on_between_cycles():
     moving = clock(100.0, 0.0, 1.0)
     for _ in range(100):

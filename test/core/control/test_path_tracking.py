@@ -209,14 +209,6 @@ def test_holds_while_the_robot_is_stopped_and_goes_on_gently():
     assert tracker.max_position_error < 1e-3
 
 
-@pytest.mark.parametrize('begin', [0.0, 5.0, 10.3])
-def test_a_robot_that_stays_stopped_is_stuck(begin):
-    settings = TrackingSettings(progress_timeout=1.0)
-    _, said = follow(LINE, Object((0, 0, 0)), settings, held=lambda time: time >= begin)
-    assert said[-1].phase is PathPhase.STUCK
-    assert len(said) * PERIOD == pytest.approx(begin + 1.0, abs=0.4)
-
-
 def test_end_that_is_not_reached_is_off_the_path_after_a_while():
     # A drift of 0.7 tolerances times the gain leaves an error of as much.
     settings = TrackingSettings(position_gain=1.0, progress_timeout=1.0)
@@ -226,16 +218,6 @@ def test_end_that_is_not_reached_is_off_the_path_after_a_while():
     assert 'off the end of the path' in said[-1].message
     assert said[-2].phase is PathPhase.SETTLING
     assert tracker.clock.at_end
-
-
-def test_time_left_is_what_it_takes():
-    _, said = follow(TURNS, Object(TURNS.poses[0]))
-    for cycle in (0, 20, len(said) // 2, len(said) - 30):
-        left = (len(said) - cycle) * PERIOD
-        assert said[cycle].time_left == pytest.approx(left, abs=0.1)
-    progress = [tracking.progress for tracking in said]
-    assert (np.diff(progress) >= 0.0).all()
-    assert progress[-1] == 1.0
 
 
 def test_errors_so_far_are_kept():

@@ -3,7 +3,6 @@
 
 """Paths of the rollers: straight between waypoints, at rest before and after, or refused."""
 
-import itertools
 import re
 
 from hypothesis import given
@@ -18,6 +17,7 @@ from robots import examples, generators
 ROBOT = load_robot('nine_member')
 N = len(ROBOT.roller_names)
 MAX_SPEED = ROBOT.description.max_speed
+MAX_ACCELERATION = ROBOT.description.max_acceleration
 ORIGIN = [0.0] * N
 
 
@@ -27,7 +27,9 @@ def random_path(rng, quick=1.0):
 
     :param quick: share of their speed that they need at most.
     """
-    steps = 10.0 ** rng.uniform(-3.0, 1.0, rng.integers(0, 8))
+    # Corners of twice the speed need so long to be rounded.
+    rounding = 2.0 * quick * MAX_SPEED / MAX_ACCELERATION
+    steps = rounding + 10.0 ** rng.uniform(-3.0, 1.0, rng.integers(1, 8))
     speeds = quick * MAX_SPEED * rng.uniform(-1.0, 1.0, (len(steps), N))
     begin = rng.normal(size=N)
     positions = begin + np.vstack([np.zeros(N), np.cumsum(speeds * steps[:, None], axis=0)])
@@ -36,19 +38,28 @@ def random_path(rng, quick=1.0):
 
 @examples(60)
 @given(generators())
-def test_is_straight_between_its_points_and_rests_outside(rng):
+def test_passes_its_waypoints_but_for_rounded_corners(rng):
     positions, times = random_path(rng)
     path = RollerTrajectory(ROBOT, positions, times)
-    assert path.duration == times[-1]
-    for time in [*times, *rng.uniform(-1.0, times[-1] + 1.0, 20)]:
-        wanted = path.at(time)
-        for roller in range(N):
-            there = np.interp(time, times, positions[:, roller])
-            assert wanted.positions[roller] == pytest.approx(there, abs=1e-12)
-    for time in (-1e9, times[0] - 1e-9, times[-1], times[-1] + 1e-9, 1e9):
-        assert not path.at(time).velocities.any()
-    assert np.array_equal(path.at(times[-1]).positions, positions[-1])
-    assert np.array_equal(path.at(-1.0).positions, positions[0])
+    first = np.abs(positions[1] - positions[0]).max() / (times[1] - times[0])
+    late = max(0.5 * first / MAX_ACCELERATION - times[0], 0.0)
+    for time, point in zip(times, positions, strict=True):
+        away = np.abs(path.at(time + late).positions - point).max()
+        assert away <= (2.0 * MAX_SPEED) ** 2 / (8.0 * MAX_ACCELERATION) + 1e-12
+    for begin, end, before, after in zip(times, times[1:], positions, positions[1:], strict=False):
+        halfway = path.at(0.5 * (begin + end) + late).positions
+        assert halfway == pytest.approx(0.5 * (before + after), abs=1e-9)
+
+
+@examples(60)
+@given(generators())
+def test_rests_at_the_first_point_before_and_at_the_last_one_after(rng):
+    positions, times = random_path(rng)
+    path = RollerTrajectory(ROBOT, positions, times)
+    for time in (-1e9, -1e-9, path.duration, path.duration + 1e-9, 1e9):
+        assert path.at(time).velocities == pytest.approx(0.0, abs=1e-9)
+    assert path.at(path.duration).positions == pytest.approx(positions[-1], abs=1e-12)
+    assert path.at(-1.0).positions == pytest.approx(positions[0], abs=1e-12)
 
 
 @examples(60)
@@ -56,14 +67,29 @@ def test_is_straight_between_its_points_and_rests_outside(rng):
 def test_speed_is_the_derivative_of_the_position_and_within_the_limit(rng):
     positions, times = random_path(rng)
     path = RollerTrajectory(ROBOT, positions, times)
-    for begin, end in itertools.pairwise(times):
-        time = begin + rng.uniform(0.2, 0.8) * (end - begin)
-        step = 0.1 * (end - begin)
+    step = 1e-4
+    for time in rng.uniform(-0.1, path.duration + 0.1, 30):
         found = (path.at(time + step).positions - path.at(time - step).positions) / (2.0 * step)
-        assert path.at(time).velocities == pytest.approx(found, abs=1e-9)
+        assert path.at(time).velocities == pytest.approx(found, abs=MAX_ACCELERATION * step)
         assert np.abs(path.at(time).velocities).max() <= MAX_SPEED * (1.0 + 2e-6)
-        # From a waypoint on, the speed is that of the way ahead.
-        assert path.at(begin).velocities == pytest.approx(found, abs=1e-9)
+
+
+@examples(60)
+@given(generators())
+def test_speed_changes_within_the_acceleration_of_the_rollers(rng):
+    positions, times = random_path(rng)
+    path = RollerTrajectory(ROBOT, positions, times)
+    for time in [*times, *rng.uniform(-0.1, path.duration + 0.1, 30)]:
+        step = 10.0 ** rng.uniform(-4.0, 0.0)
+        change = path.at(time + step).velocities - path.at(time).velocities
+        assert np.abs(change).max() <= MAX_ACCELERATION * step * (1.0 + 1e-6) + 1e-12
+
+
+def test_refuses_more_acceleration_than_the_rollers_have():
+    quick = [ORIGIN, [0.009] * N, ORIGIN]
+    with pytest.raises(ConfigurationError, match=r'1\.35 m/s\^2 from point 0 to 1; must be at mo'):
+        RollerTrajectory(ROBOT, quick, [0.0, 0.1, 0.2])
+    RollerTrajectory(ROBOT, quick, [0.0, 0.2, 0.4])
 
 
 def test_takes_what_rounding_adds_to_the_largest_speed():

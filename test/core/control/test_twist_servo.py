@@ -45,6 +45,7 @@ INPUTS = ('twist', 'rollers', 'pose')
 def servo(**given):
     """Return a servo with good inputs at NOW, or those given."""
     made = TwistServo(ROBOT, GRIP, period=0.005, timeout=0.2)
+    made.max_acceleration = np.inf
     made.twist = StampedInput((0.0, 0.02, 0.1), NOW)
     made.rollers = StampedInput(at(HOME), NOW)
     made.pose = StampedInput(POSE, NOW)
@@ -90,7 +91,7 @@ class NotedGuard:
 def test_failed_rollers_are_expected_to_stand_still():
     made = servo(guard=NotedGuard())
     made.failed = {ROBOT.roller_names[1]}
-    made.note_command(np.full(len(HOME), 0.01), NOW - 0.005)
+    made.command(np.full(len(HOME), 0.01), NOW - 0.005)
     assert made.decide(NOW).command.status is not Status.HALT_KINEMATICS
     assert made.guard.velocities.tolist() == [0.01, 0.0, *[0.01] * (len(HOME) - 2)]
 

@@ -28,14 +28,16 @@ def statics():
 
 
 def test_without_a_past_the_place_along_the_bisector_is_the_given_one(statics):
-    state = statics.solve(start_at(statics, DISC), UNLOADED, rest(statics, DISC.center, 0.0))
+    state = statics.solve(start_at(statics, DISC), UNLOADED, rest(statics, DISC))
     along = 1j * (state.normals[0] - state.normals[1])
     assert abs(state.center - DISC.center) > 1e-3
     assert ((state.center - DISC.center) * along.conjugate()).real == pytest.approx(0.0, abs=1e-9)
 
 
 def test_rolling_from_where_it_is_stays_there_and_follows_the_tube(statics):
-    state = statics.solve(start_at(statics, DISC), UNLOADED, rest(statics, DISC.center, 0.3))
+    state = statics.solve(
+        start_at(statics, DISC), UNLOADED, rest(statics, DISC.moved_to((*DISC.pose[:2], 0.3)))
+    )
     travel, angles = np.array([0.01, -0.02]), np.angle(state.normals) - 0.3
     anchors = statics.anchors(state.unknowns, state.normals, travel, angles)
     closure = stick(statics, anchors, travel, angles, NOTHING)

@@ -31,7 +31,9 @@ def grip_of(normal, friction, owners, response):
     unknowns = np.concatenate([np.zeros(3 + 2 * len(normal)), normal, friction])
     state = ContactForces(unknowns, np.zeros(len(normal), dtype=complex), None, None)
     contacts = SimpleNamespace(owners=owners)
-    grip = SimpleNamespace(state=state, contacts=contacts, response=response, _reserves={})
+    grip = SimpleNamespace(
+        state=state, contacts=contacts, response=response, _reserves={}, about_middle=np.eye(3)
+    )
     grip.slip_reserves = partial(HeldGrip.slip_reserves, grip)
     return grip
 
@@ -74,25 +76,26 @@ def test_a_member_slips_by_the_sums_over_its_contacts():
 
 
 @pytest.mark.parametrize(
-    ('owners', 'forces', 'presses', 'pulling'),
+    ('owners', 'forces', 'end', 'pulling'),
     [
-        ([0, 0, 1], [0.05, 2.0, 3.0], True, None),
-        ([0, 0, 1], [-0.05, 2.0, 3.0], False, 0),
-        ([0, 0, 1], [0.0, 2.0, 3.0], False, None),
+        ([0, 0, 1], [0.05, 2.0, 3.0], None, None),
+        ([0, 0, 1], [-0.05, 2.0, 3.0], 0, 0),
+        ([0, 0, 1], [0.0, 2.0, 3.0], None, None),
         # Of two members the only contacts, of three all.
-        ([0, 1], [-1.0, 2.0], True, None),
-        ([0, 0, 1], [1.0, 1.0, -1.0], True, None),
-        ([0, 1, 2], [1.0, -1.0, -0.5], True, 1),
-        ([0, 1, 2], [1.0, 0.05, 2.0], True, None),
+        ([0, 1], [-1.0, 2.0], None, None),
+        ([0, 0, 1], [1.0, 1.0, -1.0], None, None),
+        ([0, 1, 2], [1.0, -1.0, -0.5], None, 1),
+        ([0, 1, 2], [1.0, 0.05, 2.0], None, None),
     ],
 )
-def test_ends_of_faces_and_third_members_pull_below_zero(owners, forces, presses, pulling):
+def test_ends_of_faces_and_third_members_pull_below_zero(owners, forces, end, pulling):
     numbers = np.array(owners)
     grip = SimpleNamespace(
         contacts=PressedContacts(numbers, numbers, np.full((len(owners), 2), np.inf)),
         state=SimpleNamespace(normal_forces=np.array(forces)),
     )
-    assert HeldGrip.presses.fget(grip) == presses
+    grip._most_pulling = partial(HeldGrip._most_pulling, grip)
+    assert HeldGrip.pulling_end.fget(grip) == end
     assert HeldGrip.pulling.fget(grip) == pulling
 
 
@@ -117,5 +120,6 @@ def test_an_object_that_has_settled_on_a_face_stays_where_it_is():
     assert len(grip.contacts.owners) == 3
     assert grip.body.pose.angle > 0.01
     again = attach_grip(HOME, grip.body, grip.members)
-    assert again.body.pose == pytest.approx(grip.body.pose, abs=1e-5)
-    assert again.state.normal_forces == pytest.approx(grip.state.normal_forces, rel=1e-3)
+    # But for the step of the tables of dents.
+    assert np.array(again.body.pose) == pytest.approx(np.array(grip.body.pose), abs=5e-4)
+    assert again.state.normal_forces == pytest.approx(grip.state.normal_forces, rel=1e-2)

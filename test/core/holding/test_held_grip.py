@@ -5,7 +5,6 @@
 
 from dataclasses import replace
 import math
-from types import SimpleNamespace
 
 from grips import gripped
 from held_grips import APART, BOX, held, HOME, LOOP, NINE, numbers
@@ -69,8 +68,9 @@ def test_the_jacobian_is_that_of_differences(shape, angle, members, count):
     statics, rng = grip.statics, np.random.default_rng(0)
     state = grip.state.unknowns + 1e-3 * rng.normal(size=len(grip.state.unknowns))
     travel = rng.normal(size=count)
+    x, y, turn = grip.pose
     for closure in (
-        rest(statics, grip.body.center + 0.001, angle + 0.01),
+        rest(statics, grip.body.moved_to((x + 0.001, y, turn + 0.01))),
         stick(statics, grip.anchors, travel, grip.angles, NOTHING),
         stick(statics, grip.anchors, travel, grip.angles, np.array([1])),
     ):
@@ -175,11 +175,10 @@ def test_a_face_that_would_not_press_does_not_lie_down(monkeypatch):
     grip = rolled_over_corners()
     tried = []
 
-    def pulled(*arguments):
+    def not_found(*arguments):
         tried.append(arguments)
-        return SimpleNamespace(presses=False)
 
-    monkeypatch.setattr(roll_grip_module, '_lay', pulled)
+    monkeypatch.setattr(roll_grip_module, '_lay', not_found)
     assert _lay_down(grip) is grip
     assert tried
 

@@ -92,14 +92,6 @@ def test_a_given_pose_across_the_bisector_does_not_matter():
         assert settled.slip_margin == pytest.approx(quiet.slip_margin, rel=1e-6)
 
 
-def test_more_than_three_members_are_named_as_what_it_does_not_settle(monkeypatch):
-    monkeypatch.setattr(attach_grip_module, 'MOST', 2)
-    settled = settle_grasp(HOME, ConvexObject.disc((0.0, -0.8267), 0.65), FRICTION)
-    assert settled.hold is HoldStatus.OTHER_CONTACT
-    assert not settled.held
-    assert 'another member' in settled.reason
-
-
 @pytest.mark.parametrize('friction', [0.0, 0.3, 0.55])
 def test_a_wide_wedge_needs_more_friction_than_there_is(friction):
     cylinder = ConvexObject.disc(tangent_center(HOME, 'north/Z', 0.3, 0.01), 0.3)
@@ -117,7 +109,7 @@ def test_what_two_members_do_not_touch_is_not_held(center):
     assert settled.pose == (*center, 0.0)
     assert settled.normal_forces == {}
     assert settled.required_friction == np.inf
-    assert settled.slip_margin == 0.0
+    assert settled.slip_margin < -5.0
 
 
 def grasps(count):

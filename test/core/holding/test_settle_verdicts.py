@@ -31,11 +31,10 @@ def judge(shift=0.0, other=-0.01, needed=0.3, friction=0.5, stable=True, used=0.
     depths[:2], depths[4] = 0.02, other
     found = SimpleNamespace(
         config=HOME,
-        body=None,
+        body=ConvexObject.disc((shift, 0.0), 0.3),
         members=np.arange(2),
         required_friction=needed,
         response=SimpleNamespace(stable=stable),
-        pose=Pose(shift, 0.0, 0.0),
         sections=SimpleNamespace(utilisation=np.full(len(NAMES), used)),
     )
     with pytest.MonkeyPatch.context() as patch:

@@ -63,6 +63,7 @@ def test_a_twist_is_slowed_and_the_limit_named(slide):
 
 def test_a_loop_keeps_the_limit_that_it_is_given():
     servo = TwistServo(ROBOT, GRIP, 0.01, timeout=1.0)
+    servo.max_acceleration = np.inf
     servo.limits = (*servo.limits, SupplyLimit(SPEED))
     servo.twist = StampedInput(TWIST, 0.0)
     zeros = np.zeros(len(ROBOT.roller_names))

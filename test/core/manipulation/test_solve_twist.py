@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 import robots
 from scipy.optimize import linprog, minimize
+from walls import Wall
 
 NUMBERS = strategies.integers(0, 10**6)
 UNLIMITED = ()
@@ -286,3 +287,59 @@ def test_the_grip_opens_while_the_object_slides_along_limits():
         assert opened == pytest.approx(0.004, rel=1e-6)
         slid += command.status is Status.SLIDING
     assert slid > 3
+
+
+@pytest.mark.parametrize('seed', range(5))
+def test_rollers_stand_still_where_a_limit_leaves_nothing_of_the_twist(seed):
+    twist = 0.1 * np.random.default_rng(seed).standard_normal(3)
+    along = Wall(-(twist @ grip_jacobian(HOME, GRIP)[:3])[None], np.zeros(1))
+    command = solve_twist(HOME, GRIP, twist, limits=(along, RollerSpeedLimit(0.1)))
+    assert command.scale == 0.0
+    assert not command.roller_velocities.any()
+
+
+@robots.examples(30)
+@given(robots.generators())
+def test_any_cost_is_the_least_among_speeds_that_carry_out_the_twist(rng):
+    root = rng.standard_normal((6, 6))
+    cost = 10.0 ** rng.uniform(-6.0, 6.0) * (root.T @ root + 0.1 * np.eye(6))
+    twist = rng.standard_normal(3)
+    command = solve_twist(HOME, GRIP, twist, limits=UNLIMITED, cost=cost)
+    jacobian = grip_jacobian(HOME, GRIP)
+    # The KKT system of (11) and (20).
+    k = len(jacobian)
+    system = np.block([[cost / cost.max(), jacobian.T], [jacobian, np.zeros((k, k))]])
+    right = np.concatenate([np.zeros(6), twist, np.zeros(k - 3)])
+    expected = np.linalg.solve(system, right)[:6]
+    assert command.roller_velocities == pytest.approx(expected, rel=1e-7, abs=1e-9)
+
+
+def test_the_cost_of_the_paper_is_that_of_the_node_velocities():
+    rows = HOME.roller_rows(np.eye(2 * len(HOME.points)))
+    tube = np.linalg.lstsq(rows.T, NINE.topology.incidence.T, rcond=None)[0].T  # R_tube of (11)
+    twist = (0.02, 0.01, 0.1)
+    paper = solve_twist(HOME, GRIP, twist)
+    found = solve_twist(HOME, GRIP, twist, cost=rows.T @ tube.T @ tube @ rows)
+    assert found.roller_velocities == pytest.approx(paper.roller_velocities, abs=1e-12)
+
+
+NO_COSTS = {
+    'a number': (1.0, 'must be 6 finite numbers'),
+    'too small': (np.eye(5), 'must be 6 finite numbers'),
+    'too few rows': (np.eye(6)[:5], '5 rows; must be 6'),
+    'not a number': (np.full((6, 6), np.nan), 'must be 6 finite numbers'),
+    'zero': (np.zeros((6, 6)), 'positive definite'),
+    'semidefinite': (np.diag([1.0, 1.0, 1.0, 1.0, 1.0, 0.0]), 'add a small part of the identity'),
+    'not symmetric': (6.0 * np.eye(6) + np.eye(6, k=1), 'must be symmetric'),
+}
+
+
+@pytest.mark.parametrize(('cost', 'words'), NO_COSTS.values(), ids=NO_COSTS)
+def test_costs_that_are_not_positive_definite_are_refused(cost, words):
+    with pytest.raises(GraspError, match=words):
+        solve_twist(HOME, GRIP, (0.01, 0.0, 0.0), cost=cost)
+
+
+def test_a_failed_roller_stands_still_whatever_the_cost():
+    command = solve_twist(HOME, GRIP, (0.01, 0.0, 0.0), ('north/Z',), cost=np.eye(6))
+    assert command.roller_velocities[NINE.roller_names.index('north/Z')] == 0.0

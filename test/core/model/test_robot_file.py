@@ -5,13 +5,11 @@
 
 import copy
 import io
-from pathlib import Path
 import re
 
 from hypothesis import given, strategies
 from isotruss_ros.core import load_robot
 from isotruss_ros.core.errors import RobotFileError, StructureError
-from isotruss_ros.core.model.presets import preset_names
 from isotruss_ros.core.model.robot_file import read_robot_file
 from isotruss_ros.core.model.safe_yaml import MAX_FILE_SIZE
 from isotruss_ros.core.model.stiffness_law import read_laws
@@ -68,13 +66,6 @@ def as_yaml(document):
     stream = io.StringIO()
     YAML(typ='safe', pure=True).dump(document, stream)
     return stream.getvalue()
-
-
-def test_presets_load():
-    assert set(robots.PRESETS) <= set(preset_names())
-    for name in preset_names():
-        robot = load_robot(name)
-        assert (robot.name, robot.frame) == (name, 'truss')
 
 
 def test_path_loads_as_text_and_as_path(tmp_path):
@@ -312,23 +303,6 @@ def test_text_that_is_no_robot_file_is_refused(case, tmp_path):
 def test_missing_file_is_refused_with_the_presets(name):
     with pytest.raises(RobotFileError, match=r'give one of bow_tie, .*, triangle, or the path'):
         load_robot(name)
-
-
-def test_folder_is_refused(tmp_path):
-    with pytest.raises(RobotFileError, match='no such file'):
-        load_robot(tmp_path)
-
-
-def test_file_that_cannot_be_read_is_refused(tmp_path, monkeypatch):
-    path = tmp_path / 'robot.yaml'
-    path.write_text(DESIGN_EXAMPLE)
-
-    def deny(*_args, **_kwargs):
-        raise PermissionError(13, 'Permission denied')
-
-    monkeypatch.setattr(Path, 'open', deny)
-    with pytest.raises(RobotFileError, match='cannot be read: Permission denied'):
-        load_robot(path)
 
 
 # Values of every type that YAML knows, the extremes of each among them.

@@ -6,10 +6,8 @@
 import os
 import subprocess
 import sys
-import threading
 
 from isotruss_ros.core.numerics import blas_threads
-from isotruss_ros.core.numerics.blas_threads import Library, OneThread
 import pytest
 
 #: Counts the threads wherever public calls factor and solve.
@@ -58,38 +56,3 @@ def test_solves_have_one_thread_and_the_user_keeps_all():
         check=True,
     )
     assert told.stdout == '[1] True 2\n'
-
-
-class Threads:
-    """A library that knows how many threads it has."""
-
-    def __init__(self, count):
-        self.now, self.set = count, []
-
-    def library(self):
-        return Library(lambda: self.now, self.change)
-
-    def change(self, count):
-        self.now = count
-        self.set.append(count)
-
-
-def test_solves_that_overlap_set_the_threads_back_at_the_end_of_the_last():
-    """The first ends before the second."""
-    threads = Threads(8)
-    one = OneThread(lambda: (threads.library(),))
-    first, second = threading.Event(), threading.Event()
-
-    def solve():
-        with one:
-            first.set()
-            second.wait()
-
-    other = threading.Thread(target=solve)
-    other.start()
-    first.wait()
-    with one:
-        second.set()
-        other.join()
-        assert threads.now == 1
-    assert threads.set == [1, 8]

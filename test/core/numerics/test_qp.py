@@ -150,7 +150,7 @@ def test_a_search_that_goes_wrong_at_a_corner_starts_again(rng, n):
 
     def wrong(matrix, target, maxiter):
         calls.append(matrix)
-        weights, left = nnls(matrix, target, maxiter)
+        weights, left = nnls(matrix, target, maxiter=maxiter)
         return (weights + 1.0 if len(calls) == 1 else weights), left
 
     with pytest.MonkeyPatch.context() as patch:

@@ -12,11 +12,9 @@ from isotruss_ros.core import (
     analyze_grasp,
     ConvexObject,
     GraspRequirements,
-    HoldStatus,
     load_robot,
     settle_grasp,
 )
-from isotruss_ros.core.planning import closing_on_ground
 from isotruss_ros.core.planning.approach import approach
 from isotruss_ros.core.planning.closing_step import press
 from isotruss_ros.core.planning.grasp_candidate import close_grip
@@ -170,29 +168,3 @@ def test_what_is_missed_is_told(name, missed, bound):
     assert miss.requirement == missed.replace('friction', 'closed_by_friction')
     assert miss.bound == bound
     assert (miss.value < bound) == missed.startswith('min_')
-
-
-def test_what_the_ground_alone_holds_has_no_slip_margin(monkeypatch):
-    def slips(*arguments):
-        return dataclasses.replace(settle_grasp(*arguments), hold=HoldStatus.SLIPS)
-
-    assert squeezed('tight', UNBOUNDED)[1].slip_margin > 0.0
-    monkeypatch.setattr(closing_on_ground, 'settle_grasp', slips)
-    assert close_grip(*opened('tight'), UNBOUNDED)[1].slip_margin == 0.0
-
-
-@pytest.mark.parametrize('fields', [{'closed_by_friction': False}, {'closure_margin': -1e-9}])
-def test_open_grips_are_none_by_whichever_sign(fields, monkeypatch):
-    def opened_up(*arguments, **options):
-        return dataclasses.replace(analyze_grasp(*arguments, **options), **fields)
-
-    monkeypatch.setattr(closing_on_ground, 'analyze_grasp', opened_up)
-    assert missed_by('top', UNBOUNDED).requirement == 'closed_by_friction'
-
-
-def test_no_margin_is_enough_where_none_is_asked_for(monkeypatch):
-    def barely(*arguments, **options):
-        return dataclasses.replace(analyze_grasp(*arguments, **options), closure_margin=1e-9)
-
-    monkeypatch.setattr(closing_on_ground, 'analyze_grasp', barely)
-    assert close_grip(*opened('top'), UNBOUNDED) is not None

@@ -5,7 +5,9 @@
 
 from dataclasses import replace
 
+from hypothesis import given
 from isotruss_ros.core import ConvexObject, GraspRequirements, load_robot, plan_grasps
+from isotruss_ros.core.control.roller_trajectory import RollerTrajectory
 from isotruss_ros.core.planning.describe_plan import (
     export_figures,
     export_path,
@@ -23,6 +25,7 @@ from isotruss_ros.core.planning.violations import (
 )
 import numpy as np
 import pytest
+from robots import examples, generators
 
 HOME = load_robot('nine_member').home
 
@@ -37,11 +40,22 @@ def grasp():
 def test_pieces_take_as_long_as_the_roller_that_travels_furthest():
     path = np.array([[0.0, 0.0], [0.1, -0.2], [0.1, -0.1], [0.1, -0.1], [0.5, 0.2]])
     near = np.array([False, True, True, False])
-    times = path_times(path, 0.5, near)
+    limits = replace(HOME.robot.description, max_speed=0.5, max_acceleration=1e3)
+    times = path_times(path, limits, near)
     assert times == pytest.approx(np.cumsum([0.0, 0.4, 0.8, 0.01, 0.8]))
-    assert path_times(path[:1], 0.5, near[:0]) == pytest.approx([0.0])
+    assert path_times(path[:1], limits, near[:0]) == pytest.approx([0.0])
     # Times increase where nothing moves, too.
-    assert path_times(path[2:4], 0.5, near[:1]) == pytest.approx([0.0, 0.01])
+    assert path_times(path[2:4], limits, near[:1]) == pytest.approx([0.0, 0.01])
+
+
+@examples(50)
+@given(generators())
+def test_path_times_keep_the_acceleration_of_the_rollers(rng):
+    robot = HOME.robot
+    steps = rng.uniform(-0.1, 0.1, (rng.integers(1, 20), 6)) * 10.0 ** rng.uniform(-3.0, 0.0)
+    path = np.vstack([np.zeros(6), np.cumsum(steps, axis=0)])
+    times = path_times(path, robot.description, rng.random(len(steps)) < 0.3)
+    RollerTrajectory(robot, path, times)
 
 
 def test_a_path_is_slow_from_two_waypoints_before_the_touch_on(grasp):

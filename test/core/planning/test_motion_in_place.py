@@ -128,21 +128,6 @@ def test_a_squeeze_that_is_not_reached_is_told(held, monkeypatch):
     assert value < grasp.squeeze
 
 
-@pytest.mark.parametrize('share', [0.2, 0.3])
-def test_what_rollers_cannot_bring_back_goes_along_a_little(share, monkeypatch):
-    closing, grasp = pair()
-    monkeypatch.setattr(motion_in_place, 'SLOW', -1.0)  # as if all ways were long
-    x, y, angle = grasp.pose
-    tube = HOME.robot.description.tube_diameter
-    closing = replace(closing, body=grasp.body.moved_to((x + share * tube, y, angle)))
-    if share < 0.25:
-        assert squeeze_in_place(grasp, grasp.squeeze, closing) is grasp
-    else:
-        bound = pytest.approx(0.25 * tube)
-        said, _ = ended(grasp, grasp.squeeze, closing)
-        assert said == ('in_place', pytest.approx(share * tube), bound)
-
-
 def fail(*arguments):
     """Stand for what has no configuration."""
     raise ConfigurationError('no configuration')

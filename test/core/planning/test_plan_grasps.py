@@ -331,24 +331,6 @@ def test_stops_when_asked_with_what_it_has():
     assert all(0.0 <= one.share <= 1.0 for one in told)
 
 
-def test_time_left_is_that_of_the_candidates_so_far(monkeypatch):
-    told, ticks = [], itertools.count(50)
-    monkeypatch.setattr(search, 'time', SimpleNamespace(perf_counter=lambda: float(next(ticks))))
-    plan = plan_grasps(
-        ROBOT.home,
-        OBJECTS['north'],
-        GraspRequirements(squeeze=10.0),
-        on_progress=told.append,
-        should_stop=lambda: len(told) >= 3,
-    )
-    assert plan.computing_time == len(told) + 1.0
-    # A tick with each report: first of seeds alone.
-    assert (told[0].share, told[0].time_left) == (0.0, None)
-    assert told[2].share == 2.0 * told[1].share < 1.0
-    for spent, one in enumerate(told[1:], 2):
-        assert one.time_left == pytest.approx(spent * (1.0 - one.share) / one.share)
-
-
 def test_a_module_or_a_seed_that_cannot_be_is_refused():
     with pytest.raises(GraspError, match='north/Q'):
         plan_grasps(ROBOT.home, OBJECTS['north'], GraspRequirements(module='north/Q'))

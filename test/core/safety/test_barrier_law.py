@@ -157,12 +157,6 @@ def test_a_fifth_less_than_what_is_admissible_is_kept(speed, share):
     assert found == pytest.approx(share)
 
 
-@pytest.mark.parametrize(('most', 'share'), [(0.9, 0.8), (0.55, 0.512), (0.45, 0.0)])
-def test_the_robot_stands_still_after_four_attempts(most, share):
-    found = kept(0.05, lambda travel: 1.0 if travel > 5e-4 * most else None)
-    assert found == pytest.approx(share)
-
-
 @pytest.mark.parametrize('status', [Status.UNREACHABLE, Status.SLIDING, Status.OK])
 @pytest.mark.parametrize('share', [0.0, 0.01, 0.5])
 def test_that_a_twist_was_bent_counts_for_more_than_that_it_is_slowed(status, share):

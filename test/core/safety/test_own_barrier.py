@@ -54,6 +54,7 @@ def drive(barriers, steps=200):
     """Command an object downward at 50 Hz; return its lowest points [m], and the last command."""
     held = RollingGrip.attach(ROBOT.home, disc_grip(ROBOT.home, 'north/Z'))
     servo = TwistServo(ROBOT, held.grip, PERIOD, timeout=1.0)
+    servo.max_acceleration = np.inf
     servo.guard = ShapeGuard(ROBOT, barriers=barriers)
     heights, velocities = [], np.zeros(len(ROBOT.roller_names))
     for step in range(steps):

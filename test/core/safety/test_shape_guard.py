@@ -76,7 +76,7 @@ def test_comes_to_a_bound_slower_and_slower_along_the_twist(seed):
     before = robot.margins
     for _ in range(700):
         command = robot.step(twist)
-        if command.status is not Status.UNREACHABLE:
+        if command.status not in (Status.UNREACHABLE, Status.ACCELERATING):
             assert command.achieved_twist == pytest.approx(command.scale * twist, abs=1e-7)
         after = robot.margins
         for law, h, there in zip(laws, before, after, strict=True):

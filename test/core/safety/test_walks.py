@@ -27,6 +27,7 @@ def test_walk_never_crosses_a_bound(seed):
     steps, status = WALKS[seed]
     found = walks.walk(seed, steps, slide=seed % 3 == 2)
     assert not found.crossed, found
+    assert found.quickest <= walks.ROBOT.description.max_acceleration * (1.0 + 1e-6)
     assert status in found.statuses
 
 
@@ -48,6 +49,7 @@ def test_rollers_do_not_chatter_from_beyond_a_bound(seed):
 def test_other_walks_neither_cross_a_bound_nor_chatter(seed):
     found = walks.walk(seed, 1000, slide=seed % 3 == 2)
     assert not found.crossed, found
+    assert found.quickest <= walks.ROBOT.description.max_acceleration * (1.0 + 1e-6)
     commands, lost = walks.come_back(seed)
     assert walks.reversals(commands) <= walks.EXCHANGE
     assert lost.max() <= walks.LOST

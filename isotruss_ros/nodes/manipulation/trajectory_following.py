@@ -21,14 +21,14 @@ from isotruss_ros.core.control.decision import Decision
 from isotruss_ros.core.control.inputs import require_fresh, StampedInput
 from isotruss_ros.core.control.roller_trajectory import RollerTrajectoryServo
 from isotruss_ros.core.manipulation.status import RollerCommand
-from isotruss_ros.nodes.components.single_goal import Ending, SingleGoal
-from isotruss_ros.nodes.components.sparse_messages import SparseMessages
 from isotruss_ros.nodes.conversions.messages import MessageError, read_stamp
 from isotruss_ros.nodes.conversions.path_messages import (
     read_roller_trajectory,
     to_roller_feedback,
 )
 from isotruss_ros.nodes.framework.managed import ManagedNode
+from isotruss_ros.nodes.framework.single_goal import Ending, SingleGoal
+from isotruss_ros.nodes.manipulation.sparse_messages import SparseMessages
 import numpy as np
 from trajectory_msgs.msg import JointTrajectory
 
@@ -92,11 +92,11 @@ class TrajectoryFollowing:
             self._end(Status.HALT_TRAJECTORY, f'trajectory aborted: {step.failure}')
         elif step.ended:
             self._end(Status.ARRIVED, 'the rollers have arrived')
-        self._servo.note_command(step.speeds, now)
+        speeds = self._servo.command(step.speeds, now)
         self._publish_feedback()
         status, message = self._outcome or (Status.FOLLOWING_TRAJECTORY, '')
         return Decision(
-            RollerCommand(step.speeds, np.zeros(3), 1.0, status),
+            RollerCommand(speeds, np.zeros(3), 1.0, status),
             np.zeros(3),
             message,
             tuple(sorted(self._servo.failed)),

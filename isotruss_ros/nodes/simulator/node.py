@@ -5,14 +5,12 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from isotruss_ros.calibration.home import move_home
 from isotruss_ros.core import (
-    deform,
     ElasticObject,
     Grip,
     HoldStatus,
@@ -24,29 +22,30 @@ from isotruss_ros.core import (
     SimulatedRobot,
 )
 from isotruss_ros.core.errors import ConfigurationError
-from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.simulation.simulated_robot import SimulatedObject
 from isotruss_ros.mujoco_plant.driven_robot import DrivenRobot
 from isotruss_ros.mujoco_plant.recording import PlantRecorder
-from isotruss_ros.nodes.components import common_parameters as common
-from isotruss_ros.nodes.components.mujoco_object import (
+from isotruss_ros.nodes.conversions.grasp_messages import read_external_wrench
+from isotruss_ros.nodes.conversions.messages import check_frame, MessageError, read_pose
+from isotruss_ros.nodes.framework import common_parameters as common
+from isotruss_ros.nodes.framework.cycle import Cycle
+from isotruss_ros.nodes.framework.managed import ManagedNode
+from isotruss_ros.nodes.framework.parameters import FixedSpec, ParameterError
+from isotruss_ros.nodes.framework.topics import RELIABLE
+from isotruss_ros.nodes.simulator.mujoco_object import (
     make_driven_robot,
     MUJOCO_SPECS,
 )
-from isotruss_ros.nodes.components.simulated_object import place_at_start
-from isotruss_ros.nodes.components.simulated_object import SPECS as OBJECT_SPECS
-from isotruss_ros.nodes.components.simulated_sensors import SENSOR_SPECS, SimulatedSensors
-from isotruss_ros.nodes.components.simulated_truth import CLOCK_SPEED, ClockSource, SimulatedTruth
-from isotruss_ros.nodes.conversions.grasp_messages import read_external_wrench
-from isotruss_ros.nodes.conversions.messages import check_frame, MessageError, read_pose
-from isotruss_ros.nodes.framework.cycle import Cycle
-from isotruss_ros.nodes.framework.managed import ManagedNode
-from isotruss_ros.nodes.framework.parameters import FixedSpec, ParameterError, Spec, Value
-from isotruss_ros.nodes.framework.topics import RELIABLE
+from isotruss_ros.nodes.simulator.simulated_object import place_at_start
+from isotruss_ros.nodes.simulator.simulated_object import SPECS as OBJECT_SPECS
+from isotruss_ros.nodes.simulator.simulated_sensors import SENSOR_SPECS, SimulatedSensors
+from isotruss_ros.nodes.simulator.simulated_truth import CLOCK_SPEED, ClockSource, SimulatedTruth
 import numpy as np
 from std_msgs.msg import Float64MultiArray
 
+#: Larger commands are cut off at this [m/s].
+SPEED_LIMIT = 1.0
 KINEMATIC, ELASTIC, MUJOCO = 'kinematic', 'elastic', 'mujoco'
 SPECS = (
     *OBJECT_SPECS,
@@ -66,10 +65,6 @@ SPECS = (
     ),
     common.RATE,
     common.COMMAND_TIMEOUT,
-    FixedSpec(
-        'roller_noise', 0.0, 'Standard deviation of the speed of a moving roller [m/s]', (0.0, 1.0)
-    ),
-    FixedSpec('speed_limit', 1.0, 'Larger commands are cut off at this [m/s]', (0.0, 10.0)),
     FixedSpec('stuck_roller', '', 'Roller t/j that does not move; none if empty'),
     FixedSpec(
         'roller_slip',
@@ -85,9 +80,6 @@ SPECS = (
         'deviation of the travel [m]',
         (0.0, 0.1),
     ),
-    Spec('pull_joint', '', 'Joint at which something pulls; none if empty'),
-    Spec('pull_force', 0.0, 'How much it pulls [N]', (0.0, 1e3)),
-    Spec('pull_angle', 0.0, 'Where to, from the x axis [rad]', (0.0, 2.0 * math.pi)),
     CLOCK_SPEED,
     *SENSOR_SPECS,
     *MUJOCO_SPECS,
@@ -152,7 +144,7 @@ class Simulator(ManagedNode):
         values = self.values
         home = self.robot.home
         stuck = frozenset({values.stuck_roller} - {''})
-        faults = RollerFaults(values.speed_limit, values.roller_noise, stuck, values.roller_slip)
+        faults = RollerFaults(SPEED_LIMIT, stuck=stuck, slip=values.roller_slip)
         if values.plant not in (KINEMATIC, ELASTIC, MUJOCO):
             raise ParameterError(
                 f'parameter plant: {values.plant!r}: must be {KINEMATIC}, {ELASTIC} or {MUJOCO}'
@@ -181,28 +173,12 @@ class Simulator(ManagedNode):
             values.friction if body.friction is None else body.friction,
             values.stiffness_scale,
             values.ground_friction,
-            values.module_friction,
         )
         return self._elastic
 
     def _apply(self) -> None:
-        """Apply the faults of the sensors and the pull."""
-        values = self.values
+        """Apply the faults of the sensors."""
         self._sensors.apply()
-        if self._driven is not None:
-            for joint in self.robot.topology.joint_names:
-                pulled = joint == values.pull_joint
-                self._driven.plant.load_joint(joint, self._pull() if pulled else (0.0, 0.0))
-
-    def _check(self, new: dict[str, Value]) -> None:
-        """Check the joint that is pulled."""
-        if new.get('pull_joint'):
-            check_joint(self.robot, new['pull_joint'])
-
-    def _pull(self) -> tuple[float, float]:
-        """Return what pulls at a joint (fx, fy) [N]."""
-        force, angle = self.values.pull_force, self.values.pull_angle
-        return force * math.cos(angle), force * math.sin(angle)
 
     def _stop_on_clock_jump(self) -> None:
         """Stop the rollers: after a jump of the clock the age of the command is unknown."""
@@ -284,10 +260,6 @@ class Simulator(ManagedNode):
         joints = config.nodes[:count]
         if self._elastic is not None:
             joints = self._elastic.joints(config)
-        values = self.values
-        if values.pull_joint:
-            loaded = deform(config, {values.pull_joint: self._pull()})
-            joints = joints + loaded.state.displacements[:count, :2] / values.stiffness_scale
         return joints
 
     def _forces(self) -> dict[str, float]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from isotruss_ros.core import ConvexObject, Disc, place_between, Pose, Robot, tangent_center
-from isotruss_ros.nodes.components import common_parameters as common
+from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.parameters import FixedSpec, Parameters
 
 # The simulated object is grasped from the start and stays so, or it is free at first.

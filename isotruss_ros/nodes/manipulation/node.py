@@ -10,19 +10,19 @@ from isotruss_ros.core import Status, TwistServo
 from isotruss_ros.core.control.inputs import RejectedInput, StampedInput
 from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint
 from isotruss_ros.core.model.topology import check_roller_names
-from isotruss_ros.nodes.components import common_parameters as common
-from isotruss_ros.nodes.components.commands import RollerCommands
-from isotruss_ros.nodes.components.emergency_stop import EmergencyStop
-from isotruss_ros.nodes.components.failed_rollers import describe_reachable_twists, FailedRollers
-from isotruss_ros.nodes.components.sensors import Inputs
-from isotruss_ros.nodes.components.servo_settings import apply_settings, make_grip, StatusReport
-from isotruss_ros.nodes.components.servo_settings import SPECS as SERVO_SPECS
-from isotruss_ros.nodes.components.trajectory_following import TrajectoryFollowing
 from isotruss_ros.nodes.conversions.messages import check_frame, read_twist
+from isotruss_ros.nodes.framework import common_parameters as common
+from isotruss_ros.nodes.framework.commands import RollerCommands
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import ParameterError, Spec, Value
+from isotruss_ros.nodes.framework.sensors import Inputs
 from isotruss_ros.nodes.framework.topics import NEWEST, take_waiting
+from isotruss_ros.nodes.manipulation.emergency_stop import EmergencyStop
+from isotruss_ros.nodes.manipulation.failed_rollers import describe_reachable_twists, FailedRollers
+from isotruss_ros.nodes.manipulation.servo_settings import apply_settings, make_grip, StatusReport
+from isotruss_ros.nodes.manipulation.servo_settings import SPECS as SERVO_SPECS
+from isotruss_ros.nodes.manipulation.trajectory_following import TrajectoryFollowing
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool
 

@@ -19,41 +19,27 @@ from isotruss_ros.nodes.framework.topics import RELIABLE
 import numpy as np
 from sensor_msgs.msg import JointState, MultiDOFJointState
 
-
-def _channel_specs(sensor: str, topic: str, none: str, lost: str) -> tuple[Spec, Spec, Spec]:
-    """Return rate, delay and dropouts of a sensor."""
-    return (
-        Spec(
-            f'{sensor}_rate', 0.0, f'Messages of {topic} in a second; {none} [Hz]', (0.0, 1000.0)
-        ),
-        Spec(f'{sensor}_delay', 0.0, f'{topic} arrives so long after its stamp [s]', (0.0, 10.0)),
-        Spec(f'{sensor}_dropouts', 0.0, f'Share of the {lost}', (0.0, 1.0)),
-    )
-
-
-CYCLE = '0: one in each cycle'
+#: How far apart the marks are by which a tracker finds the angle of an object [m].
+MARKS_APART = 0.1
+ALL = 'all'
 SENSOR_SPECS = (
-    *_channel_specs('encoder', 'joint_states', CYCLE, 'messages of joint_states that are lost'),
-    Spec(
-        'encoder_noise',
-        0.0,
-        'Standard deviation of the travel that an encoder reads [m]',
-        (0.0, 0.1),
-    ),
+    Spec('encoder_delay', 0.0, 'joint_states arrive so long after their stamp [s]', (0.0, 10.0)),
     Spec('encoder_step', 0.0, 'Encoders count the travel in steps of this [m]', (0.0, 0.1)),
-    *_channel_specs('pose', 'object_pose', CYCLE, 'messages of object_pose that are lost'),
-    Spec('pose_noise', 0.0, "Standard deviation of x and y of the object's pose [m]", (0.0, 0.1)),
-    Spec('angle_noise', 0.0, 'Standard deviation of its angle [rad]', (0.0, 1.0)),
-    *_channel_specs('marker', 'joint_markers', 'none if 0', 'markers that a message lacks'),
-    Spec('marker_noise', 0.0, 'Standard deviation of a coordinate of a marker [m]', (0.0, 0.1)),
     Spec(
-        'marker_mounting',
+        'tracker_rate',
         0.0,
-        'How far from its joint a marker is mounted, drawn by `seed`: standard deviation of a '
-        'coordinate [m]',
+        'Messages of object_pose and joint_markers in a second; 0: one in each cycle [Hz]',
+        (0.0, 1000.0),
+    ),
+    Spec('tracker_delay', 0.0, 'They arrive so long after their stamp [s]', (0.0, 10.0)),
+    Spec('tracker_dropouts', 0.0, 'Share of the poses and markers that are lost', (0.0, 1.0)),
+    Spec(
+        'tracker_noise',
+        0.0,
+        f'Standard deviation of their coordinates [m]; of the angle: over {MARKS_APART} m [rad]',
         (0.0, 0.1),
     ),
-    FixedSpec('marker_joints', [''], "Joints that have markers; [''] for all"),
+    FixedSpec('marker_joints', [''], f"Joints that have markers; ['{ALL}'], or [''] for none"),
 )
 
 
@@ -64,7 +50,7 @@ class SimulatedSensors:
     :param node: publishes.
     :param robot: that is measured.
     :param values: of `SENSOR_SPECS`.
-    :param seed: of noise and dropouts, and of how markers are mounted.
+    :param seed: of noise and dropouts.
     :raises ParameterError: a marker at a joint that the robot does not have.
     """
 
@@ -72,8 +58,6 @@ class SimulatedSensors:
         self._robot, self._values = robot, values
         self._marked = _find_marked(robot, values)
         # Streams of their own: the noise of one sensor does not depend on the faults of another.
-        mounting = np.random.default_rng((seed, 2))
-        self._mounting = mounting.normal(size=(len(self._marked), 2))
         self._encoders, self._tracker, self._markers = (
             SensorChannel(SensorFaults(), (seed, stream)) for stream in (3, 4, 5)
         )
@@ -86,18 +70,12 @@ class SimulatedSensors:
     def apply(self) -> None:
         """Take the present values of the parameters."""
         values, none = self._values, np.zeros(len(self._robot.roller_names))
-        noise = np.append(none + values.encoder_noise, none)
         step = np.append(none + values.encoder_step, none)
-        self._encoders.faults = SensorFaults(*self._channel('encoder'), noise, step)
-        noise = values.pose_noise, values.pose_noise, values.angle_noise
-        self._tracker.faults = SensorFaults(*self._channel('pose'), noise)
-        self._markers.faults = SensorFaults(*self._channel('marker'), values.marker_noise)
-
-    def _channel(self, sensor: str) -> tuple[float, float, float]:
-        """Return rate, delay and dropouts of a sensor."""
-        return tuple(
-            getattr(self._values, f'{sensor}_{what}') for what in ('rate', 'delay', 'dropouts')
-        )
+        self._encoders.faults = SensorFaults(delay=values.encoder_delay, step=step)
+        tracker = values.tracker_rate, values.tracker_delay, values.tracker_dropouts
+        noise = values.tracker_noise * np.array([1.0, 1.0, 1.0 / MARKS_APART])
+        self._tracker.faults = SensorFaults(*tracker, noise)
+        self._markers.faults = SensorFaults(*tracker, values.tracker_noise)
 
     def publish(
         self, now: float, travel: Array, speeds: Array, pose: Pose, joints: Callable[[], Array]
@@ -124,7 +102,7 @@ class SimulatedSensors:
             header = make_header(found.time, self._robot.frame)
             measured = to_pose_message(Pose(*found.values[0].tolist()))
             self._object_pose.publish(PoseStamped(header=header, pose=measured))
-        if self._values.marker_rate == 0.0:
+        if not self._marked:
             return
         for found in self._markers.measure(now, lambda: self._marker_places(joints())):
             places = {self._marked[i]: found.values[i] for i in np.flatnonzero(found.seen)}
@@ -133,18 +111,20 @@ class SimulatedSensors:
             self._joint_markers.publish(markers)
 
     def _marker_places(self, joints: Array) -> Array:
-        """Return where the markers are (k, 2) [m], with how they are mounted."""
-        numbers = [self._robot.topology.joint_names.index(name) for name in self._marked]
-        return joints[numbers] + self._values.marker_mounting * self._mounting
+        """Return where the joints with markers are (k, 2) [m]."""
+        return joints[[self._robot.topology.joint_names.index(name) for name in self._marked]]
 
 
 def _find_marked(robot: Robot, values: Parameters) -> tuple[str, ...]:
     """Return the joints that have markers."""
     known = robot.topology.joint_names
     named = tuple(name for name in values.marker_joints if name)
+    if named == (ALL,):
+        return tuple(known)
     unknown = [name for name in named if name not in known]
     if unknown:
         raise ParameterError(
-            f'parameter marker_joints: {", ".join(unknown)}: must be of {", ".join(known)}'
+            f'parameter marker_joints: {", ".join(unknown)}: must be of {", ".join(known)}, '
+            f'or {ALL} alone'
         )
-    return named or tuple(known)
+    return named

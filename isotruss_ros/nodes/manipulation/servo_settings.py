@@ -23,15 +23,22 @@ from isotruss_ros.core.control.decision import Decision
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
 from isotruss_ros.core.safety.roller_failure import FailureCriterion, FailureDetector
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
-from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.conversions.messages import make_header, to_twist_message
+from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import Parameters, Spec
 from isotruss_ros.nodes.framework.topics import RELIABLE
 
 #: Statuses that are no warning: no motion is commanded, or all is well.
 NORMAL = frozenset(
-    {Status.OK, Status.IDLE, Status.FOLLOWING_TRAJECTORY, Status.ARRIVED, Status.HALT_NO_TWIST}
+    {
+        Status.OK,
+        Status.IDLE,
+        Status.FOLLOWING_TRAJECTORY,
+        Status.ARRIVED,
+        Status.ACCELERATING,
+        Status.HALT_NO_TWIST,
+    }
 )
 BOUNDS = ShapeBounds()
 SPECS = (
@@ -93,7 +100,7 @@ SPECS = (
         (0.0, 1.0),
     ),
     Spec(
-        'slide_along_limits', False, 'Slide along limits of lengths and shapes instead of stopping'
+        'slide_along_limits', True, 'Slide along limits of lengths and shapes instead of stopping'
     ),
     Spec('failed_rollers', [''], "Rollers t/j that are held at zero; [''] for none"),
     Spec(

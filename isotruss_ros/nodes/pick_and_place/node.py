@@ -14,13 +14,18 @@ from isotruss_msgs.msg import GraspState
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.core.control.inputs import InputError
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.nodes.components import common_parameters as common
-from isotruss_ros.nodes.components.action_steps import CancelledError, Outcome, StepError, Steps
-from isotruss_ros.nodes.components.grasp_sequences import GraspSequences
-from isotruss_ros.nodes.components.sensors import Inputs
-from isotruss_ros.nodes.components.single_goal import SingleGoal
+from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.managed import ManagedNode
+from isotruss_ros.nodes.framework.sensors import Inputs
+from isotruss_ros.nodes.framework.single_goal import SingleGoal
+from isotruss_ros.nodes.pick_and_place.action_steps import (
+    CancelledError,
+    Outcome,
+    StepError,
+    Steps,
+)
+from isotruss_ros.nodes.pick_and_place.grasp_sequences import GraspSequences
 
 SPECS = (*common.OBJECT_SPECS, common.COMMAND_TIMEOUT)
 #: A sequence is taken on this often [s].

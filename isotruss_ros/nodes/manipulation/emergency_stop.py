@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from isotruss_ros.core import IsotrussError
-from isotruss_ros.nodes.components.sparse_messages import SparseMessages
 from isotruss_ros.nodes.framework.managed import ManagedNode
+from isotruss_ros.nodes.manipulation.sparse_messages import SparseMessages
 from std_msgs.msg import Bool
 
 #: Of the topic, and of the service that does the same and answers.

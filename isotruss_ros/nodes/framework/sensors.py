@@ -23,13 +23,13 @@ from isotruss_ros.core.control.inputs import (
 from isotruss_ros.core.control.state_estimate import EstimatedTravel
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.kinematics.configuration import ConfigurationTracker
-from isotruss_ros.nodes.components.robot_frame import RobotFrame
 from isotruss_ros.nodes.conversions.estimate_messages import read_estimate
 from isotruss_ros.nodes.conversions.joint_state_messages import (
     read_roller_state,
     read_tube_pressures,
 )
 from isotruss_ros.nodes.conversions.messages import MessageError, read_stamp
+from isotruss_ros.nodes.framework.robot_frame import RobotFrame
 from isotruss_ros.nodes.framework.runner import StoppableNode
 from isotruss_ros.nodes.framework.topics import subscribe_newest
 import numpy as np

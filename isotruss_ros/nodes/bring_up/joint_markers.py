@@ -9,15 +9,15 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple
 
-from isotruss_ros.calibration.home import Posture
+from isotruss_ros.calibration.home_fit import Posture
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.core import Robot
 from isotruss_ros.core.control.inputs import Timeline
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.nodes.components.robot_frame import RobotFrame
 from isotruss_ros.nodes.conversions.joint_state_messages import read_roller_state
 from isotruss_ros.nodes.conversions.messages import MessageError, read_stamp
 from isotruss_ros.nodes.framework.parameters import Spec
+from isotruss_ros.nodes.framework.robot_frame import RobotFrame
 from isotruss_ros.nodes.framework.topics import RELIABLE
 import numpy as np
 from rclpy.node import Node

@@ -33,16 +33,6 @@ from isotruss_ros.core.model.pose import pose_difference
 from isotruss_ros.core.planning.describe_plan import path_times
 from isotruss_ros.core.planning.release import plan_release, Release
 from isotruss_ros.core.planning.violations import export_violation, violation_in_words
-from isotruss_ros.nodes.components import common_parameters as common
-from isotruss_ros.nodes.components.action_steps import (
-    ActionStep,
-    Outcome,
-    set_parameters,
-    StepError,
-    Steps,
-)
-from isotruss_ros.nodes.components.sensors import TrackedShape
-from isotruss_ros.nodes.components.single_goal import SUPERVISION
 from isotruss_ros.nodes.conversions.messages import (
     make_header,
     read_pose,
@@ -50,8 +40,18 @@ from isotruss_ros.nodes.conversions.messages import (
 )
 from isotruss_ros.nodes.conversions.object_messages import to_object_message
 from isotruss_ros.nodes.conversions.path_messages import read_duration, to_trajectory_message
+from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.managed import ManagedNode
+from isotruss_ros.nodes.framework.sensors import TrackedShape
+from isotruss_ros.nodes.framework.single_goal import SUPERVISION
 from isotruss_ros.nodes.framework.topics import RELIABLE
+from isotruss_ros.nodes.pick_and_place.action_steps import (
+    ActionStep,
+    Outcome,
+    set_parameters,
+    StepError,
+    Steps,
+)
 from nav_msgs.msg import Path
 import numpy as np
 from rcl_interfaces.srv import SetParameters
@@ -221,7 +221,7 @@ class GraspSequences(TrackedShape):
                 **export_violation(release.violation),
             )
         near = np.arange(len(release.path) - 1) <= release.apart
-        times = path_times(release.path, self._robot.description.max_speed, near)
+        times = path_times(release.path, self._robot.description, near)
         trajectory = to_trajectory_message(self._robot, release.path.tolist(), times.tolist())
         apart = float(times[release.apart])
         yield from self._drive(trajectory, apart, PLACE.OPENING, PLACE.BACKING_OFF)

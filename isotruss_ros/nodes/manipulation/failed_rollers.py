@@ -12,8 +12,8 @@ from isotruss_ros.core.control.inputs import StampedInput
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.model.topology import check_roller_names
 from isotruss_ros.core.safety.roller_failure import FailureDetector
-from isotruss_ros.nodes.components.sparse_messages import SparseMessages
 from isotruss_ros.nodes.framework.managed import ManagedNode
+from isotruss_ros.nodes.manipulation.sparse_messages import SparseMessages
 from std_msgs.msg import String
 
 NAME = 'failed_rollers'

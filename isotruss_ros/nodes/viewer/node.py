@@ -15,14 +15,6 @@ from geometry_msgs.msg import PoseStamped, Twist, WrenchStamped
 from isotruss_msgs.msg import GraspState, ManipulationStatus
 from isotruss_ros.core import load_robot, Pose
 from isotruss_ros.core.errors import ConfigurationError
-from isotruss_ros.nodes.components import common_parameters as common
-from isotruss_ros.nodes.components.robot_frame import RobotFrame
-from isotruss_ros.nodes.components.view_requests import (
-    Calls,
-    make_calls,
-    ObjectGoals,
-    SimulatorRestart,
-)
 from isotruss_ros.nodes.conversions.grasp_messages import to_wrench_message
 from isotruss_ros.nodes.conversions.messages import (
     make_header,
@@ -31,10 +23,18 @@ from isotruss_ros.nodes.conversions.messages import (
     request_parameters,
     to_twist_message,
 )
+from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.parameters import FixedSpec, ROBOT, Spec
+from isotruss_ros.nodes.framework.robot_frame import RobotFrame
 from isotruss_ros.nodes.framework.runner import StoppableNode
 from isotruss_ros.nodes.framework.topics import LATCHED, RELIABLE, subscribe_newest
+from isotruss_ros.nodes.viewer.view_requests import (
+    Calls,
+    make_calls,
+    ObjectGoals,
+    SimulatorRestart,
+)
 from isotruss_ros.viewer.control import ZERO
 from isotruss_ros.viewer.drag import LEVER, PATIENCE, place_on_circle
 from isotruss_ros.viewer.message_checks import PictureError
@@ -178,7 +178,10 @@ class Viewer(StoppableNode):
 
     def _step(self) -> None:
         controls, now = self._controls, time.monotonic()
-        controls.control.latch(self._stopped or self.picture.is_stopped(now))
+        stopped = self._stopped or self.picture.is_stopped(now)
+        if controls.control.stopped and not stopped:
+            self._report_goal('')  # what the stop ended is past
+        controls.control.latch(stopped)
         for name, value in controls.take(now):
             self._carry_out(name, value)
         control, pose = controls.control, self._dragged_pose(now)
@@ -214,7 +217,8 @@ class Viewer(StoppableNode):
                 left = f'{math.degrees(way / LEVER):.0f}° left'
         control.drag = None
         words = f'{self._controls.dragged}: no progress for {PATIENCE:.0f} s, {left}'
-        self._report_goal(f'drag given up: {words}; {self.picture.describe_manipulation(now)}')
+        why = self.picture.describe_hindrance(now, PATIENCE)
+        self._report_goal(f'drag given up: {words}; {why}')
         self.get_logger().warning(self.picture.goal_report)
 
     def _publish_twist(self, position: tuple[float, float] | None, now: float) -> None:

@@ -1,0 +1,145 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Least squares of measured joints over the zeros of the rollers, and the frame of the tracker."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint
+from isotruss_ros.core.numerics.arrays import Array, Indices
+import numpy as np
+import scipy
+
+#: A joint that is off the fit by more than so many standard deviations does not fit [-].
+GATE = 5.0
+#: Steps of a fit; one from the home of the robot file takes five to ten.
+MAX_STEPS = 100
+#: Of an error of a coordinate at least this share is left by a fit that can tell [-].
+LEAST_LEFT = 0.1
+
+
+@dataclass(frozen=True)
+class Posture:
+    """Where joints of the empty robot were measured at one reading of the encoders."""
+
+    roller_positions: Array  #: (r,) readings [m]
+    joints: Mapping[str, tuple[float, float]]  #: (x, y) by the name of the joint, robot frame [m]
+
+
+class HomeFit(NamedTuple):
+    """
+    A fit to measured joints.
+
+    :ivar zeros: (r,) travel since the home of the robot file where encoders read zero [m].
+    :ivar motion: (dx, dy, angle) that takes the frame of the tracker to the robot's [m, rad].
+    :ivar residuals: (k, 2) measured minus fitted joints, posture after posture [m].
+    :ivar jacobian: (2k, p) of these.
+    """
+
+    zeros: Array
+    motion: Array
+    residuals: Array
+    jacobian: Array
+
+    @property
+    def errors(self) -> tuple[Array, Array]:
+        """
+        Return the errors of the coordinates as far as the fit leaves them, (k, 2) [m].
+
+        :return: besides, the share of an error of each that is left: 1 minus its leverage, (k, 2).
+        """
+        basis = np.linalg.qr(self.jacobian)[0]
+        left = np.sqrt(np.clip(1.0 - (basis**2).sum(axis=1), 1e-6, 1.0)).reshape(-1, 2)
+        return np.abs(self.residuals) / left, left
+
+    def worst(self, deviation: float) -> tuple[int, float] | None:
+        """
+        Return the number of the joint that fits least and its error [m]; None if all fit.
+
+        :param deviation: standard deviation of a measured coordinate [m].
+        """
+        off, left = self.errors
+        worst = int(off.max(axis=1).argmax())
+        error = float(off[worst].max())
+        fits = error <= GATE * deviation or left[worst].max() <= LEAST_LEFT
+        return None if fits else (worst, error)
+
+
+def fit_home(robot: Robot, postures: Sequence[Posture], moved: bool = False) -> HomeFit:
+    """
+    Fit the zeros of the rollers to measured joints; the Jacobian is that of (12).
+
+    :param robot: as its file has it.
+    :param postures: of the empty robot.
+    :param moved: whether the frame of the tracker is fitted as well.
+    :raises GraspError: a joint is unknown.
+    :raises ConfigurationError: the joints fit no shape of the robot.
+    """
+    joints = [_numbers(robot, posture) for posture in postures]
+    count = len(robot.roller_names)
+    measured = np.concatenate([_places(posture) for posture in postures])
+
+    def shapes(unknowns: Array) -> list[Configuration]:
+        return [robot.home.moved_to(each.roller_positions + unknowns[:count]) for each in postures]
+
+    def misfit(unknowns: Array) -> Array:
+        pairs = zip(shapes(unknowns), joints, strict=True)
+        found = np.concatenate([shape.points[each] for shape, each in pairs])
+        x, y, angle = unknowns[count:] if moved else np.zeros(3)
+        return (complex(x, y) + np.exp(1j * angle) * measured - found).view(np.float64)
+
+    def slope(unknowns: Array) -> Array:
+        found = -_rates(shapes(unknowns), joints)
+        if not moved:
+            return found
+        turned = 1j * np.exp(1j * unknowns[-1]) * measured
+        by_motion = np.column_stack([np.ones_like(turned), np.full_like(turned, 1j), turned])
+        return np.hstack([found, np.stack([by_motion.real, by_motion.imag], 1).reshape(-1, 3)])
+
+    start = np.zeros(count + 3 * moved)
+    found = scipy.optimize.least_squares(
+        misfit, start, slope, method='lm', xtol=1e-12, max_nfev=MAX_STEPS
+    )
+    return HomeFit(found.x[:count], found.x[count:], found.fun.reshape(-1, 2), found.jac)
+
+
+def home_jacobian(robot: Robot, postures: Sequence[Posture]) -> Array:
+    """
+    Return the derivative of the measured joints by the zeros, where these are zero, (2k, r).
+
+    :param robot: as its file has it.
+    :param postures: of the empty robot.
+    :raises GraspError: a joint is unknown.
+    :raises ConfigurationError: the robot has no such shape.
+    """
+    shapes = [robot.home.moved_to(each.roller_positions) for each in postures]
+    return _rates(shapes, [_numbers(robot, posture) for posture in postures])
+
+
+def _rates(shapes: Sequence[Configuration], joints: Sequence[Indices]) -> Array:
+    """Return the velocities (2k, r) of joints for 1 m/s at each roller."""
+    count = len(shapes[0].roller_positions)
+    rows = [
+        shape.node_jacobian.reshape(-1, 2, count)[each].reshape(-1, count)
+        for shape, each in zip(shapes, joints, strict=True)
+    ]
+    return np.concatenate(rows)
+
+
+def _places(posture: Posture) -> Array:
+    """Return the measured joints as x + iy [m]."""
+    return np.array(list(posture.joints.values()), dtype=float) @ np.array([1.0, 1.0j])
+
+
+def _numbers(robot: Robot, posture: Posture) -> Indices:
+    """Return the numbers of the measured joints."""
+    for name in posture.joints:
+        check_joint(robot, name)
+    names = robot.topology.joint_names
+    return np.array([names.index(name) for name in posture.joints], dtype=np.intp)

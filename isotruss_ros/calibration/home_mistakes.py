@@ -1,0 +1,96 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The mistake that explains joints which do not fit: units, names, signs, the tracker's frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+import itertools
+
+from isotruss_ros.calibration.home_fit import fit_home, Posture
+from isotruss_ros.core.errors import ConfigurationError
+from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.numerics.arrays import Array
+import numpy as np
+
+#: Units that numbers may be in, in place of metres.
+UNITS = {'mm': 1e-3, 'cm': 1e-2}
+
+
+def find_mistake(robot: Robot, postures: Sequence[Posture], deviation: float) -> str:
+    """
+    Try single mistakes, and return the one that explains the joints best; empty if none does.
+
+    :param robot: as its file has it.
+    :param postures: that do not fit.
+    :param deviation: standard deviation of a measured coordinate [m].
+    :return: what is wrong, and what to do.
+    """
+    found = {}
+    for text, corrected in _corrections(robot, postures):
+        try:
+            fit = fit_home(robot, corrected)
+        except ConfigurationError:
+            continue
+        if _tells(fit.jacobian) and fit.worst(deviation) is None:
+            found[text] = float((fit.residuals**2).sum())
+    return min(found, key=found.__getitem__) if found else _moved_frame(robot, postures, deviation)
+
+
+def _tells(jacobian: Array) -> bool:
+    """Return whether a fit has more measured coordinates than unknowns."""
+    return jacobian.shape[0] > jacobian.shape[1]
+
+
+def _corrections(robot: Robot, postures: Sequence[Posture]) -> Iterator[tuple[str, list[Posture]]]:
+    """Yield mistakes, and the postures without them."""
+    for unit, size in UNITS.items():
+        text = f'the markers are in {unit}: give them in m'
+        yield text, [_scaled(each, size) for each in postures]
+        text = f'the encoders read in {unit}: give roller positions in m'
+        yield text, [_read(each, size * each.roller_positions) for each in postures]
+    measured = sorted({name for each in postures for name in each.joints})
+    for one, other in itertools.combinations(measured, 2):
+        names = {one: other, other: one}
+        text = f'the names of the markers of joints {one} and {other} are swapped'
+        yield text, [_with_names(each, names) for each in postures]
+    rollers, own = robot.roller_names, np.arange(len(robot.roller_names))
+    for i, j in itertools.combinations(own, 2):
+        order = np.where(own == i, j, np.where(own == j, i, own))
+        text = f'the names of the encoders of {rollers[i]} and {rollers[j]} are swapped'
+        yield text, [_read(each, each.roller_positions[order]) for each in postures]
+    for i, name in enumerate(rollers):
+        text = f'the encoder of {name} counts the other way: change its sign'
+        signs = np.where(own == i, -1.0, 1.0)
+        yield text, [_read(each, signs * each.roller_positions) for each in postures]
+
+
+def _scaled(posture: Posture, size: float) -> Posture:
+    joints = {name: (size * x, size * y) for name, (x, y) in posture.joints.items()}
+    return replace(posture, joints=joints)
+
+
+def _read(posture: Posture, roller_positions: Array) -> Posture:
+    return replace(posture, roller_positions=roller_positions)
+
+
+def _with_names(posture: Posture, names: Mapping[str, str]) -> Posture:
+    joints = {names.get(name, name): place for name, place in posture.joints.items()}
+    return replace(posture, joints=joints)
+
+
+def _moved_frame(robot: Robot, postures: Sequence[Posture], deviation: float) -> str:
+    """Return where the frame of the tracker is, if that explains the joints."""
+    try:
+        fit = fit_home(robot, postures, moved=True)
+    except ConfigurationError:
+        return ''
+    if not _tells(fit.jacobian) or fit.worst(deviation) is not None:
+        return ''
+    x, y, angle = fit.motion
+    return (
+        f'the frame of the tracker is not that of the robot: its origin is there at ({x:.3f}, '
+        f'{y:.3f}) m, turned by {np.degrees(angle):.1f} degrees: publish that transform'
+    )

@@ -1,0 +1,74 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Points that are off the line of the others of their group: slips of the pen."""
+
+from __future__ import annotations
+
+from isotruss_ros.calibration.measurements import Group
+from isotruss_ros.core.numerics.arrays import Array, Flags
+import numpy as np
+from scipy.stats import t as student_t
+
+#: Probability with which a group of clean points loses one of them [-].
+POINT_LEVEL = 1e-5
+#: A point less far off the line of the others than this share of its rise stays, however straight
+#: they are [-]: a third of it takes points of tubes that soften, three times of it leaves typing
+#: errors of half the load.
+LEAST_SHARE = 0.2
+#: At most this share of the points of a group is off the others [-].
+MOST_SHARE = 0.2
+
+
+def outlying_points(group: Group) -> tuple[Flags, Array]:
+    """
+    Find the points of a group that are off the line of the others.
+
+    By the externally studentised residuals of a line with an offset for each trial, the largest
+    first.
+
+    :param group: points of one mode, pressure and length.
+    :return: which points (n,), and how far they are off the line of the others (n,) [N or N m].
+    """
+    off, out = np.zeros(len(group.loads)), np.zeros(len(group.loads), dtype=bool)
+    for _ in range(int(MOST_SHARE * len(out))):
+        rest, scale, rise = _deleted(group, ~out)
+        with np.errstate(divide='ignore', invalid='ignore'):
+            ratio = np.abs(rest) / scale
+        worst = int(np.nan_to_num(ratio, nan=0.0, posinf=np.inf).argmax())
+        freedom = int((~out).sum()) - 3 - int(group.trials.max())
+        if freedom < 2 or abs(rest[worst]) <= LEAST_SHARE * rise[worst]:
+            break
+        if 2.0 * student_t.sf(ratio[worst], freedom) * len(out) > POINT_LEVEL:
+            break
+        out[worst], off[worst] = True, rest[worst]
+    return out, off
+
+
+def _deleted(group: Group, used: Flags) -> tuple[Array, Array, Array]:
+    """
+    Return residuals (n,) of points against the line of the others, their scale and its rise.
+
+    Zero residuals where a point is not used, or the others tell no line.
+    """
+    n, x, y = len(used), group.displacements, group.loads
+    trials = group.trials[:, None] == np.arange(group.trials.max() + 1)
+    matrix = np.column_stack([x / max(np.abs(x).max(), np.finfo(float).tiny), trials])[used]
+    rest, scale, rise = np.zeros(n), np.full(n, np.inf), np.full(n, np.inf)
+    basis, sizes, _ = np.linalg.svd(matrix, full_matrices=False)
+    basis = basis[:, sizes > 1e-12 * sizes[0]]
+    left = y[used] - basis @ (basis.T @ y[used])
+    free = 1.0 - (basis**2).sum(axis=1)
+    freedom = int(used.sum()) - basis.shape[1] - 1
+    if freedom < 1:
+        return rest, scale, rise
+    told = free > 1e-6
+    deleted = np.where(told, left / np.where(told, free, 1.0), 0.0)
+    squares = np.maximum(left @ left - deleted**2 * free, 0.0)
+    # Rounding is no scatter of the others.
+    least = np.finfo(float).eps * np.abs(y[used]).max()
+    rest[used] = deleted
+    scale[used] = np.maximum(np.sqrt(squares / freedom), least) / np.sqrt(np.maximum(free, 1e-6))
+    low, high = np.sort(y[used])[[0, 1]], np.sort(y[used])[[-2, -1]]
+    rise[used] = np.where(y[used] == high[1], *high) - np.where(y[used] == low[0], *low[::-1])
+    return rest, scale, rise

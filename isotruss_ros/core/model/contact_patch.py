@@ -1,0 +1,68 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Contacts of a convex shape with a tube: one corner, or the two ends of what lies on the tube.
+
+No angle decides whether a face lies on a tube: the tube gives by the depth of the object in it, so
+that a corner is a contact of its own where it is in the straight tube too. On what is narrower
+than a tube's radius a contact has no ends.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from isotruss_ros.core.model.shapes import Shape
+
+#: Ends of a contact are apart by this many tube radii at least.
+LEAST_FACE = 1.0
+#: Objects that only touch are taken to be this deep, as a share of their size.
+LEAST_DEPTH = 1e-3
+#: Of corners that are equally deep, to this share of the depth, that nearest to the middle counts.
+TIE = 1e-6
+
+
+class PatchEnd(NamedTuple):
+    """One end of the contact of a shape with a tube."""
+
+    corner: int  #: number of the corner, see `Shape.corner_at`
+    point: complex  #: of the surface, x + iy in the object's frame [m]
+    height: float  #: toward the tube, from the origin of the object's frame [m]
+    along: float  #: length of the faces from the deepest corner, counter-clockwise [m]
+
+
+def contact_patch(shape: Shape, normal: complex, depth: float, short: float) -> list[PatchEnd]:
+    """
+    Return the ends of the contact of a shape with a tube, counter-clockwise: one or two.
+
+    :param shape: of the object.
+    :param normal: from the object toward the straight tube, unit vector x + iy in its frame.
+    :param depth: of the object in the tube [m].
+    :param short: least distance of two ends [m].
+    """
+    corner, back = shape.corner_at(normal), normal.conjugate()
+    point = shape.point_at(corner, normal)
+    near, far = [PatchEnd(corner, point, (point * back).real, 0.0)], []
+    least = near[0].height - depth
+    for side in range(len(shape.faces_at(corner))):
+        at, along, short_face = corner, 0.0, True
+        while short_face:
+            face = shape.faces_at(at)[side]
+            at, along = face.corner, along + face.step * face.length
+            point, short_face = shape.point_at(at, face.normal), face.length < short
+            height = (point * back).real
+            # Between the ends of a face nothing presses; a curve of short faces has no ends.
+            if height < least or at == corner or (short_face and abs(along) >= short):
+                break
+            (near if short_face else far).append(PatchEnd(at, point, height, along))
+    tie, middle = TIE * abs(depth), (shape.centroid * back).imag
+    ends = near + far
+    highest = max(each.height for each in ends) - tie
+    first = min(
+        (each for each in ends if each.height >= highest),
+        key=lambda each: abs((each.point * back).imag - middle),
+    )
+    apart = [each for each in ends if abs(each.along - first.along) >= short]
+    other = max(apart, key=lambda each: each.height, default=None)
+    return [first] if other is None else sorted((first, other), key=lambda each: each.along)

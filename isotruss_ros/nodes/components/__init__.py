@@ -1,4 +1,0 @@
-# Copyright 2026 isotruss_ros maintainers
-# SPDX-License-Identifier: Apache-2.0
-
-"""Parts of nodes that more than one node has."""

@@ -1,0 +1,89 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Beyond the loss of contact the slip margin continues, with its gradient."""
+
+from hypothesis import given, strategies
+from isotruss_ros import core
+import numpy as np
+import pytest
+import robots
+from scipy.optimize import minimize
+
+HOME = core.load_robot('nine_member').home
+MEMBERS = ('north/P-Z', 'north/Z-R')
+STEP = 1e-6
+
+
+def settle(travel, away=0.0, pose=None, pull=(0.0, -2.0, 0.0)):
+    """Return a disc that is so far from both members at home, set down elsewhere by `pose`."""
+    body = core.place_between(HOME, MEMBERS, core.Disc(0.3), indentation=-away).body
+    body = body if pose is None else body.moved_to(np.add(body.pose, pose))
+    return core.settle_grasp(HOME.moved_to(travel), body, 0.8, pull, members=MEMBERS)
+
+
+def test_gap_is_the_distance_from_touching():
+    grasp = settle(np.zeros(6), 0.02)
+    assert not grasp.held
+    assert grasp.hold is core.HoldStatus.NO_CONTACT
+    assert grasp.gap == pytest.approx(0.02, abs=1e-6)
+    assert settle(np.zeros(6), -0.01).gap == 0.0
+
+
+def test_without_contact_the_external_wrench_is_missing():
+    stiffness = 34500.0 * 0.051
+    for pull in ((0.0, 0.0, 0.0), (3.0, 4.0, 0.0), (0.0, 0.0, 0.3)):
+        missing = np.linalg.norm(np.divide(pull, (1.0, 1.0, 0.15)))
+        grasp = settle(np.zeros(6), 0.01, pull=pull)
+        assert grasp.slip_margin == pytest.approx(-missing - 0.01 * stiffness, rel=1e-6)
+
+
+def test_slip_margin_continues_where_the_contact_is_lost():
+    for pull in ((0.0, 0.0, 0.0), (0.0, -0.2, 0.0)):
+        touching, apart = (
+            settle(np.zeros(6), -1e-5, pull=pull),
+            settle(np.zeros(6), 1e-5, pull=pull),
+        )
+        assert touching.slip_margin == pytest.approx(apart.slip_margin, abs=0.05)
+
+
+@robots.examples(20)
+@given(strategies.integers(0, 2**32 - 1))
+def test_gradient_is_that_of_finite_differences(seed):
+    rng = np.random.default_rng(seed)
+    travel = rng.uniform(-0.01, 0.01, 6)
+    pose = np.append(rng.uniform(-0.01, 0.01, 2), rng.uniform(-1.0, 1.0))
+    grasp = settle(travel, 0.06, pose)
+    gradient = core.grasp_gradient(grasp)
+    assert gradient.pose[:, gradient.parameters.place] == pytest.approx(np.eye(3))
+    for step in STEP * np.eye(6):
+        ends = [settle(travel + sign * step, 0.06, pose).slip_margin for sign in (1.0, -1.0)]
+        slope = gradient.slip_margin[gradient.parameters.rollers] @ step
+        assert ends[0] - ends[1] == pytest.approx(2.0 * slope, rel=1e-4, abs=1e-7)
+    for step in STEP * np.eye(3):
+        ends = [settle(travel, 0.06, pose + sign * step).slip_margin for sign in (1.0, -1.0)]
+        slope = gradient.slip_margin[gradient.parameters.place] @ step
+        assert ends[0] - ends[1] == pytest.approx(2.0 * slope, rel=1e-4, abs=1e-7)
+
+
+def test_what_bears_nothing_is_not_used():
+    grasp = settle(np.zeros(6), 0.02)
+    gradient = core.grasp_gradient(grasp)
+    assert set(grasp.utilisation) == set(HOME.robot.member_names)
+    assert not any(grasp.utilisation.values())
+    assert gradient.utilisation.shape == (9, gradient.parameters.size)
+    assert not gradient.stiffness.any()
+    assert gradient.gives_way == ()
+
+
+@pytest.mark.parametrize('away', [0.005, 0.03])
+def test_an_optimiser_in_metres_finds_the_contact(away):
+    def cost(travel):
+        grasp = settle(travel, away)
+        gradient = core.grasp_gradient(grasp)
+        return -grasp.slip_margin, -gradient.slip_margin[gradient.parameters.rollers]
+
+    assert settle(np.zeros(6), away).hold is core.HoldStatus.NO_CONTACT
+    found = minimize(cost, np.zeros(6), jac=True, bounds=[(-0.1, 0.1)] * 6, method='SLSQP')
+    assert settle(found.x, away).force_closure
+    assert -found.fun > 1.0

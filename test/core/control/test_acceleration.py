@@ -1,0 +1,149 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The acceleration of the rollers is limited in every mode, and halts are immediate."""
+
+from dataclasses import replace
+
+from grips import disc_grip, rolled
+from hypothesis import given
+from hypothesis import strategies as st
+from isotruss_ros.core import load_robot, RollingGrip, solve_twist, Status, TwistServo
+from isotruss_ros.core.control.inputs import RollerState, StampedInput
+from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.manipulation.acceleration import limit_acceleration
+from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
+from isotruss_ros.core.manipulation.limits import default_limits, stack_rows
+from nightly import some_now
+import numpy as np
+import pytest
+from robots import examples
+
+ROBOT = load_robot('nine_member')
+N = len(ROBOT.roller_names)
+ACCELERATION = ROBOT.description.max_acceleration
+PERIOD = 0.01
+CHANGE = ACCELERATION * PERIOD
+
+
+class Driven:
+    """A robot under the twist servo; its sensors are prompt and exact."""
+
+    def __init__(self, module, robot=ROBOT):
+        self.held = RollingGrip.attach(robot.home, disc_grip(robot.home, module, 0.3))
+        self.servo = TwistServo(robot, self.held.grip, PERIOD, timeout=0.2)
+        self.now, self.velocities, self.change = 0.0, np.zeros(N), 0.0
+
+    def step(self, twist):
+        """Go on for one cycle; return the command."""
+        self.now += PERIOD
+        state = RollerState(self.held.config.roller_positions, self.velocities)
+        self.servo.twist = StampedInput(np.asarray(twist), self.now)
+        self.servo.rollers = StampedInput(state, self.now)
+        self.servo.pose = StampedInput(self.held.pose, self.now)
+        command = self.servo.decide(self.now).command
+        self.change = np.abs(command.roller_velocities - self.velocities).max()
+        self.velocities = command.roller_velocities
+        self.held = rolled(self.held, PERIOD * self.velocities)
+        return command
+
+
+def heading(degrees, speed=0.05):
+    return speed * np.array([np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees)), 0.0])
+
+
+CASES = [('north/Z', 110.0), ('north/R', 30.0), ('east/Q', 200.0)]
+
+
+@pytest.mark.parametrize('slide', [False, True])
+@pytest.mark.parametrize(('module', 'first'), some_now(CASES, 1))
+def test_speeds_do_not_jump_when_the_heading_turns_at_a_limit(module, first, slide):
+    robot, turned = Driven(module), 0
+    robot.servo.slide_along_limits = slide
+    for _ in range(3000):
+        command = robot.step(heading(first + 2.0 * turned))
+        assert command.status < Status.HALT_NO_TWIST
+        assert robot.change <= CHANGE * (1.0 + 1e-6)
+        turned += bool(turned or command.scale < 0.03)
+        if turned > 100:
+            return
+    assert slide  # along limits the object goes on
+
+
+def test_the_twist_servo_slides_along_limits_by_default():
+    assert TwistServo(ROBOT, Driven('north/R').held.grip, PERIOD, 0.2).slide_along_limits
+
+
+def test_status_is_accelerating_until_the_twist_is_carried_out():
+    robot = Driven('north/R')
+    statuses = [robot.step(heading(30.0)).status for _ in range(20)]
+    reached = statuses.index(Status.OK)
+    assert 2 < reached < 11
+    assert statuses == [Status.ACCELERATING] * reached + [Status.OK] * (20 - reached)
+
+
+def test_a_twist_of_zero_brings_the_rollers_to_rest_within_the_acceleration():
+    robot = Driven('north/R')
+    for _ in range(10):
+        robot.step(heading(30.0))
+    for _ in range(10):
+        command = robot.step(np.zeros(3))
+        assert robot.change <= CHANGE * (1.0 + 1e-6)
+    assert command.status is Status.IDLE
+    assert not command.roller_velocities.any()
+
+
+def test_a_halt_is_immediate():
+    robot = Driven('north/R')
+    for _ in range(10):
+        robot.step(heading(30.0))
+    assert robot.velocities.any()
+    robot.servo.stopped = (Status.HALT_EMERGENCY_STOP, 'stopped')
+    assert not robot.step(heading(30.0)).roller_velocities.any()
+
+
+def test_joints_reverse_within_the_acceleration():
+    robot = Driven('north/R')
+    robot.servo.joint = 'Z'
+    for direction in (1.0, -1.0):
+        for _ in range(20):
+            command = robot.step(direction * heading(30.0))
+            assert robot.change <= CHANGE * (1.0 + 1e-6)
+        assert command.status is Status.OK
+
+
+def test_other_commands_keep_the_acceleration_but_for_zero():
+    servo = Driven('north/R').servo
+    asked, before = np.linspace(-0.1, 0.1, N), np.zeros(N)
+    for cycle in range(12):
+        speeds = servo.command(asked, cycle * PERIOD)
+        assert np.abs(speeds - before).max() <= CHANGE * (1.0 + 1e-9)
+        before = speeds
+    assert (speeds == asked).all()
+    assert not servo.command(np.zeros(N), 12 * PERIOD).any()
+
+
+def test_a_robot_of_little_acceleration_stops_before_its_limits():
+    slow = Robot(replace(ROBOT.description, max_acceleration=0.05))
+    robot, file = Driven('north/R', slow), slow.description
+    for _ in range(2500):
+        robot.step(heading(30.0))
+        assert robot.change <= 0.05 * PERIOD * (1.0 + 1e-6)
+        lengths = robot.held.config.member_lengths
+        assert file.min_length <= lengths.min()
+        assert lengths.max() <= file.max_length
+
+
+@examples(50)
+@given(st.integers(0, 2**31))
+def test_commands_on_the_way_keep_contacts_and_limits(seed):
+    rng = np.random.default_rng(seed)
+    grip = disc_grip(ROBOT.home, 'north/R', 0.3)
+    rows = stack_rows(ROBOT.home, default_limits(ROBOT))
+    one, other = (solve_twist(ROBOT.home, grip, 0.1 * rng.standard_normal(3)) for _ in range(2))
+    found = limit_acceleration(other, one.roller_velocities, CHANGE, lambda: rows)
+    assert np.abs(found.roller_velocities - one.roller_velocities).max() <= CHANGE * (1.0 + 1e-9)
+    jacobian = grip_jacobian(ROBOT.home, grip)
+    assert jacobian[3:] @ found.roller_velocities == pytest.approx(0.0, abs=1e-12)
+    assert jacobian[:3] @ found.roller_velocities == pytest.approx(found.achieved_twist)
+    assert rows.slack(found.roller_velocities).min() >= -1e-9

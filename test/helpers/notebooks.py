@@ -1,0 +1,77 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Run a notebook without Jupyter: its cells in order, and what each prints, returns and draws.
+
+`python test/helpers/notebooks.py NOTEBOOK` runs it and writes it again, with these outputs.
+"""
+
+import ast
+import base64
+import contextlib
+import io
+import json
+from pathlib import Path
+import sys
+
+import matplotlib as mpl
+
+
+def run(path):
+    """
+    Return a notebook with the outputs of its cells.
+
+    :param path: of the file.
+    """
+    mpl.use('Agg')
+    notebook, names = json.loads(Path(path).read_text(encoding='utf-8')), {}
+    count = 0
+    for cell in notebook['cells']:
+        if cell['cell_type'] == 'code':
+            count += 1
+            printed, value = _run_cell(''.join(cell['source']), names, f'{path}, cell {count}')
+            cell['execution_count'] = count
+            cell['outputs'] = [*_stream(printed), *_result(value, count)]
+    return notebook
+
+
+def _run_cell(source, names, place):
+    """Return what a cell prints, and the value of its last line, if that is an expression."""
+    tree, last = ast.parse(source, place), None
+    if isinstance(tree.body[-1], ast.Expr):
+        last = ast.Expression(tree.body.pop().value)
+    printed, value = io.StringIO(), None
+    with contextlib.redirect_stdout(printed):
+        exec(compile(tree, place, 'exec'), names)
+        if last is not None:
+            value = eval(compile(last, place, 'eval'), names)
+    return printed.getvalue(), value
+
+
+def _stream(text):
+    lines = text.splitlines(keepends=True)
+    return [{'name': 'stdout', 'output_type': 'stream', 'text': lines}] if lines else []
+
+
+def _result(value, count):
+    if value is None:
+        return []
+    data = {'text/plain': repr(value).splitlines(keepends=True)}
+    if hasattr(value, 'savefig'):
+        picture = io.BytesIO()
+        value.savefig(picture, format='png', metadata={'Software': None})
+        data = {'image/png': base64.b64encode(picture.getvalue()).decode(), **data}
+        data['text/plain'] = ['<Figure>']
+    elif hasattr(value, '_repr_html_'):
+        data['text/html'] = value._repr_html_().splitlines(keepends=True)
+    return [
+        {'data': data, 'execution_count': count, 'metadata': {}, 'output_type': 'execute_result'}
+    ]
+
+
+if __name__ == '__main__':
+    made = run(sys.argv[1])
+    Path(sys.argv[1]).write_text(
+        json.dumps(made, indent=1, ensure_ascii=False) + '\n', encoding='utf-8'
+    )

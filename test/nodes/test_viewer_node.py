@@ -1,0 +1,109 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The node `viewer`, beside a browser that sends what no page does."""
+
+import contextlib
+
+from fake_browser import FakeBrowser
+from geometry_msgs.msg import Point, Twist, WrenchStamped
+from isotruss_msgs.msg import ManipulationStatus
+from probe import N, overrides, ROBOT, world
+import pytest
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool
+from visualization_msgs.msg import Marker, MarkerArray
+
+pytest.importorskip('viser')
+from isotruss_ros.nodes.viewer.node import Viewer
+
+
+@contextlib.contextmanager
+def viewed():
+    """Bring up a viewer; yield the world, the node, and a browser that has control."""
+    with world(lambda: Viewer(overrides(port=0, browser_timeout=60.0))) as w:
+        node = w.nodes[1]
+        node.begin()
+        browser = FakeBrowser(node._view.address)
+        w.probe.listen(Twist, 'twist', 'cmd_vel')
+        w.probe.listen(WrenchStamped, 'pull', 'external_wrench')
+        w.statuses = w.probe.create_publisher(ManipulationStatus, 'manipulation/status', 1)
+        w.markers = w.probe.create_publisher(MarkerArray, 'grasp/markers', 1)
+        w.until(lambda: 'control' in browser.controls)
+        browser.set('control', True)
+        w.until(lambda: 'force y [N]' in browser.controls)
+        try:
+            yield w, node, browser
+        finally:
+            browser.close()
+            node.stop()
+
+
+def moves(w):
+    """Return whether the last twist moves."""
+    twist = w.probe.last('twist')
+    return twist is not None and twist != Twist()
+
+
+def test_a_drag_under_a_stop_publishes_no_twist_that_moves():
+    with viewed() as (w, node, browser):
+        control = node._controls.control
+        browser.drag('handle', 'start', 0.5, 0.5)
+        w.until(lambda: moves(w), w.probe.send_pose)
+        w.probe.stops.publish(Bool(data=True))
+        w.until(lambda: w.probe.last('twist') == Twist(), w.probe.send_pose)
+        count = len(w.probe.seen['twist'])
+        browser.drag('handle', 'start', 0.6, 0.5)
+        browser.set('force x [N]', 5.0)  # taken after the drag
+        w.until(lambda: control.wrench[0] == 5.0, w.probe.send_pose)
+        assert control.drag is None
+        assert len(w.probe.seen['twist']) == count
+
+
+def test_a_stop_that_the_status_tells_of_holds_drags_until_its_release():
+    with viewed() as (w, node, browser):
+        control = node._controls.control
+
+        def tell(code):
+            w.statuses.publish(ManipulationStatus(code=code))
+            w.probe.send_pose()
+
+        w.until(lambda: control.stopped, lambda: tell(ManipulationStatus.HALT_EMERGENCY_STOP))
+        w.until(lambda: not control.stopped, lambda: tell(ManipulationStatus.HALT_NO_TWIST))
+        browser.drag('handle', 'start', 0.5, 0.5)
+        w.until(lambda: moves(w), w.probe.send_pose)
+
+
+def test_words_about_a_stop_end_with_its_release():
+    with viewed() as (w, node, _):
+        w.until(
+            lambda: node._controls.control.stopped, lambda: w.probe.stops.publish(Bool(data=True))
+        )
+        node.picture.goal_report = 'pick: ended by the emergency stop'
+        w.probe.stops.publish(Bool(data=False))
+        w.until(lambda: not node.picture.goal_report)
+
+
+def test_a_force_beyond_its_slider_is_not_published():
+    with viewed() as (w, _, browser):
+        browser.set('force x [N]', 1e9)
+        browser.set('force y [N]', 3.0)
+        w.until(lambda: w.probe.last('pull') is not None)
+        force = w.probe.last('pull').wrench.force
+        assert (force.x, force.y) == (0.0, 3.0)
+
+
+def test_a_viewer_goes_on_after_messages_that_cannot_be_shown():
+    with viewed() as (w, node, _):
+        cut = Marker(ns='contact_regions', points=[Point()] * 7)
+        travel = [0.01] * N
+
+        def send():
+            w.probe.joint_states.publish(JointState(name=list(ROBOT.roller_names)))
+            w.markers.publish(MarkerArray(markers=[cut]))
+
+        w.spin(0.5, send)
+        w.until(
+            lambda: node.picture.config.roller_positions[0] == pytest.approx(0.01),
+            lambda: w.probe.send_joints(position=travel),
+        )
