@@ -6,7 +6,7 @@ The equilibrium of a convex object at several contacts, friction loading the tub
 
 Of any shape, at k contacts on two members or three:
 
-    X_i = P_i + s_i e_i + u_i,  u = C f,  f_i = (N_i + i T_i) nu_i      deformed point of contact
+    X_i = P_i + s_i e_i + u_i,  u = u_0 + C f + D s,  f_i = (N_i + i T_i) nu_i      deformed point of contact
     X_i = c + R(theta) p(nu_i) + rho_i nu_i                             touch
     w = sum f_i,  m = sum of arms x f_i                                 balance
 
@@ -53,7 +53,7 @@ MAX_BENDS = 8
 #: In one step contacts and object move at most this share of the object's size ...
 MAX_MOVE = 0.5
 #: ... and tubes incline at most by this [rad]. A tube that inclines by more than the other has
-#: folded long before: there the linear structure has balances that mean nothing.
+#: folded long before: there the structure has balances that mean nothing.
 MAX_TURN, MAX_INCLINATION = 0.2, 0.5
 #: What turns forces into lengths, so that one tolerance serves both [m/N].
 SOFTNESS = 1e-4

@@ -47,7 +47,7 @@ class HoldStatus(enum.Enum):
 
     @property
     def at_rest(self) -> bool:
-        """Return whether the linear model holds the object, even if a tube wrinkles."""
+        """Return whether the model holds the object, even if a tube wrinkles."""
         return self in (HoldStatus.HELD, HoldStatus.WRINKLES)
 
 
