@@ -6,9 +6,9 @@ The equilibrium of a convex object at several contacts, friction loading the tub
 
 Of any shape, at k contacts on two members or three:
 
-    X_i = P_i + s_i e_i + u_i,  u = u_0 + C f + D s,  f_i = (N_i + i T_i) nu_i      deformed point of contact
+    X_i = P_i + s_i e_i + u_i,  u = u_0 + C f + D s                     deformed point of contact
     X_i = c + R(theta) p(nu_i) + rho_i nu_i                             touch
-    w = sum f_i,  m = sum of arms x f_i                                 balance
+    w = sum f_i,  m = sum of arms x f_i,  f_i = (N_i + i T_i) nu_i      balance
 
 with p(nu) the point of the surface whose normal is nu, and rho_i from there to the centre line.
 A beam bends away from what presses on it: of a polygon it touches corners, and a face that lies on
@@ -47,8 +47,8 @@ from scipy.linalg import lapack
 FORCE_TOLERANCE, LENGTH_TOLERANCE = 1e-10, 1e-11
 MAX_STEPS = 40
 #: Tubes are linearised anew until no node moves by more than this [m]; where a motion is
-#: followed, until none moves by more than that, which leaves less than 1e-6 m.
-SETTLED_MOTION, FOLLOWED_MOTION = 1e-9, 1e-3
+#: followed, until none moves by more than that, which leaves less than 1e-8 m.
+SETTLED_MOTION, FOLLOWED_MOTION = 1e-9, 3e-5
 MAX_BENDS = 8
 #: In one step contacts and object move at most this share of the object's size ...
 MAX_MOVE = 0.5

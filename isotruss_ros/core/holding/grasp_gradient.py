@@ -67,7 +67,7 @@ class GraspGradient(
     utilisation: Array
     most_used: tuple[str, ...]
     # For second derivatives: how parameters and unknowns change, behind them by a unit wrench.
-    _changes: tuple[Array, Array] | None
+    _changes: tuple[LoadedTubes, Array] | None
 
     @property
     def squeeze(self) -> Array:
@@ -160,7 +160,7 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
         needs_most=tuple(grip.member_names[i] for i in most),
         utilisation=utilisation[:, :-3],
         most_used=tuple(names[i] for i in _find_largest(used)),
-        _changes=(chosen, change),
+        _changes=(tubes, change),
     )
 
 
@@ -201,27 +201,24 @@ def _friction_rates(grip: HeldGrip, most: int, presses: Array, rubs: Array) -> A
     return (np.sign(friction) * rubs[most] - need * presses[most]) / normal
 
 
-def _response_rates(grip: HeldGrip, chosen: Array, change: Array) -> Array:
+def _response_rates(grip: HeldGrip, tubes: LoadedTubes, change: Array) -> Array:
     """
     Return how the response to a unit wrench (fx, fy, m / arm) changes, (3 + 4k, n, 3).
 
     J y_w = -F_w stays, so that (y_w)' = -J^-1 J' y_w; J' y_w is the difference, along the response
     to a wrench, of what all parameters do to the equations.
     """
-    size, parameters = STEP * grip.squeeze, GraspParameters.of(grip.config)
+    size = STEP * grip.squeeze
     left = np.empty((len(change), change.shape[1] - 3, 3))
     for i, j in enumerate(range(-3, 0)):
         ahead, behind = (
-            _equation_changes(grip, chosen, parameters, change, step * change[:, j])
-            for step in (size, -size)
+            _equation_changes(grip, tubes, change, step * change[:, j]) for step in (size, -size)
         )
         left[..., i] = (ahead - behind)[:, :-3] / (2.0 * size)
     return -np.linalg.solve(grip.tangent, left.reshape(len(change), -1)).reshape(left.shape)
 
 
-def _equation_changes(
-    grip: HeldGrip, chosen: Array, parameters: GraspParameters, change: Array, moved: Array
-) -> Array:
+def _equation_changes(grip: HeldGrip, tubes: LoadedTubes, change: Array, moved: Array) -> Array:
     """Return how the equations change in all columns, at unknowns moved by (3 + 4k,)."""
     statics, places = grip.statics, grip.state.places
     unknowns = grip.state.unknowns + moved
@@ -234,7 +231,7 @@ def _equation_changes(
     statics = replace(statics, bent=bent)
     _, there = statics.equations(unknowns, grip.wrench, sticking)
     body = grip.body.moved_to(unknowns[:3])
-    tubes = LoadedTubes(replace(grip, statics=statics, state=there, body=body), chosen, parameters)
+    tubes = tubes.at(replace(grip, statics=statics, state=there, body=body))
     left = tubes.equation_rates()
     left[places.closure] = there.jacobian[places.closure][:, places.inclinations] @ tubes.spins
     return there.jacobian @ change + left

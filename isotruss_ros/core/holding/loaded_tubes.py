@@ -8,6 +8,7 @@ from __future__ import annotations
 import functools
 from typing import NamedTuple
 
+from isotruss_ros.core.holding.contact_statics import SETTLED_MOTION
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.arrays import Array, Points
@@ -99,15 +100,26 @@ class LoadedTubes:
     :ivar moved: (N, p) velocities of the nodes of the configuration, x + iy [m].
     :ivar spins: (k, p) turns of the members [rad].
     :ivar dents: (k, p) changes of the dents under forces that stay [m].
+    :ivar sections: see `section_rates`.
     :param grip: how the object is held.
     :param chosen: (n, p) how the parameters change in each column.
     :param parameters: which row of these is which.
+    :param sections: as they were found before; found if None.
     """
 
-    def __init__(self, grip: HeldGrip, chosen: Array, parameters: GraspParameters) -> None:
+    def __init__(
+        self,
+        grip: HeldGrip,
+        chosen: Array,
+        parameters: GraspParameters,
+        sections: Array | None = None,
+    ) -> None:
         self._grip, self._chosen, self._parameters = grip, chosen, parameters
         state, statics = grip.state, grip.statics
-        self._bent = bent = statics.bent.update(state.loads, state.feet)
+        bent = statics.bent
+        if bent.distance(state.loads, state.feet) > SETTLED_MOTION:
+            bent = bent.update(state.loads, state.feet)
+        self._bent = bent
         nodes = grip.config.node_jacobian.T.copy().view(np.complex128).T
         self.moved = moved = nodes @ chosen[parameters.rollers]
         self._inflated = inflated = chosen[parameters.pressures]
@@ -116,7 +128,7 @@ class LoadedTubes:
         self._starts = moved[topology.b[members]]
         ahead = moved[topology.c[topology.following[members]]] - self._starts
         self.spins: Array = (ahead / (bent.length * bent.axis)[:, None]).imag
-        self._sections = section_rates(bent, moved, inflated)
+        self.sections = section_rates(bent, moved, inflated) if sections is None else sections
         normal = state.normal_forces
         self._push = (normal + 1j * state.friction_forces) * state.normals
         depths, self._soft = statics.indentation(normal)
@@ -126,10 +138,18 @@ class LoadedTubes:
         self._stiffer = stiffer = chosen[parameters.stiffness] / grip.tubes.stiffness_scale
         self.dents = dents[:, None] * blown - np.outer(self._soft * normal, stiffer)
 
+    def at(self, grip: HeldGrip) -> LoadedTubes:
+        """
+        Return the same columns about another state in the same configuration.
+
+        :param grip: how the object is held there.
+        """
+        return LoadedTubes(grip, self._chosen, self._parameters, self.sections)
+
     @functools.cached_property
     def _by_sections(self) -> tuple[Array, Array, Array]:
         """Return what sections and rest lengths change, see `BentTubes.section_changes`."""
-        return self._bent.section_changes(self._sections)
+        return self._bent.section_changes(self.sections)
 
     def contact_rates(self, change: Array) -> ContactRates:
         """
@@ -243,7 +263,7 @@ class LoadedTubes:
         pulled = pull + np.pi * radius**2 * self._inflated[tube]
         changes = np.stack([-first, second, pulled, bows])
         sections = np.stack([frame.length[piece], own.flexural[piece], own.shear[piece]])
-        others = self._sections[[0, 2, 3]][:, piece]
+        others = self.sections[[0, 2, 3]][:, piece]
         # What is used at the same kind of place, a little to both sides.
         loads, sections = loads[..., None], sections[..., None]
         size = np.maximum(

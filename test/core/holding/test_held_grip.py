@@ -238,6 +238,8 @@ def changed_forces(grip, moving):
     found = []
     for step in (1e-6, -1e-6):
         bent = grip.statics.bent.update(grip.state.loads, grip.state.feet)
+        # The tubes give as before, from where they start now.
+        assert np.isfinite(bent.given).all()
         bent.__dict__['start'] = bent.start + step * moving
         statics = replace(grip.statics, bent=bent)
         closure = stick(statics, grip.anchors, travel, grip.angles, NOTHING)
@@ -359,7 +361,7 @@ def test_a_third_member_is_dented_by_the_corner_that_it_meets(angle):
         assert dents[0] == pytest.approx(dents[1], rel=1e-3)
 
 
-@pytest.mark.parametrize(('flattening', 'bound'), [(True, 0.03), (False, 0.004)])
+@pytest.mark.parametrize(('flattening', 'bound'), [(True, 0.09), (False, 0.004)])
 @pytest.mark.parametrize('shape', [Disc(0.65), Ellipse((0.33, 0.32)), TRIANGLE])
 def test_without_friction_members_press_as_in_the_analysis(shape, flattening, bound):
     body = place_between(HOME, LOOP, shape, indentation=0.014).body
