@@ -59,7 +59,7 @@ def disc(angle):
     return attach_grip(*gripped(angle, squeeze=0.1), tubes=TubeModel(paper_model=True))
 
 
-@pytest.mark.parametrize('grasp', [disc(30.0), disc(45.0), disc(60.0)])
+@pytest.mark.parametrize('grasp', [disc(30.0), disc(45.0)])
 def test_tubes_bear_what_a_frame_under_the_same_loads_does(grasp):
     structure, state, statics = structure_of(grasp.config), grasp.state, grasp.statics
     frame = tubes.robot_with_nodes(structure, grasp.contacts.members, state.feet)
