@@ -39,13 +39,14 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 help:
 	@echo 'make demo     move a grasped object with the real nodes; draws a picture and an animation; PLANT=mujoco, SENSORS=real'
 	@echo 'make view     watch and drag the robot in a browser; PLANT=elastic, kinematic or mujoco, OBJECT=box.yaml'
-	@echo 'make test     style and tests; those of ament run with make colcon'
+	@echo 'make test     style, types and tests; those of ament run with make colcon'
 	@echo 'make wheel    build the wheel, install it into an empty environment, and run the Python of README.md there'
 	@echo 'make noble    some tests with the versions of Ubuntu 24.04, in .noble'
 	@echo 'make matrix   tests without ROS with the versions of Ubuntu 24.04, of Debian 13, and the newest, in .matrix'
 	@echo 'make nightly  what takes long: all tests, demo and paper as in make noble; matrix, soak, calls, plant, demo in MuJoCo'
 	@echo 'make paper    compute and draw what the paper shows: docs/paper.md'
 	@echo 'make plant    compare our model with MuJoCo: docs/plant.md'
+	@echo 'make pictures draw anew the pictures and films of README and site that are out of date'
 	@echo 'make docs     build the documentation site: docs/_build/html/index.html'
 	@echo 'make colcon   build and test both packages as a colcon workspace, in .colcon'
 	@echo 'make bench    run the benchmarks'
@@ -63,6 +64,7 @@ venv: $(STAMPS)/messages $(STAMPS)/package
 test: venv
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/mypy
 	+$(MAKE) --no-print-directory unit-tests
 	+$(MAKE) --no-print-directory system-tests
 
@@ -124,6 +126,10 @@ paper: venv
 plant: venv
 	$(BIN)/python -m comparison
 
+# By what they show and what draws them; the films need Chromium and EGL, and a machine that does nothing else.
+pictures: venv
+	$(BIN)/python tools/pictures.py
+
 docs-venv: venv $(STAMPS)/docs
 
 docs: docs-venv
@@ -136,7 +142,7 @@ colcon: venv
 	tools/colcon.sh $(VENV) .colcon
 
 bench: venv
-	set -e; for script in benchmarks/*.py; do echo "== $$script"; $(BIN)/python $$script; done
+	$(BIN)/python -m benchmarks
 
 fuzz: venv $(STAMPS)/fuzz
 	tools/fuzz/run.sh $(BIN)/python $(MINUTES)
@@ -160,7 +166,7 @@ format: venv
 	$(BIN)/ruff format .
 
 clean:
-	rm -rf .venv .noble .matrix docs/_build docs/api .colcon build install log *.egg-info .pytest_cache .ruff_cache .hypothesis
+	rm -rf .venv .noble .matrix docs/_build docs/api .colcon build install log *.egg-info .pytest_cache .ruff_cache .mypy_cache .hypothesis
 
 # The script leaves the stamp alone while the same Python serves the same folder.
 $(STAMPS)/python: FORCE

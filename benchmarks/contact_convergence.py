@@ -30,11 +30,11 @@ from isotruss_ros.core import (
     tangent_center,
 )
 from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
-from measuring import print_machine, print_table
+from measuring import part, print_machine, print_table
 import numpy as np
 
 ROBOT = load_robot('nine_member')
-SEED, GRASPS = 2, 200
+SEED, GRASPS = 2, part(200)
 SPACING, FINER = 0.005, 4
 REACH, DIAMETERS, DEPTHS = 0.15, (0.15, 0.5), (0.003, 0.025)
 FRICTION = 0.5

@@ -39,15 +39,15 @@ from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 from isotruss_ros.core.manipulation.solve_twist import default_limits
 from isotruss_ros.core.safety.roller_failure import FailureCriterion, FailureDetector
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
-from measuring import print_machine, print_table
+from measuring import print_machine, print_table, SHARE
 import numpy as np
 
 MODULE, DIAMETER = 'north/Z', 0.3
 #: The grid of the flood fill, and how near to the middle of a cell the object must come [m].
-SPACING, ARRIVED = 0.1, 0.005
+SPACING, ARRIVED = 0.1 if SHARE == 1.0 else 1.0, 0.005
 #: Step of the way from cell to cell [s]. So many steps that gain next to nothing end it.
 STEP, PATIENCE, GAIN = 0.1, 5, 2e-4
-RADIUS, LAP, PERIOD = 0.1, 60.0, 0.02
+RADIUS, LAP, PERIOD = 0.1, max(0.1, 60.0 * SHARE), 0.02
 
 ROBOT = load_robot('nine_member')
 HELD = RollingGrip.attach(

@@ -40,18 +40,18 @@ from isotruss_ros.core import (
 from isotruss_ros.core.planning.closing import Closing
 from isotruss_ros.core.planning.seeds import enclosing_members
 from isotruss_ros.core.safety.margins import object_distances, shape_margins
-from measuring import print_machine, print_table
+from measuring import part, print_machine, print_table
 import numpy as np
 from scipy.optimize import differential_evolution
 
 ROBOT = load_robot('nine_member')
 NEEDS = GraspRequirements(min_margin=0.01, count=1)
-SEED, OBJECTS = 0, 50
+SEED, OBJECTS = 0, part(50)
 DIAMETERS, FREE = (0.15, 0.5), 0.02
 #: The peers draw roller positions this far from home [m].
 REACH = 0.5
 #: The peers may look at this many times more configurations, and at so many in all.
-ALLOWANCE, MOST = 10, 5000
+ALLOWANCE, MOST = 10, part(5000)
 #: Members that differential evolution keeps for each of the six rollers.
 POPULATION = 10
 #: The sides of a grasp press about as deep [m].

@@ -37,12 +37,12 @@ from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.planning.seeds import enclosing_members
 from isotruss_ros.core.safety.margins import object_distances
-from measuring import print_machine, print_table, timed
+from measuring import part, print_machine, print_table, timed
 import numpy as np
 
 ROBOT = load_robot('nine_member')
 NEEDS = GraspRequirements(count=1)
-SEED, OBJECTS = 0, 100
+SEED, OBJECTS = 0, part(100)
 WIDTHS, FREE = (0.1, 0.6), 0.02
 KINDS = ('disc', 'ellipse', 'polygon')
 

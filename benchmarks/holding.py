@@ -45,13 +45,13 @@ from isotruss_ros.core import (
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
 from isotruss_ros.core.holding.attach_grip import attach_grip, rest
 from isotruss_ros.core.manipulation.status import RollerCommand
-from measuring import print_machine, print_table, timed
+from measuring import part, print_machine, print_table, SHARE, timed
 import numpy as np
 from scipy.optimize import root
 
 ROBOT = load_robot('nine_member')
 MODULES = ('north/Z', 'south/P', 'east/Q', 'east/R', 'north/R')
-FRICTION, PERIOD, DURATION, GAIN = 0.5, 0.02, 2.0, 2.0
+FRICTION, PERIOD, DURATION, GAIN = 0.5, 0.02, max(0.2, 2.0 * SHARE), 2.0
 #: No path begins with less slip margin than this [N].
 MIN_MARGIN = 1.5
 #: Loads that the controller does not know [N].
@@ -261,7 +261,7 @@ def print_ratio(path: Path) -> None:
 def main() -> None:
     """Print the table."""
     print_machine()
-    number = int(sys.argv[1]) if len(sys.argv) > 1 else 20
+    number = int(sys.argv[1]) if len(sys.argv) > 1 else part(20)
     paths = list(feasible_paths(number))
     rows = [row(mode, [follow(path, mode) for path in paths]) for mode in (OPEN, RIGID, MODEL)]
 

@@ -27,12 +27,12 @@ from isotruss_ros.core.manipulation.grip import find_members
 from isotruss_ros.core.manipulation.limits import default_limits
 from isotruss_ros.core.manipulation.twist_qp import PENALTIES
 from isotruss_ros.core.numerics.arrays import Array
-from measuring import PEER, PEER_OPTIONS, print_machine, print_table, timed
+from measuring import part, PEER, PEER_OPTIONS, print_machine, print_table, timed
 import numpy as np
 import qpsolvers
 import scipy.optimize
 
-STATES = 2000
+STATES = part(2000)
 #: Roller travel of random states [m]: 98 % of the corners have 15 to 134 degrees.
 TRAVEL = 0.4
 DIAMETER = 0.15

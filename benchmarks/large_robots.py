@@ -7,8 +7,8 @@ Robots of any size that are rigid by construction: nested triangles (a Sierpinsk
 Where a triangular tube stood, three of half its size are put corner to corner. Seen from outside
 they are a rigid triangle again (a three-hinged arch on a base), so the robot stays isostatic:
 6 modules and 3 joints more, twice. Every joint belongs to one or two tubes, every corner has
-60 degrees, and joints are 1 m or 2 m apart: with 9 modules it has the shape of the preset
-nine_member.
+60 degrees, and joints are `EDGE` or twice that apart: with 9 modules it has the shape and the size
+of the preset nine_member.
 """
 
 from __future__ import annotations
@@ -20,6 +20,8 @@ from isotruss_ros.core.model.description import Module, RobotDescription, Tube
 
 #: Sizes from one triangle to 300 modules.
 SIZES = (3, 9, 15, 27, 51, 99, 147, 201, 303)
+#: Smallest distance of two joints of a tube [m].
+EDGE = 1.432
 #: The tube at the top; its module at `TOP_JOINT` is driven and grips well.
 TOP_JOINT = 'top'
 
@@ -48,7 +50,7 @@ def nested_triangles(n_modules: int) -> RobotDescription:
         corners = [(i, j), (i + edge, j), (i, j + edge)]
         around = tuple(names.get(corner, 'j{}_{}'.format(*corner)) for corner in corners)
         for name, (right, up) in zip(around, corners, strict=True):
-            joints[name] = (right + 0.5 * up, math.sqrt(0.75) * up)
+            joints[name] = (EDGE * (right + 0.5 * up), EDGE * math.sqrt(0.75) * up)
         tubes.append(Tube(f't{i}_{j}', around, passive=around[0]))
     return RobotDescription(
         source=f'nested triangles with {n_modules} modules',
@@ -56,12 +58,13 @@ def nested_triangles(n_modules: int) -> RobotDescription:
         frame='truss',
         joints=joints,
         tubes=tuple(tubes),
-        module=Module(0.12, 0.10, 0.08, axial_rigidity=5.0e6, flexural_rigidity=2.0e3),
+        module=Module(0.12, 0.2032, 0.08, axial_rigidity=5.0e6, flexural_rigidity=2.0e3),
         tube_diameter=0.102,
         pressures={tube.name: 34500.0 for tube in tubes},
         stiffness={'model': 'inflatable_beam'},
         supports={'left': ('x', 'y'), 'right': ('y',)},
         max_speed=0.10,
+        max_acceleration=1.0,
         min_length=0.25,
         max_length=3.0,
     )

@@ -30,15 +30,15 @@ from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.core import Status
 from isotruss_ros.demo.processes import keep_to_this_machine, running_nodes
 from isotruss_ros.nodes.conversions.messages import read_stamp, to_twist_message
-from measuring import print_machine, print_table
+from measuring import print_machine, print_table, SHARE
 import numpy as np
 import psutil
 import rclpy
 from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray
 
-WARM_UP = 3.0
-DURATION = 12.0
+WARM_UP = max(1.0, 3.0 * SHARE)
+DURATION = max(0.5, 12.0 * SHARE)
 #: Of the empty node [Hz].
 PEER_RATE = 200.0
 #: Diameter, friction and depth of the object that elastic tubes hold.

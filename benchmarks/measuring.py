@@ -16,8 +16,15 @@ from typing import Any
 import numpy as np
 import scipy
 
+#: Share of the work of every benchmark: of states, objects, times and so on; tests take little.
+SHARE = float(os.environ.get('BENCHMARK_SHARE', '1'))
 #: The solver that peers of the quadratic programs use, and its options.
 PEER, PEER_OPTIONS = 'daqp', {'primal_tol': 1e-9}
+
+
+def part(number: int) -> int:
+    """Return the share of a number that this run takes, at least one."""
+    return max(1, round(SHARE * number))
 
 
 def timed(call: Callable[[], Any]) -> tuple[float, Any]:
@@ -38,6 +45,7 @@ def median_time(call: Callable[[], Any], budget: float, most: int = 2000) -> flo
     :param budget: about how long to go on [s]; at least five calls.
     """
     call()
+    budget *= SHARE
     times: list[float] = []
     while len(times) < most and (len(times) < 5 or sum(times) < budget):
         times.append(timed(call)[0])

@@ -30,18 +30,18 @@ from isotruss_ros.core import (
 from isotruss_ros.demo.processes import keep_to_this_machine, running_nodes
 from isotruss_ros.mujoco_plant.driven_robot import DrivenRobot
 from isotruss_ros.mujoco_plant.options import PlantOptions
-from measuring import print_machine, print_table, timed
+from measuring import print_machine, print_table, SHARE, timed
 import numpy as np
 import psutil
 import rclpy
 from std_msgs.msg import Float64MultiArray
 
-RATE, DURATION = 200.0, 5.0
+RATE, DURATION = 200.0, max(0.1, 5.0 * SHARE)
 DIAMETER, INDENTATION, FRICTION = 0.3, 0.02, 0.8
 #: Of the rollers, to and fro [m/s].
 SPEEDS = 0.02 * np.array([1.0, -1.0, 0.5, 0.3, -0.4, 0.2])
 #: For the nodes to find each other [s], and for how long the node is watched [s].
-WARM_UP, WATCHED = 3.0, 15.0
+WARM_UP, WATCHED = max(1.0, 3.0 * SHARE), max(0.5, 15.0 * SHARE)
 LAG = 'lag of the simulation [s]'
 
 

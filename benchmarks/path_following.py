@@ -36,7 +36,7 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.control.inputs import RollerState, StampedInput
 from isotruss_ros.core.control.path_tracking import FINISHED, PathPhase, TrackingSettings
-from measuring import print_machine, print_table
+from measuring import part, print_machine, print_table, SHARE
 import numpy as np
 
 ROBOT = load_robot('nine_member')
@@ -46,10 +46,10 @@ GRIP = Grip.at_module(
 )
 SPEED, TURN_RATE = 0.03, 0.25
 #: Of the robot and the node `manipulation`; the tracker runs in every second cycle [s].
-PERIOD = 0.005
+PERIOD = 0.005 if SHARE == 1.0 else 0.1
 #: Standard deviations: speed of a moving roller [m/s], measured position [m] and angle [rad].
 NOISE = (0.005, 0.001, 0.01)
-SEEDS = 3
+SEEDS = part(3)
 #: Tolerances so wide that nobody is stopped and nothing slowed: what is compared is the error.
 WIDE = {'position_tolerance': 1.0, 'angle_tolerance': 3.0}
 LOOPS = {

@@ -21,6 +21,7 @@ import sys
 import time
 
 os.environ.update(OPENBLAS_NUM_THREADS='1', OMP_NUM_THREADS='1')  # before NumPy comes in
+sys.path.append(str(Path(__file__).parents[1]))
 sys.path.append(str(Path(__file__).parents[1] / 'test' / 'helpers'))
 
 from isotruss_ros.core import ConvexObject, load_robot, plan_grasps
@@ -28,13 +29,13 @@ from isotruss_ros.core.manipulation import twist_qp
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
 from isotruss_ros.core.planning import closing_step
-from measuring import print_machine, print_table
+from measuring import part, print_machine, print_table
 import numpy as np
 import qpsolvers
 from scipy.optimize import lsq_linear, nnls
 import walks
 
-PROGRAMS, KEPT, WALKS = 20_000, 3000, 30
+PROGRAMS, KEPT, WALKS = part(20_000), 3000, part(30)
 PEERS = {'daqp': {'primal_tol': 1e-9}, 'quadprog': {}}
 SOURCES = {'twist': twist_qp, 'closing': closing_step}
 

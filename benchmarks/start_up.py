@@ -21,14 +21,14 @@ import sys
 import time
 
 from isotruss_ros.demo.processes import keep_to_this_machine
-from measuring import print_machine, print_table
+from measuring import part, print_machine, print_table
 import numpy as np
 import rclpy
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray
 
-TRIALS = 7
+TRIALS = part(7)
 RATE = 200.0
 COMMANDS = 'roller_velocity_controller/commands'
 #: A process that says nothing for so long has failed [s].

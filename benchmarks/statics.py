@@ -32,10 +32,10 @@ from isotruss_ros.core.statics.frame import Frame
 from isotruss_ros.core.statics.frame_pattern import Members
 from isotruss_ros.core.statics.structure import structure_of
 from large_robots import nested_triangles, SIZES, TOP_JOINT
-from measuring import median_time, print_machine, print_table, timed
+from measuring import median_time, part, print_machine, print_table, timed
 import numpy as np
 
-STATES, SHAPE_STATES = 500, 100
+STATES, SHAPE_STATES = part(500), part(100)
 DIAMETER = 0.3
 MODULE = 'north/Z'
 #: How far the object is pressed toward the corner [m].

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 def default_tube() -> TubeStiffness:
     """Return the stiffness model of the preset `triangle`."""
-    return tube_stiffness(load_robot('triangle').description)
+    return tube_stiffness(load_robot('triangle').description).model
 
 
 def end_stiffnesses(pressure: ArrayLike, length: ArrayLike) -> dict[str, Array]:

@@ -23,9 +23,9 @@ from paper.tables import number, Table
 BODY = ConvexObject.disc((0.5, 0.3), 0.35)
 #: The driven modules of that loop, and what is best there; the passive one, P, rolls no object.
 SEARCHES = (
-    ('north/R', Measure.CLOSURE_MARGIN),
-    ('north/R', Measure.TOTAL_FORCE),
     ('north/Z', Measure.CLOSURE_MARGIN),
+    ('north/Z', Measure.TOTAL_FORCE),
+    ('north/R', Measure.CLOSURE_MARGIN),
 )
 #: Coefficient between tube and object.
 FRICTION = 0.5

@@ -27,7 +27,7 @@ COMMON_NOTES = {
     'state_estimate': 'of [state_estimator](state_estimator.md), where it runs',
     'object_pose': 'measured pose of the object, in a frame that [tf2 connects](index.md#frames)',
     'joint_markers': 'places of joints, in a frame that [tf2 connects](index.md#frames)',
-    'tube_pressures': 'gauge pressures of all tubes [Pa], `effort` by name',
+    'tube_pressures': 'pressure of a tube [Pa], its name as `frame_id`; see `ambient_pressure`',
 }
 
 #: Headings, and the attributes of an interface that stand under them.

@@ -124,11 +124,8 @@ def fit_beam(
         MODES[mode]: float(np.sqrt(np.mean(found.fun[modes == mode] ** 2)))
         for mode in np.unique(modes)
     }
-    return FittedBeam(
-        radius,
-        *(BeamConstants(*map(float, values)) for values in (constants, low, high)),
-        misfits,
-    )
+    best, least, most = (BeamConstants(*map(float, each)) for each in (constants, low, high))
+    return FittedBeam(radius, best, least, most, misfits)
 
 
 def outlying_ratios(

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+import math
 
 from isotruss_ros.calibration.home_fit import fit_home, home_jacobian, HomeFit, Posture
 from isotruss_ros.calibration.home_mistakes import find_mistake
@@ -15,7 +16,8 @@ from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint
 from isotruss_ros.core.model.description import RobotDescription
-from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.model.pose import MAX_DISTANCE
+from isotruss_ros.core.numerics.arrays import Array, finite_rows
 from isotruss_ros.core.numerics.records import Record
 import numpy as np
 
@@ -51,9 +53,8 @@ def calibrate_home(
     :raises MeasurementError: there are too few joints, they do not determine the zeros, or one of
         them does not fit; names it.
     """
-    measured = np.concatenate(
-        [np.array(list(posture.joints.values()), dtype=float) for posture in postures]
-    )
+    joints = [place for posture in postures for place in posture.joints.values()]
+    finite_rows(joints, 2, 'measured joints (x, y) [m]', MeasurementError, MAX_DISTANCE)
     known = {name for posture in postures for name in posture.joints}
     for name in known:
         check_joint(robot, name)
@@ -61,8 +62,8 @@ def calibrate_home(
         raise MeasurementError(
             f'joints {", ".join(sorted(known)) or "none"}: must be {FEWEST_JOINTS} or more'
         )
-    if not np.isfinite(measured).all() or not deviation > 0.0:
-        raise MeasurementError('measured joints and their deviation: must be finite, in metres')
+    if not 0.0 < deviation < math.inf:
+        raise MeasurementError(f'deviation {deviation!r} m: must be a positive number')
     try:
         jacobian = home_jacobian(robot, postures)
         _require_determined(robot, sorted(known), jacobian)

@@ -134,7 +134,8 @@ def _rates(shapes: Sequence[Configuration], joints: Sequence[Indices]) -> Array:
 
 def _places(posture: Posture) -> Array:
     """Return the measured joints as x + iy [m]."""
-    return np.array(list(posture.joints.values()), dtype=float) @ np.array([1.0, 1.0j])
+    places = np.array(list(posture.joints.values()), dtype=float).reshape(-1, 2)
+    return places @ np.array([1.0, 1.0j])
 
 
 def _numbers(robot: Robot, posture: Posture) -> Indices:

@@ -83,6 +83,8 @@ def _with_names(posture: Posture, names: Mapping[str, str]) -> Posture:
 
 def _moved_frame(robot: Robot, postures: Sequence[Posture], deviation: float) -> str:
     """Return where the frame of the tracker is, if that explains the joints."""
+    if 2 * sum(len(each.joints) for each in postures) < len(robot.roller_names) + 3:
+        return ''
     try:
         fit = fit_home(robot, postures, moved=True)
     except ConfigurationError:

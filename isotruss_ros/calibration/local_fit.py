@@ -91,11 +91,8 @@ def fit_local_stiffness(presses: Presses, beam: InflatableBeam) -> FittedLocalSt
         else end
         for end in ends
     )
-    return FittedLocalStiffness(
-        *(float(np.exp(log_factor)) for log_factor in (best, low, high)),
-        float(np.sqrt(least / count)),
-        count,
-    )
+    value, lower, upper = (float(np.exp(log_factor)) for log_factor in (best, low, high))
+    return FittedLocalStiffness(value, lower, upper, float(np.sqrt(least / count)), count)
 
 
 def _loads(presses: Presses, beam: InflatableBeam, factor: float) -> Array:

@@ -181,7 +181,7 @@ def _find_complaints(header: Sequence[str], cells: Sequence[str]) -> Iterator[st
         yield f'{len(cells)} values for {len(header)} columns'
         return
     pressed = INTERFERENCE in cells
-    positive = ('pressure', 'length')
+    positive: tuple[str, ...] = ('pressure', 'length')
     if pressed:
         positive = (*positive, 'displacement', 'load', DIAMETER)
         if DIAMETER not in header:

@@ -8,7 +8,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from isotruss_ros.calibration.measurements import MeasurementError
-from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.model.pose import MAX_DISTANCE
+from isotruss_ros.core.numerics.arrays import Array, finite_array, finite_rows
 import numpy as np
 from numpy.typing import ArrayLike
 import scipy
@@ -39,9 +40,12 @@ def fit_oscillation(times: ArrayLike, poses: ArrayLike, arm: float) -> Oscillati
     :param times: (n,) of the poses, ascending [s].
     :param poses: (n, 3) x, y [m] and angle [rad].
     :param arm: of the object, at which turns count [m].
-    :raises MeasurementError: too few poses, or one damped oscillation does not explain them.
+    :raises MeasurementError: numbers that are not finite, too few poses, or one damped
+        oscillation does not explain them.
     """
-    at, moved = np.asarray(times, dtype=float), np.asarray(poses, dtype=float)
+    moved = finite_rows(poses, 3, 'poses (x, y, angle) [m, rad]', MeasurementError, MAX_DISTANCE)
+    at = finite_array(times, len(moved), 'times [s]', MeasurementError, MAX_DISTANCE)
+    finite_array([arm], 1, 'arm [m]', MeasurementError, MAX_DISTANCE)
     if len(at) < FEWEST or not (np.diff(at) > 0.0).all():
         raise MeasurementError(
             f'{len(at)} poses: must be {FEWEST} or more, at ascending times, to fit an oscillation'

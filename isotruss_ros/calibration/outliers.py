@@ -69,6 +69,7 @@ def _deleted(group: Group, used: Flags) -> tuple[Array, Array, Array]:
     least = np.finfo(float).eps * np.abs(y[used]).max()
     rest[used] = deleted
     scale[used] = np.maximum(np.sqrt(squares / freedom), least) / np.sqrt(np.maximum(free, 1e-6))
-    low, high = np.sort(y[used])[[0, 1]], np.sort(y[used])[[-2, -1]]
-    rise[used] = np.where(y[used] == high[1], *high) - np.where(y[used] == low[0], *low[::-1])
+    loads = np.sort(y[used])
+    high = np.where(y[used] == loads[-1], loads[-2], loads[-1])
+    rise[used] = high - np.where(y[used] == loads[0], loads[1], loads[0])
     return rest, scale, rise

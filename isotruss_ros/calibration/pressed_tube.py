@@ -13,7 +13,7 @@ from isotruss_ros.core.contact.flattening import flattening
 from isotruss_ros.core.contact.refinement import measure_contact
 from isotruss_ros.core.contact.surfaces import surface_of
 from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.statics.beam import Beams
 from isotruss_ros.core.statics.beam_column import local_stiffness
 from isotruss_ros.core.statics.section import TubeStiffness
@@ -84,7 +84,7 @@ def _contact_points(
     shapes, inside = beam.points(only, places)
     ends = np.zeros((6, 6))
     if tube.pinned:
-        turns = np.ix_([2, 5], [2, 5])
+        turns: tuple[Indices, ...] = np.ix_([2, 5], [2, 5])
         ends[turns] = np.linalg.inv(local_stiffness(length, *section)[0][turns])
     points = places.astype(np.complex128)
     skin, dents = points, np.zeros((len(places), len(places)))

@@ -55,7 +55,7 @@ def read_postures(path: Path, robot: Robot) -> list[Posture]:
                 f'{path}: line {line}: joint {row["joint"]!r} of posture {row["posture"]!r}: must '
                 'come once in a posture, in which the rollers are in one place'
             )
-        posture.joints[row['joint']] = place
+        posture.joints[row['joint']] = place  # type: ignore[index]
     return list(postures.values())
 
 
@@ -116,8 +116,8 @@ def write_checked_rollers(robot: Robot, path: Path, names: Sequence[str]) -> Non
 def _changing(robot: Robot, path: Path) -> Iterator[CommentedMap]:
     """Read the file of a robot, and write what the caller makes of it to another one."""
     yaml = YAML()
-    yaml.preserve_quotes = True
-    yaml.width = 200
+    yaml.preserve_quotes = True  # type: ignore[assignment]
+    yaml.width = 200  # type: ignore[assignment]
     try:
         content = yaml.load(Path(robot.description.source).read_text(encoding='utf-8'))
         yield content

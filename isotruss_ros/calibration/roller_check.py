@@ -10,6 +10,8 @@ from collections.abc import Mapping
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint
+from isotruss_ros.core.model.pose import MAX_DISTANCE
+from isotruss_ros.core.numerics.arrays import finite_array, finite_rows
 import numpy as np
 
 #: A roller whose travel is off by more than this share is not right.
@@ -32,8 +34,12 @@ def judge_roller(
     :param moved: (dx, dy) of measured joints, by name [m].
     :param deviation: standard deviation of a measured coordinate [m].
     :raises GraspError: a joint is unknown.
-    :raises MeasurementError: there is no joint.
+    :raises MeasurementError: there is no joint, or a number is not finite.
     """
+    what = 'displacements of joints (dx, dy) [m]'
+    finite_rows(list(moved.values()), 2, what, MeasurementError, MAX_DISTANCE)
+    what = 'travel and deviation [m]'
+    finite_array([travel, deviation], 2, what, MeasurementError, MAX_DISTANCE)
     found, turned, rest = _identify_roller(config, moved)
     farthest = max(np.hypot(*each) for each in moved.values())
     if farthest < 5.0 * deviation:

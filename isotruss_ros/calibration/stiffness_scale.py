@@ -12,6 +12,8 @@ from typing import NamedTuple
 from isotruss_ros.calibration.home_fit import GATE
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.model.pose import MAX_DISTANCE
+from isotruss_ros.core.numerics.arrays import finite_rows
 from isotruss_ros.core.statics.deform import deform
 import numpy as np
 
@@ -19,6 +21,8 @@ import numpy as np
 LARGEST_SHARE = 0.3
 #: Each leaves a twentieth of the error of the scale at most, of pulls that leave tubes unwrinkled.
 PASSES = 5
+#: Larger pulls are none of this world [N].
+MOST_PULL = 1e6
 
 
 class StiffnessCalibration(NamedTuple):
@@ -57,7 +61,13 @@ def calibrate_stiffness(
             f'{", ".join(sorted(before)) or "none"} before: must be the same'
         )
     names, give = list(before), 1.0
-    moved = np.array([np.subtract(under[name], before[name]) for name in names])
+    places = [joints[name] for joints in (under, before) for name in names]
+    what = 'places of joints (x, y) [m]'
+    there = finite_rows(places, 2, what, MeasurementError, MAX_DISTANCE).reshape(2, -1, 2)
+    moved = there[0] - there[1]
+    finite_rows(list(pull.values()), 2, 'pull (fx, fy) [N]', MeasurementError, MOST_PULL)
+    if not 0.0 < deviation < math.inf:
+        raise MeasurementError(f'deviation {deviation!r} m: must be a positive number')
     for _ in range(PASSES):
         # A robot that gives more bends as this one does under more load.
         loaded = deform(config, {joint: give * np.asarray(pull[joint]) for joint in pull})

@@ -29,7 +29,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         objects = [ConvexObject.disc((x, y), diameter) for x, y, diameter in options.object]
         objects += [_place(*given) for given in options.shape]
         settings = PlantOptions(friction=options.friction)
-        text = export_mjcf(load_robot(options.robot), objects, settings)
+        text = export_mjcf(load_robot(options.robot), objects, settings, actuated=True)
         options.model.write_text(text, encoding='utf-8')
     except (IsotrussError, OSError) as error:
         print(f'export_mujoco: {error}', file=sys.stderr)

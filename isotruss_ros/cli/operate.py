@@ -80,7 +80,7 @@ def _place(node: Node, _options: argparse.Namespace) -> int:
     return _send(node, PlaceObject, 'place_object', PlaceObject.Goal())
 
 
-def _send(node: Node, kind: type, name: str, goal: Any) -> int:
+def _send(node: Node, kind: Any, name: str, goal: Any) -> int:
     """Send a goal and wait for its result; Ctrl-C cancels it."""
     client = ActionClient(node, kind, name)
     if not client.wait_for_server(DISCOVERY_TIME):
@@ -96,7 +96,7 @@ def _send(node: Node, kind: type, name: str, goal: Any) -> int:
         print(f'{name}: {_await(node, ended).result.message}')
         return 130
     print(f'{name}: {result.message}')
-    return 0 if result.code == kind.Result.SUCCEEDED else 1
+    return 0 if result.code == kind.Result.SUCCEEDED else 1  # type: ignore[attr-defined]
 
 
 def _call(node: Node, options: argparse.Namespace) -> int:

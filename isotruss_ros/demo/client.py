@@ -20,7 +20,7 @@ from isotruss_ros.nodes.conversions.grasp_messages import to_wrench_message
 from isotruss_ros.nodes.conversions.joint_state_messages import read_roller_state
 from isotruss_ros.nodes.conversions.messages import (
     make_header,
-    name_object_frame,
+    name_aligned_frame,
     read_pose,
     read_stamp,
     to_twist_message,
@@ -94,13 +94,16 @@ class DemoClient(Node):
         self._last_status: ManipulationStatus | None = None
         self._status_times: list[float] = []
         self._record = PhaseRecord('start')
+        #: True normal forces since the last true pose, which comes before them [N].
+        self._forces: list[float] = []
+        self._truth = truth
         every = QoSProfile(depth=100)
         self.create_subscription(PoseStamped, 'object_pose', self._take_measured, every)
         recorded = 'truth/object_pose' if truth else 'object_pose'
         self.create_subscription(PoseStamped, recorded, self._take_pose, every)
         if truth:
             for kind, topic, take in (
-                (JointState, 'truth/contact_forces', self._take_forces),
+                (WrenchStamped, 'truth/contact_forces', self._take_forces),
                 (MultiDOFJointState, 'truth/joint_markers', self._take_places),
                 (StateEstimate, 'state_estimate', self._take_estimate),
             ):
@@ -117,8 +120,8 @@ class DemoClient(Node):
         self.frame_id = message.header.frame_id
         self.measured = read_pose('object pose', message.pose)
 
-    def _take_forces(self, message: JointState) -> None:
-        self._record.squeezes.append(float(np.mean(message.effort)) if message.effort else 0.0)
+    def _take_forces(self, message: WrenchStamped) -> None:
+        self._forces.append(message.wrench.force.x)
 
     def _take_places(self, message: MultiDOFJointState) -> None:
         places = [(each.translation.x, each.translation.y) for each in message.transforms]
@@ -133,6 +136,9 @@ class DemoClient(Node):
         if before is not None:
             self._turned += math.remainder(self.pose.angle - before.angle, 2.0 * math.pi)
         self._stamp = read_stamp(message.header)
+        if self._truth and before is not None:
+            self._record.squeezes.append(float(np.mean(self._forces)) if self._forces else 0.0)
+            self._forces.clear()
         if self.rollers is not None:
             self._record.snapshots.append(Snapshot(self._stamp, self.rollers, self.pose))
             here = np.concatenate([self.pose, self.rollers])
@@ -295,7 +301,7 @@ class DemoClient(Node):
         if pulls:
             record.pull, record.pulled = wrench, (min(record.pulled[0], seconds), seconds)
         message = WrenchStamped(wrench=to_wrench_message(wrench))
-        message.header = make_header(1e-9 * now.nanoseconds, name_object_frame(self.frame_id))
+        message.header = make_header(1e-9 * now.nanoseconds, name_aligned_frame(self.frame_id))
         self._wrenches.publish(message)
 
     def wait_for_rest(self, check: Callable[[], None], what: str) -> None:

@@ -7,8 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from isotruss_ros.core import analyze_grasp, Configuration, ConvexObject, Pose, Robot, settle_grasp
+from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.demo.path import Wrench
 from isotruss_ros.demo.record import PhaseRecord, Snapshot
@@ -25,8 +27,8 @@ SPEED_UP = 5.0
 
 #: Length of an arrow for its force [m/N]; in the magnified view, too.
 ARROW_SCALE = 0.004
-#: Where a panel has the magnified view of its grasp: x, y, width and height, as shares of it.
-VIEW = (0.67, 0.67, 0.33, 0.33)
+#: Width and height of the magnified view of a grasp, as shares of its panel.
+VIEW = 0.33
 
 #: Of what pulls at the object; its arrow is larger than those of the contacts [m/N].
 PULL_COLOR, PULL_SCALE = '#d9480f', 0.08
@@ -81,16 +83,33 @@ def draw_panels(
             _draw_pull(axes, pose, pull)
         frame(axes, *box)
         axes.label_outer()
-        held = ''
+        held, forces = '', None
         if analysis.contact_lengths:
-            view = plot_grasp(configs[i], cylinder, analysis, axes.inset_axes(VIEW), ARROW_SCALE)
+            inset = axes.inset_axes(_free_corner(configs[i], box))
+            view = plot_grasp(configs[i], cylinder, analysis, inset, ARROW_SCALE)
             view.set_title('')
             grasped = len(analysis.contact_lengths) > 1
             settled = settle_grasp(configs[i], cylinder, external_wrench=pull or (0.0, 0.0, 0.0))
-            held = ', held' if grasped and settled.held else ''
-        words = describe_contacts(analysis)
+            if grasped and settled.held:
+                # The forces that hold it, as the tables have them.
+                held, forces = ', held', settled.normal_forces
+        words = describe_contacts(analysis, forces)
         axes.set_title(f'({"abcdefgh"[i]}) {title}{held}\n{words}', loc='left')
-    figure.savefig(path, dpi=110)
+    figure.savefig(path, dpi=110, bbox_inches='tight')
+
+
+def _free_corner(config: Configuration, box: Box) -> tuple[float, ...]:
+    """Return the corner of axes (x, y, width, height) that hides the least of the robot [-]."""
+    share = np.linspace(0.0, 1.0, 20)
+    begin, end = member_lines(config).T[..., None]
+    line = (begin + share * (end - begin)).ravel()
+    parts = np.concatenate([np.column_stack([line.real, line.imag]), config.nodes])
+    places = (parts - box[0]) / (box[1] - box[0])
+    corners = [(x, y) for y in (1.0 - VIEW, 0.0) for x in (1.0 - VIEW, 0.0)]
+    hidden = [
+        np.all((places > low) & (places < np.add(low, VIEW)), axis=1).sum() for low in corners
+    ]
+    return (*corners[int(np.argmin(hidden))], VIEW, VIEW)
 
 
 def animate(robot: Robot, diameter: float, records: Sequence[PhaseRecord], path: Path) -> None:
@@ -105,8 +124,9 @@ def animate(robot: Robot, diameter: float, records: Sequence[PhaseRecord], path:
     snapshots = [snap for record in records for snap in record.snapshots]
     times = np.array([snap.time for snap in snapshots])
     ticks = np.arange(times[0], times[-1], SPEED_UP / FRAMES_PER_SECOND)
-    chosen = [snapshots[i] for i in np.searchsorted(times, ticks)]
-    configs = []
+    places: Any = np.searchsorted(times, ticks)
+    chosen = [snapshots[i] for i in places]
+    configs: list[Configuration] = []
     for snap in chosen:
         near = configs[-1] if configs else None
         configs.append(robot.configuration(snap.rollers, near=near))
@@ -130,7 +150,7 @@ def animate(robot: Robot, diameter: float, records: Sequence[PhaseRecord], path:
     animation.save(path, writer=PillowWriter(fps=FRAMES_PER_SECOND), dpi=70)
 
 
-def _draw_path(axes: object, snapshots: Sequence[Snapshot]) -> None:
+def _draw_path(axes: Any, snapshots: Sequence[Snapshot]) -> None:
     axes.plot(
         [snap.pose.x for snap in snapshots],
         [snap.pose.y for snap in snapshots],
@@ -140,7 +160,7 @@ def _draw_path(axes: object, snapshots: Sequence[Snapshot]) -> None:
     )
 
 
-def _draw_pull(axes: object, pose: Pose, pull: Wrench) -> None:
+def _draw_pull(axes: Any, pose: Pose, pull: Wrench) -> None:
     """Draw what pulls at the object as an arrow with its size."""
     place = np.array(pose[:2])
     tip = place + PULL_SCALE * np.array(pull[:2])

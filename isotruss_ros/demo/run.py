@@ -203,7 +203,8 @@ def _play(
 def _write_round_robot(output: Path) -> Path:
     """Write the robot's file with tubes that stay round, as MuJoCo's; return its path."""
     yaml = YAML(typ='safe', pure=True)
-    yaml.sort_base_mapping_type_on_output = False  # the order of tubes is that of the rollers
+    # The order of tubes is that of the rollers.
+    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
     content = yaml.load(find_robot_file(ROBOT).read_text(encoding='utf-8'))
     content['tube']['local_stiffness'] = ROUND
     path = output.resolve() / f'{ROBOT}_round.yaml'

@@ -42,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument('--object', type=Path, help='YAML file of one that is no disc')
     options = parser.parse_args(arguments)
     domain = keep_to_this_machine()
-    shown = {'object_diameter': DIAMETER, 'friction': FRICTION}
+    shown: dict[str, float | str] = {'object_diameter': DIAMETER, 'friction': FRICTION}
     if options.object is not None:
         shown['object'] = str(options.object.resolve())
     common = shown | {'rate': RATE, 'command_timeout': 1.0}

@@ -19,6 +19,7 @@ import xml.etree.ElementTree as ET
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.mujoco_plant.actuation import add_actuation
 from isotruss_ros.mujoco_plant.object_geoms import object_geoms
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.scenery import (
@@ -66,6 +67,7 @@ def export_mjcf(
     objects: Sequence[ConvexObject] = (),
     options: PlantOptions | None = None,
     segments: Indices | None = None,
+    actuated: bool = False,
 ) -> str:
     """
     Return a self-contained MJCF text of the robot at home.
@@ -74,6 +76,8 @@ def export_mjcf(
     :param objects: cylinders or convex objects, where they are.
     :param options: masses, mesh and contact; the defaults if None.
     :param segments: (m,) numbers of segments; `options.segments` each if None.
+    :param actuated: whether actuators drive the rollers, and sensors measure them, the joints and
+        the objects; the plant drives them itself.
     :raises StructureError: the stiffness model has no stiffness for a member.
     """
     options = options or PlantOptions()
@@ -93,6 +97,8 @@ def export_mjcf(
         body = _add_object(world, equality, number, held, options)
         add_look(root, body, held, robot.description.tube_diameter)
     root.extend([tendon, equality])
+    if actuated:
+        add_actuation(root, robot, len(objects), counts)
     ET.indent(root)
     return ET.tostring(root, encoding='unicode') + '\n'
 
@@ -101,7 +107,7 @@ def _add_options(root: ET.Element, options: PlantOptions) -> None:
     step = {'timestep': f'{options.time_step:g}', 'gravity': _text([*options.gravity, 0.0])}
     solver = {'integrator': 'implicitfast', 'solver': 'Newton', 'cone': 'elliptic'}
     accuracy = {'impratio': '100', 'iterations': '50', 'tolerance': '1e-10'}
-    ET.SubElement(root, 'option', **step, **solver, **accuracy)
+    ET.SubElement(root, 'option', {**step, **solver, **accuracy})
     default = ET.SubElement(root, 'default')
     # The stiffest equality and contact that the time step allows: the tubes give, not they. An
     # object between two pieces of a coarse mesh chatters where its contact has less damping.
@@ -109,7 +115,7 @@ def _add_options(root: ET.Element, options: PlantOptions) -> None:
     stiff = {'solref': f'{quick} {CONTACT_DAMPING:g}', 'solimp': '0.99 0.999 0.0001'}
     ET.SubElement(default, 'equality', solref=f'{quick} 1', solimp='0.999 0.9999 0.0001')
     untouched = {'contype': '0', 'conaffinity': '0', 'condim': '3'}
-    ET.SubElement(default, 'geom', **untouched, friction=f'{options.friction:g} 0 0', **stiff)
+    ET.SubElement(default, 'geom', {**untouched, **stiff}, friction=f'{options.friction:g} 0 0')
 
 
 def _add_joints(world: ET.Element, robot: Robot, options: PlantOptions) -> list[ET.Element]:
@@ -117,7 +123,7 @@ def _add_joints(world: ET.Element, robot: Robot, options: PlantOptions) -> list[
     topology, points = robot.topology, robot.home.points
     held = set(topology.grounded.tolist())
     bodies = []
-    rubs = {
+    rubs: dict[str, Any] = {
         'damping': options.joint_drag,
         'frictionloss': options.module_friction,
         'solimpfriction': FIRM,
@@ -230,13 +236,13 @@ def _add_object(
     _hinge(body, f'{name}:turn', **turning)
     for letter in ('x', 'y', 'turn'):
         hold = {'name': f'{name}:hold_{letter}', 'joint1': f'{name}:{letter}', 'active': 'false'}
-        ET.SubElement(equality, 'joint', **hold)
+        ET.SubElement(equality, 'joint', hold)
     touched = {'contype': '1', 'conaffinity': '1', 'rgba': OBJECT_COLOR, 'group': HIDDEN}
     if held.friction is not None:
         # Of two geoms, the one of higher priority has its friction in the contact.
         touched |= {'friction': f'{held.friction:g} 0 0', 'priority': '1'}
     for part, geom in enumerate(object_geoms(held)):
-        ET.SubElement(body, 'geom', name=f'{name}#{part}', **touched, **geom)
+        ET.SubElement(body, 'geom', {**touched, **geom}, name=f'{name}#{part}')
     return body
 
 
@@ -276,7 +282,7 @@ def _hinge(body: ET.Element, name: str, **values: float) -> None:
 
 def _joint(body: ET.Element, name: str, kind: str, axis: str, values: dict[str, Any]) -> None:
     numbers = {key: v if isinstance(v, str) else f'{v:.9g}' for key, v in values.items()}
-    ET.SubElement(body, 'joint', name=name, type=kind, axis=axis, **numbers)
+    ET.SubElement(body, 'joint', numbers, name=name, type=kind, axis=axis)
 
 
 def _place(point: complex) -> str:

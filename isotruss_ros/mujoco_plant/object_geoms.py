@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.ellipse import Ellipse
@@ -35,13 +36,15 @@ def _disc_geoms(held: ConvexObject) -> list[dict[str, str]]:
 
 
 def _ellipse_geoms(held: ConvexObject) -> list[dict[str, str]]:
-    a, b = held.shape.semi_axes
+    shape: Any = held.shape
+    a, b = shape.semi_axes
     size = {'type': 'ellipsoid', 'size': f'{a:.9g} {b:.9g} {min(a, b):.9g}'}
     return [size | {'euler': f'0 0 {held.pose.angle:.12g}'}]
 
 
 def _polygon_geoms(held: ConvexObject) -> list[dict[str, str]]:
-    shape, turn = held.shape, held.turn
+    shape: Any = held.shape
+    turn = held.turn
     blunt = replace(shape, corner_radius=tuple(np.maximum(shape.radii, SHARP).tolist()))
     centers, radii, normals = blunt.arc_centers, blunt.radii, blunt.normals
     radius = float(radii.min())

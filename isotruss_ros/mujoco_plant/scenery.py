@@ -42,18 +42,18 @@ def add_scenery(root: ET.Element, world: ET.Element, robot: Robot) -> None:
     ET.SubElement(root, 'statistic', center=center, extent=f'{0.5 * reach:.6g}')
     ET.SubElement(visual, 'quality', shadowsize='2048', offsamples='2')
     soft = {'ambient': '0.35 0.35 0.35', 'diffuse': '0.15 0.15 0.15', 'specular': '0 0 0'}
-    ET.SubElement(visual, 'headlight', **soft)
+    ET.SubElement(visual, 'headlight', soft)
     colors = {'rgb1': '0.93 0.93 0.91', 'rgb2': '0.86 0.86 0.84'}
     checks = {'type': '2d', 'builtin': 'checker', 'width': '256', 'height': '256', **colors}
-    ET.SubElement(asset, 'texture', name='ground', **checks)
+    ET.SubElement(asset, 'texture', checks, name='ground')
     ET.SubElement(
         asset, 'material', name='ground', texture='ground', texuniform='true', specular='0'
     )
     lamp = {'pos': f'{middle.real - 2.0:.6g} {middle.imag + 2.0:.6g} 8', 'dir': '0.25 -0.25 -1'}
-    ET.SubElement(world, 'light', cutoff='40', exponent='0', diffuse='0.45 0.45 0.45', **lamp)
+    ET.SubElement(world, 'light', lamp, cutoff='40', exponent='0', diffuse='0.45 0.45 0.45')
     height = 0.5 * robot.description.tube_diameter + BELOW
     plane = {'type': 'plane', 'pos': f'0 0 {-height:.6g}', 'size': f'{GROUND:g} {GROUND:g} 0.1'}
-    ET.SubElement(world, 'geom', name='ground', material='ground', **plane)
+    ET.SubElement(world, 'geom', plane, name='ground', material='ground')
 
 
 def add_look(root: ET.Element, body: ET.Element, held: ConvexObject, thickness: float) -> None:

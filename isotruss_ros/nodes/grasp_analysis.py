@@ -6,30 +6,35 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 import time
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import WrenchStamped
 from isotruss_msgs.msg import GraspState
 from isotruss_msgs.srv import AnalyzeGrasp
+from isotruss_ros.core.control.inputs import StampedInput
 from isotruss_ros.core.errors import IsotrussError
+from isotruss_ros.core.holding.settled_grasp import SettledGrasp
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.shapes import Disc
 from isotruss_ros.core.statics.wrinkling import MAX_UTILISATION
+from isotruss_ros.nodes.conversions.contact_messages import (
+    find_contact_frames,
+    to_contact_wrench,
+)
 from isotruss_ros.nodes.conversions.grasp_messages import (
     read_external_wrench,
     read_query,
     to_state_message,
 )
 from isotruss_ros.nodes.conversions.markers import to_marker_array
-from isotruss_ros.nodes.conversions.messages import make_header, name_object_frame
+from isotruss_ros.nodes.conversions.messages import make_header, name_aligned_frame
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import Spec
 from isotruss_ros.nodes.framework.sensors import Inputs
-from isotruss_ros.nodes.framework.topics import RELIABLE
+from isotruss_ros.nodes.framework.topics import EVENTS, RELIABLE
 from isotruss_ros.nodes.framework.transforms import TransformBroadcaster
 from isotruss_ros.nodes.grasp.grasp_monitor import GraspMonitor
 from isotruss_ros.nodes.grasp.grasp_report import GraspCode, GraspQuery, GraspReport
@@ -41,6 +46,7 @@ SPECS = (
     replace(common.RATE, bounds=(1.0, 1000.0)),
     common.COMMAND_TIMEOUT,
     common.PRESSURE_TIMEOUT,
+    common.AMBIENT_PRESSURE,
     # Not finer: for an object as large as the robot, memory grows with the square of the points.
     Spec(
         'spacing',
@@ -77,14 +83,22 @@ class GraspAnalysisNode(ManagedNode):
         self._held = self.create_lifecycle_publisher(Bool, 'grasp/held', RELIABLE)
         self._closures = self.create_lifecycle_publisher(Bool, 'grasp/force_closure', RELIABLE)
         self._wrenches = self.create_lifecycle_publisher(WrenchStamped, 'grasp/wrench', RELIABLE)
+        self._forces = self.create_lifecycle_publisher(
+            WrenchStamped, 'grasp/contact_forces', EVENTS
+        )
         self._arrays = self.create_lifecycle_publisher(MarkerArray, 'grasp/markers', RELIABLE)
         self._transforms = TransformBroadcaster(self, self.robot)
         self.inputs = Inputs(self, self.robot, self._monitor)
         self.inputs.keep_joint_states()
         self.inputs.keep_object_pose()
-        self.inputs.keep_tube_pressures()
-        read_wrench = partial(read_external_wrench, frame=self.robot.frame)
-        self.inputs.keep(WrenchStamped, 'external_wrench', read_wrench, 'wrench')
+        self.inputs.keep_tube_pressures(lambda: self.values.ambient_pressure)
+        self.inputs.keep(WrenchStamped, 'external_wrench', self._read_wrench, 'wrench')
+
+    def _read_wrench(self, message: WrenchStamped) -> tuple[float, float, float]:
+        """Return an external wrench, of the aligned frame or of the object's own."""
+        pose = self._monitor.pose
+        known = isinstance(pose, StampedInput)
+        return read_external_wrench(message, self.robot.frame, pose.value.angle if known else None)
 
     def _make_query(self) -> GraspQuery:
         """Return what is analysed by the parameters; the object's own friction counts first."""
@@ -129,10 +143,12 @@ class GraspAnalysisNode(ManagedNode):
         words, level = f'{report.code}: {report.message}', DiagnosticStatus.ERROR
         if report.grasp is not None:
             # A wrench has no code: without a result, none is published.
-            header = make_header(report.time, name_object_frame(self.robot.frame))
+            header = make_header(report.time, name_aligned_frame(self.robot.frame))
             self._wrenches.publish(WrenchStamped(header=header, wrench=state.normal_wrench))
             grasp = report.grasp
-            self._transforms.broadcast(grasp.config, grasp.body.pose[:2], report.time)
+            contacts = find_contact_frames(grasp.analysis, self.robot)
+            self._transforms.broadcast(grasp.config, grasp.body.pose, contacts, report.time)
+            self._publish_forces(report.time, grasp.settled)
             used, _ = max(grasp.utilisation.values())
             level = DiagnosticStatus.OK if used <= MAX_UTILISATION else DiagnosticStatus.WARN
         if report.code is not GraspCode.OK:
@@ -140,6 +156,15 @@ class GraspAnalysisNode(ManagedNode):
         status = words if report.grasp is None else report.message or 'analysing'
         self.diagnostics.set_status(level, status)
         self._draw(report)
+
+    def _publish_forces(self, when: float, settled: SettledGrasp) -> None:
+        """Publish the forces of the members on the free object, each in its contact frame."""
+        if not self._forces.get_subscription_count():
+            return
+        friction = settled.friction_forces
+        for member, normal in settled.normal_forces.items():
+            message = to_contact_wrench(self.robot.frame, member, when, normal, friction[member])
+            self._forces.publish(message)
 
     def _draw(self, report: GraspReport) -> None:
         """Publish markers if there is a subscriber, at the rate at which they are drawn."""

@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_msgs.action import PlanGrasp
 from isotruss_ros.core import IsotrussError
@@ -22,7 +24,7 @@ from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import FixedSpec
 from isotruss_ros.nodes.framework.sensors import Inputs, TrackedShape
-from isotruss_ros.nodes.framework.single_goal import SingleGoal
+from isotruss_ros.nodes.framework.single_goal import BusyError, SingleGoal
 
 SPECS = (
     common.OBJECT,
@@ -35,7 +37,7 @@ PERIOD = 0.02
 
 class GraspPlanner(ManagedNode):
     """
-    Execute one goal at a time, and reject others meanwhile.
+    Execute one goal at a time, and refuse others meanwhile.
 
     The search has a thread and processes of its own; a timer polls it.
     """
@@ -57,9 +59,10 @@ class GraspPlanner(ManagedNode):
             self,
             PlanGrasp,
             'plan_grasp',
+            self._read,
+            self._refuse,
             self._begin,
             self._searcher.cancel,
-            ready=lambda: not self._goal.active,
         )
 
     def activate(self) -> None:
@@ -81,11 +84,11 @@ class GraspPlanner(ManagedNode):
 
     def details(self) -> dict[str, object]:
         """Return the progress of the search."""
-        details = {'searching': self._goal.active}
+        details: dict[str, object] = {'searching': self._goal.active}
         progress = self._searcher.progress()
         if progress is not None:
             details |= {'evaluations': progress.evaluations, 'grasps found': progress.found}
-        return details
+        return details  # type: ignore[return-value]
 
     def _apply(self) -> None:
         """Apply the timeout."""
@@ -93,19 +96,23 @@ class GraspPlanner(ManagedNode):
 
     # -- The action --
 
-    def _begin(self, goal: PlanGrasp.Goal) -> None:
-        """Begin a search, or abort the goal with the reason."""
-        try:
-            arguments = read_goal(goal, self.robot, self._described)
-        except IsotrussError as error:
-            self._end(Answer(Outcome.BAD_GOAL, str(error)))
-            return
-        try:
-            config = self._shape.configuration(self.now())
-        except (InputError, ConfigurationError) as error:
-            self._end(Answer(Outcome.NO_JOINT_STATES, str(error)))
-            return
-        self._searcher.begin(config, *arguments)
+    def _read(self, goal: PlanGrasp.Goal) -> tuple[Any, ...]:
+        """Return the arguments of a search."""
+        if self._goal.active:
+            raise BusyError('another search is running: cancel it, or wait for its end')
+        arguments = read_goal(goal, self.robot, self._described)
+        return self._shape.configuration(self.now()), *arguments
+
+    def _refuse(self, error: IsotrussError) -> PlanGrasp.Result:
+        missing = isinstance(error, InputError | ConfigurationError)
+        outcome = Outcome.NO_JOINT_STATES if missing else Outcome.BAD_GOAL
+        if isinstance(error, BusyError):
+            outcome = Outcome.FAILED
+        return to_result_message(Answer(outcome, str(error)), self.robot)
+
+    def _begin(self, arguments: tuple[Any, ...]) -> None:
+        """Begin a search."""
+        self._searcher.begin(*arguments)
         self.diagnostics.set_status(DiagnosticStatus.OK, 'searching')
 
     def _poll(self) -> None:

@@ -50,6 +50,12 @@ SPECS = (
 )
 
 
+#: Feedback while a path is foreseen.
+UNKNOWN = FollowObjectPath.Feedback(
+    position_error=np.nan, angle_error=np.nan, progress=0.0, time_left=np.nan
+)
+
+
 class PathFollower(ManagedNode):
     """
     Follow one path at a time; publish nothing on `cmd_vel` while there is none.
@@ -86,6 +92,8 @@ class PathFollower(ManagedNode):
             self,
             FollowObjectPath,
             'follow_object_path',
+            self._read,
+            self._refuse,
             self._begin,
             cancelled=lambda: self._end(Outcome.CANCELLED, 'cancelled by the client'),
             preempted=lambda: self._end(Outcome.PREEMPTED, 'a newer goal took over'),
@@ -103,11 +111,11 @@ class PathFollower(ManagedNode):
 
     def details(self) -> dict[str, object]:
         """Return the state of the goal."""
-        details = {'following': self._goal.active}
+        details: dict[str, object] = {'following': self._goal.active}
         if self._goal.active and self._last is not None:
             details |= {'phase': self._last.phase.name, 'progress': f'{self._last.progress:.3f}'}
             details |= {'position error [m]': f'{self._last.position_error:.6f}'}
-        return details
+        return details  # type: ignore[return-value]
 
     def _apply(self) -> None:
         """Apply the parameters; gains and the like from the next goal on."""
@@ -116,38 +124,38 @@ class PathFollower(ManagedNode):
 
     # -- The action --
 
-    def _begin(self, goal: FollowObjectPath.Goal) -> None:
-        """Begin to foresee a path, or abort the goal with the reason."""
-        self._last = None
+    def _read(self, goal: FollowObjectPath.Goal) -> tuple[ObjectPath | None, TrackingSettings]:
+        """Return path and settings of a goal; no path to where the object is already."""
         values = self.values
+        settings = TrackingSettings(
+            goal.position_tolerance,
+            goal.angle_tolerance,
+            values.position_gain,
+            values.angle_gain,
+            values.ramp_time,
+            values.progress_timeout,
+        )
+        here, smooth = self._servo.measured(self.now()), values.smooth_path
         try:
-            settings = TrackingSettings(
-                goal.position_tolerance,
-                goal.angle_tolerance,
-                values.position_gain,
-                values.angle_gain,
-                values.ramp_time,
-                values.progress_timeout,
-            )
             path = read_object_path(
-                goal.path,
-                goal.speed,
-                goal.turn_rate,
-                self.robot,
-                values.smooth_path,
-                self._servo.measured(self.now()),
+                goal.path, goal.speed, goal.turn_rate, self.robot, smooth, here
             )
-            foreseen = self._thread.submit(
-                _check_path, self.robot, values, self._servo.rollers, path, self.now()
-            )
-            self._waiting = foreseen, path, settings
-        except NoMotionError as error:
-            if len(goal.path.poses) == 1:
-                self._end(Outcome.REACHED, 'the object is there already')
-            else:
-                self._end(Outcome.BAD_GOAL, str(error))
-        except IsotrussError as error:
-            self._refuse(error)
+        except NoMotionError:
+            if len(goal.path.poses) != 1:
+                raise
+            return None, settings
+        return path, settings
+
+    def _begin(self, asked: tuple[ObjectPath | None, TrackingSettings]) -> None:
+        """Begin to foresee a path."""
+        self._last, (path, settings) = None, asked
+        if path is None:
+            self._end(Outcome.REACHED, 'the object is there already')
+            return
+        foreseen = self._thread.submit(
+            _check_path, self.robot, self.values, self._servo.rollers, path, self.now()
+        )
+        self._waiting = foreseen, path, settings
 
     def _begin_foreseen(self) -> None:
         """Begin to follow the path that was foreseen, or abort the goal with the reason."""
@@ -159,12 +167,10 @@ class PathFollower(ManagedNode):
             foreseen.result()
             self._servo.begin(path, settings, self.now())
         except IsotrussError as error:
-            self._refuse(error)
+            self._end(_find_outcome(error), str(error))
 
-    def _refuse(self, error: IsotrussError) -> None:
-        """Abort the goal: an input is missing, or the goal is none that can be followed."""
-        missing = isinstance(error, InputError)
-        self._end(Outcome.STOPPED if missing else Outcome.BAD_GOAL, str(error))
+    def _refuse(self, error: IsotrussError) -> FollowObjectPath.Result:
+        return to_path_result(_find_outcome(error), str(error), None, None)
 
     def _end(self, outcome: Outcome, message: str) -> None:
         """Publish a zero twist and the result of the goal, if there is one."""
@@ -186,6 +192,8 @@ class PathFollower(ManagedNode):
         if self._waiting is not None:
             self._publish_twist(np.zeros(3))
             self._begin_foreseen()
+            if self._waiting is not None:
+                self._goal.publish_feedback(lambda: UNKNOWN)
             return
         step = self._servo.decide(now)
         self._last = step.tracking or self._last
@@ -200,6 +208,11 @@ class PathFollower(ManagedNode):
         """Abort the goal: while the clock is stopped, old inputs do not age."""
         self.inputs.clear()
         self._end(Outcome.STOPPED, f'simulated time stopped at {now:.3f} s')
+
+
+def _find_outcome(error: IsotrussError) -> Outcome:
+    """Return how a goal ends: an input is missing, or it is none that can be followed."""
+    return Outcome.STOPPED if isinstance(error, InputError) else Outcome.BAD_GOAL
 
 
 def _read_status(message: ManipulationStatus) -> ServoFeedback:
@@ -227,7 +240,7 @@ def _check_path(
     except GraspError:
         return
     if found is not None and found.why:
-        x, y, angle = np.round(found.pose, 4).tolist()
+        x, y, angle = (round(number, 4) for number in found.pose)
         raise PathError(
             f'the path would end {100.0 * found.share:.0f} % of the way, at ({x:g}, {y:g}) m, '
             f'{angle:g} rad: {found.why}'

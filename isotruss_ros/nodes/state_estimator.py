@@ -5,28 +5,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+import contextlib
 from dataclasses import replace
-from functools import partial
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.msg import StateEstimate as StateEstimateMessage
-from isotruss_ros.core.control.inputs import fresh_pressures, Input, InputError
+from isotruss_ros.core.control.inputs import (
+    fresh_pressures,
+    Input,
+    InputError,
+    RejectedInput,
+    require_fresh,
+    StampedInput,
+)
 from isotruss_ros.core.control.state_estimate import EstimatorSettings, StateEstimate
-from isotruss_ros.core.control.state_estimator import StateEstimator
+from isotruss_ros.core.control.state_estimator import OLDEST, StateEstimator
 from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.nodes.conversions.estimate_messages import to_estimate_message
-from isotruss_ros.nodes.conversions.joint_state_messages import read_roller_state
-from isotruss_ros.nodes.conversions.messages import read_stamp
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import FixedSpec, Spec, Value
-from isotruss_ros.nodes.framework.robot_frame import RobotFrame
 from isotruss_ros.nodes.framework.sensors import Inputs
-from isotruss_ros.nodes.framework.topics import RELIABLE, subscribe_newest
-from sensor_msgs.msg import JointState, MultiDOFJointState
+from isotruss_ros.nodes.framework.topics import RELIABLE
 
 #: What is known of a robot that was not homed.
 KNOWN = EstimatorSettings()
@@ -38,6 +41,7 @@ SPECS = (
     replace(common.RATE, default=50.0, bounds=(1.0, 1000.0)),
     common.COMMAND_TIMEOUT,
     common.PRESSURE_TIMEOUT,
+    common.AMBIENT_PRESSURE,
     Spec('pose_deviation', 1e-3, 'Standard deviation of x and y of object_pose [m]', (1e-6, 1.0)),
     Spec('angle_deviation', 0.009, 'Standard deviation of its angle [rad]', (1e-6, 1.0)),
     Spec(
@@ -69,23 +73,22 @@ class StateEstimatorNode(ManagedNode):
     awaited = ('joint_states',)
     _estimator: StateEstimator | None = None
     _last: StateEstimate | None = None
+    rollers: Input = None
+    pose: Input = None
+    markers: Input = None
     pressures: Input = None
 
     def configure(self) -> None:
         """Create publisher and subscriptions."""
-        self._frame = RobotFrame.heard_by(self, self.robot)
         self.inputs = Inputs(self, self.robot, self)
-        self.inputs.keep_tube_pressures()
+        self.inputs.keep_encoders(take=self._take_encoders)
+        self.inputs.keep_object_pose(take=self._take_pose, oldest=OLDEST)
+        self.inputs.keep_joint_markers(take=self._take_markers, oldest=OLDEST)
+        self.inputs.keep_tube_pressures(lambda: self.values.ambient_pressure)
         self._begin()
         self._estimates = self.create_lifecycle_publisher(
             StateEstimateMessage, 'state_estimate', RELIABLE
         )
-        for kind, topic, take in (
-            (JointState, 'joint_states', self._take_encoders),
-            (PoseStamped, 'object_pose', self._take_pose),
-            (MultiDOFJointState, 'joint_markers', self._take_markers),
-        ):
-            subscribe_newest(self, kind, topic, partial(self._receive, topic, take))
 
     def _check(self, new: dict[str, Value]) -> None:
         """Check the grip."""
@@ -129,37 +132,38 @@ class StateEstimatorNode(ManagedNode):
     def _apply(self) -> None:
         """Expect the object between the members of the parameters from now on."""
         values = self.values
-        self.timeout = values.command_timeout
+        self.timeout, self.pressure_timeout = values.command_timeout, values.pressure_timeout
         members = common.select_grip(self.robot, values.grip, values.grip_module)
         grip = Grip(members, common.read_body(values))
         if grip != self._estimator.grip:
             self._estimator.grip = grip
 
-    def _receive(self, topic: str, take: object, message: object) -> None:
-        """Take a message in; one that is not usable is named and left."""
+    def _take_encoders(self, given: StampedInput) -> None:
+        self._estimator.take_encoders(given.time, given.value.positions)
+
+    def _take_pose(self, given: StampedInput) -> None:
+        values = self.values
+        deviations = values.pose_deviation, values.pose_deviation, values.angle_deviation
+        with self._naming('object_pose'):
+            self._estimator.take_pose(given.time, given.value, deviations)
+
+    def _take_markers(self, given: StampedInput) -> None:
+        deviation = self.values.marker_deviation
+        with self._naming('joint_markers'):
+            self._estimator.take_markers(given.time, given.value, deviation)
+
+    @contextlib.contextmanager
+    def _naming(self, topic: str) -> Iterator[None]:
+        """Name and leave a measurement that is not usable."""
         try:
-            take(message)
+            yield
         except IsotrussError as error:
             self.warn(topic, f'{topic}: {error}')
-
-    def _take_encoders(self, message: JointState) -> None:
-        state = read_roller_state(message, self.robot.roller_names)
-        self._estimator.take_encoders(read_stamp(message.header), state.positions)
-
-    def _take_pose(self, message: PoseStamped) -> None:
-        pose, values = self._frame.read_pose(message), self.values
-        deviations = values.pose_deviation, values.pose_deviation, values.angle_deviation
-        self._estimator.take_pose(read_stamp(message.header), pose, deviations)
-
-    def _take_markers(self, message: MultiDOFJointState) -> None:
-        joints = self._frame.read_markers(message)
-        deviation = self.values.marker_deviation
-        self._estimator.take_markers(read_stamp(message.header), joints, deviation)
 
     def _take_pressures(self, now: float) -> str:
         """Model the tubes with measured pressures; tell why, where the last ones stay."""
         try:
-            found = fresh_pressures(now, self.values.pressure_timeout, self.pressures)
+            found = fresh_pressures(now, self.pressure_timeout, self.pressures)
         except InputError as error:
             return str(error)
         self._estimator.take_pressures(found)
@@ -168,27 +172,28 @@ class StateEstimatorNode(ManagedNode):
     def _step(self, now: float) -> None:
         stale = self._take_pressures(now)
         try:
+            require_fresh(now, self.timeout, joint_states=self.rollers)
             estimate = self._estimator.estimate()
         except IsotrussError as error:
-            self.diagnostics.set_status(DiagnosticStatus.ERROR, str(error))
-            return
-        if estimate is None:
-            self.diagnostics.set_status(DiagnosticStatus.WARN, 'no joint_states received yet')
-            return
-        age, most = now - estimate.time, self.values.command_timeout
-        if age > most:
-            self.diagnostics.set_status(
-                DiagnosticStatus.ERROR, f'joint_states: {age:.3f} s old; must be at most {most} s'
-            )
+            bad = self.rollers is not None
+            level = DiagnosticStatus.ERROR if bad else DiagnosticStatus.WARN
+            self.diagnostics.set_status(level, str(error))
             return
         self._last = estimate
         self._estimates.publish(to_estimate_message(estimate, self.robot))
-        doubts = '; '.join(filter(None, (stale, _describe_doubts(estimate))))
+        rejected = [_rejection(given) for given in (self.rollers, self.pose, self.markers)]
+        doubts = '; '.join(filter(None, (stale, *rejected, _describe_doubts(estimate))))
         if doubts:
             self.warn('doubts', doubts)
         self.diagnostics.set_status(
             DiagnosticStatus.WARN if doubts else DiagnosticStatus.OK, doubts or 'estimating'
         )
+
+
+def _rejection(given: Input) -> str:
+    """Return why the last message of an input was rejected; empty where it was not."""
+    rejected = given if isinstance(given, RejectedInput) else getattr(given, 'rejected', None)
+    return '' if rejected is None else rejected.reason
 
 
 def _describe_doubts(estimate: StateEstimate) -> str:

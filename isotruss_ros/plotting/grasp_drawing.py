@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 from isotruss_ros.core import Configuration, ConvexObject
 from isotruss_ros.core.contact.deformed_shape import deformed_lines, force_lines, region_lines
@@ -105,16 +105,21 @@ def plot_grasp(
     return axes
 
 
-def describe_contacts(analysis: GraspAnalysis) -> str:
+def describe_contacts(
+    analysis: GraspAnalysis, normal_forces: Mapping[str, float] | None = None
+) -> str:
     """
     Return the normal force and the length of contact of each member that touches, in words.
 
     :param analysis: of a grasp.
+    :param normal_forces: on the free object, by member, in place of those of the object held fast
+        [N].
     """
     if not analysis.contact_forces:
         return 'no contact'
     lengths = [1e3 * length for length in analysis.contact_lengths.values()]
-    return f'{_list(analysis.contact_forces.values(), "N")}, contact {_list(lengths, "mm")}'
+    forces = analysis.contact_forces if normal_forces is None else normal_forces
+    return f'{_list(forces.values(), "N")}, contact {_list(lengths, "mm")}'
 
 
 def _list(numbers: Iterable[float], unit: str) -> str:

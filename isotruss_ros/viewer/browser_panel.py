@@ -77,7 +77,7 @@ class BrowserPanel:
                 gui.add_button(label).on_click(lambda _, name=name: self._leave(name, 0.0))
             with gui.add_folder('assumed by the analysis', expand_by_default=False):
                 for setting in SETTINGS:
-                    self._add_slider(setting, values[setting.name])
+                    self._add_slider(setting, values[setting.name])  # type: ignore[arg-type]
             self._add_choice('plant', PLANT, values)
             with gui.add_folder('external wrench', expand_by_default=False):
                 for setting in WRENCH:

@@ -111,7 +111,7 @@ class Controls:
     @property
     def dragged(self) -> str:
         """Return `object`, or the name of the joint that is dragged."""
-        return self._values[DRAGGED]
+        return self._values[DRAGGED]  # type: ignore[return-value]
 
     def take(self, now: float) -> list[tuple[str, float | str]]:
         """
@@ -148,7 +148,7 @@ class Controls:
             else:
                 taken += self._sort(name, value, now)
         for number, panel in self._panels.items():
-            panel.show(self.control, wishes[number], self._values)
+            panel.show(self.control, wishes[number], self._values)  # type: ignore[arg-type]
         return taken
 
     def update(self, pose: Pose | None) -> None:
@@ -180,14 +180,14 @@ class Controls:
         """Keep what a request changes here; return what is left for the owner of the view."""
         control = self.control
         if name == TARGET:
-            self._move_handle(*value, now)
+            self._move_handle(*value, now)  # type: ignore[call-arg, misc]
             return []
         if name == TURN:
-            self._move_turner(*value, now)
+            self._move_turner(*value, now)  # type: ignore[call-arg, misc]
             return []
         if name in FORCES:
             wrench = dict(zip(FORCES, control.wrench, strict=True)) | {name: value}
-            control.wrench = tuple(wrench.values())
+            control.wrench = tuple(wrench.values())  # type: ignore[assignment]
             return []
         if name in self._values:
             self._values[name] = value
@@ -195,7 +195,7 @@ class Controls:
             control.release()
         elif name in NEW_TASKS:
             control.drag = None
-        return [] if value == AS_STARTED else [(name, value)]
+        return [] if value == AS_STARTED else [(name, value)]  # type: ignore[list-item]
 
     async def _drag(self, name: str, event: viser.SceneNodeDragEvent) -> None:
         """Leave a request; in the loop of the server, which keeps the order of the events."""

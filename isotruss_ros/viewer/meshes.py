@@ -82,4 +82,5 @@ def color_of(utilisation: float) -> tuple[int, int, int]:
 
     :param utilisation: largest bending moment over the wrinkling moment [-].
     """
-    return tuple(int(np.interp(utilisation, USED, channel)) for channel in COLORS.T)
+    red, green, blue = (int(np.interp(utilisation, USED, channel)) for channel in COLORS.T)
+    return red, green, blue

@@ -69,6 +69,7 @@ class Panels:
             (uplot.Series(label='t'), uplot.Series(label=name, stroke='#1f4fd9', width=2)),
             title=name,
             scales={'x': uplot.Scale(time=False, auto=True), 'y': uplot.Scale(auto=True)},
+            axes=(uplot.Axis(label='time [s]'), uplot.Axis(label=name)),
             legend=uplot.Legend(show=False),
             aspect=2.4,
         )

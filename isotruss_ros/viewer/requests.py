@@ -71,14 +71,14 @@ def check_request(name: str, value: object, choices: Mapping[str, Sequence[str]]
     """
     if name in BOUNDS:
         low, high = BOUNDS[name]
-        if not (_is_finite(value) and low <= value <= high):
+        if not (_is_finite(value) and low <= value <= high):  # type: ignore[operator]
             _refuse(name, value, f'from {low:g} to {high:g}')
     elif name in choices:
         if value not in choices[name]:
             _refuse(name, value, f'one of {", ".join(choices[name])}')
     elif name in (TARGET, TURN):
-        _, *places = value
-        for place in places:
+        _, *places = value  # type: ignore[misc]
+        for place in places:  # type: ignore[has-type]
             if len(place) != 2 or not all(_is_finite(x) and abs(x) <= FAR for x in place):
                 _refuse(name, value, f'two coordinates of at most {FAR:g} m')
     elif name not in BUTTONS:

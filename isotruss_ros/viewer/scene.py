@@ -43,7 +43,8 @@ class Scene:
         camera = server.initial_camera
         camera.position, camera.look_at = place_camera(points, 1.1)
         camera.up = (0.0, 1.0, 0.0)
-        self._server, self._fitted = server, set()
+        self._server = server
+        self._fitted: set = set()
         # Shadows would take most of the time of a browser without a graphics card.
         scene.configure_default_lights(cast_shadow=False)
         scene.add_grid(

@@ -185,18 +185,18 @@ def _serving(bound: socket.socket, gate: Gate) -> Iterator[list[bool]]:
         return serve(
             handler,
             sock=bound,
-            origins=gate.origins,
+            origins=gate.origins,  # type: ignore[arg-type]
             process_request=gate.guard(process_request),
             logger=_quiet,
             **options,
         )
 
     with _starting:
-        module.serve = serve_here
+        module.serve = serve_here  # type: ignore[assignment, misc]
         try:
             yield served
         finally:
-            module.serve = serve
+            module.serve = serve  # type: ignore[misc]
 
 
 def _find_address() -> str:

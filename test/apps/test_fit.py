@@ -60,7 +60,7 @@ def accepted(text):
     (printed,) = re.findall(r'^  stiffness:.*(?:\n    .+)+', text, re.MULTILINE)
     document = robots.example()
     document['tube'] |= YAML(typ='safe', pure=True).load(printed)
-    return tube_stiffness(read_robot_file(robots.write(document)))
+    return tube_stiffness(read_robot_file(robots.write(document))).model
 
 
 def constants(model):
@@ -555,3 +555,10 @@ def test_mutated_file_is_fitted_or_refused(data):
     if analysis.fitted is not None:
         assert np.isfinite(analysis.fitted.constants).all()
         assert min(analysis.fitted.constants) > 0.0
+
+
+def test_stiffness_that_does_not_vary_has_no_r_squared():
+    p, L = np.array([1e4, 1e4, 2e4, 2e4]), np.array([0.5, 1.0, 0.5, 1.0])
+    fitted = fit_law(p, L, np.full(4, 4.0))
+    assert fitted.law == pytest.approx(Law(4.0, 0.0, 0.0), abs=1e-9)
+    assert np.isnan(fitted.r_squared)

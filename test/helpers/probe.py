@@ -40,7 +40,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.task import Future
 from rclpy.time import Time
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool, Float64MultiArray
 from std_srvs.srv import Trigger
 
@@ -59,6 +59,12 @@ N = len(ROBOT.roller_names)
 def overrides(**values: object) -> list[Parameter]:
     """Return parameters by name."""
     return [Parameter(name, value=value) for name, value in values.items()]
+
+
+def failed(*rollers: str) -> DiagnosticArray:
+    """Return a message of `failed_rollers`."""
+    error = DiagnosticStatus.ERROR
+    return DiagnosticArray(status=[DiagnosticStatus(name=name, level=error) for name in rollers])
 
 
 def maker(kind: type[Node], **defaults: object) -> Callable[..., Callable[[], Node]]:
@@ -91,7 +97,7 @@ class Probe(Node):
             Float64MultiArray, 'roller_velocity_controller/commands', 1
         )
         self.wrenches = self.create_publisher(WrenchStamped, 'external_wrench', 1)
-        self.gauges = self.create_publisher(JointState, 'tube_pressures', 1)
+        self.gauges = self.create_publisher(FluidPressure, 'tube_pressures', 10)
         self.stops = self.create_publisher(Bool, 'emergency_stop', LATCHED)
         self.clock = self.create_publisher(Clock, '/clock', 1)
         self.seen: dict[str, list] = {}
@@ -149,12 +155,15 @@ class Probe(Node):
 
     def send_pressures(self, pressures: Sequence[float]) -> None:
         """Publish the pressures of the tubes."""
-        message = JointState(name=list(ROBOT.description.pressures), effort=list(pressures))
-        message.header = make_header(self.past(0.0))
-        self.gauges.publish(message)
+        for tube, pressure in zip(ROBOT.description.pressures, pressures, strict=True):
+            header = make_header(self.past(0.0), tube)
+            self.gauges.publish(FluidPressure(header=header, fluid_pressure=float(pressure)))
 
     def send_wrench(
-        self, wrench: tuple[float, float, float], age: float = 0.0, frame: str = 'truss_object'
+        self,
+        wrench: tuple[float, float, float],
+        age: float = 0.0,
+        frame: str = 'truss_object_aligned',
     ) -> None:
         """Publish an external wrench on the object."""
         message = WrenchStamped(wrench=to_wrench_message(wrench))

@@ -15,16 +15,24 @@ import time
 import warnings
 
 from isotruss_ros import core
+from isotruss_ros.calibration.home import calibrate_home as calibration_of_home
+from isotruss_ros.calibration.home_fit import Posture
+from isotruss_ros.calibration.oscillation import fit_oscillation as oscillation_of
+from isotruss_ros.calibration.roller_check import judge_roller as roller_verdict
+from isotruss_ros.calibration.stiffness_scale import (
+    calibrate_stiffness as calibration_of_stiffness,
+)
 from isotruss_ros.core.control.inputs import RollerState, StampedInput
 from isotruss_ros.core.control.path_tracking import TrackingSettings
 from isotruss_ros.core.control.roller_trajectory import RollerTrajectory
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
+from isotruss_ros.core.control.state_estimator import StateEstimator
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.kinematics.rigidity import worst_case_rigidity_index
 from isotruss_ros.core.manipulation.grip import find_contacts
 from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 from isotruss_ros.core.model.presets import preset_names
-from isotruss_ros.core.planning import release
+from isotruss_ros.core.planning import foresee_path, release
 from isotruss_ros.core.safety.margins import shape_margins
 from isotruss_ros.nodes.grasp.grasp_monitor import GraspMonitor
 from isotruss_ros.nodes.grasp.grasp_report import GraspQuery
@@ -324,6 +332,90 @@ def margins(world):
     )
 
 
+def track(world):
+    """Go on with a path from a measured pose and age of any size."""
+    path = core.ObjectPath([world.body.pose, np.add(world.body.pose, 0.05)], 0.05, 0.5)
+    tracker = core.PathTracker(path, TrackingSettings(), 0.01)
+    measured = core.Pose(*(np.array(world.body.pose) + world.numbers(3, -0.01, 0.01)))
+    return tracker.update(measured, abs(world.number(0.0, 0.1)), 0.01)
+
+
+def reach_pose(world):
+    """Bring the object to a pose near by, or to one without sense."""
+    away = world.numbers(3, -0.02, 0.02)
+    return core.reach_pose(world.config, world.grip, np.array(world.body.pose) + away)
+
+
+def foresee_grip(world):
+    """Carry the object along a path, near by or without sense."""
+    there = np.array(world.body.pose)
+    return foresee_path.foresee_grip(
+        world.config,
+        world.body,
+        abs(world.number(0.2, 1.0)),
+        np.array([there, there + world.numbers(3, -0.02, 0.02)]),
+    )
+
+
+def grasp_gradient(world):
+    """Differentiate a settled grasp."""
+    grasp = core.settle_grasp(world.config, world.body, abs(world.number(0.2, 1.0)))
+    gradient = core.grasp_gradient(grasp)
+    return gradient.pose, gradient.slip_margins, gradient.stiffness, gradient.utilisation
+
+
+def measured_joints(world):
+    """Return some joints by name, off by some millimetres or without sense [m]."""
+    names = world.robot.topology.joint_names
+    chosen = names[: int(world.rng.integers(len(names) + 1))]
+    places = dict(zip(names, world.config.nodes, strict=False))
+    return {name: tuple(places[name] + world.numbers(2, -1e-3, 1e-3)) for name in chosen}
+
+
+def calibrate_home(world):
+    """Look for the zeros of the rollers."""
+    count = int(world.rng.integers(3))
+    postures = [Posture(world.travel(0.01), measured_joints(world)) for _ in range(count)]
+    return calibration_of_home(world.robot, postures, world.number(1e-4, 1e-3))
+
+
+def calibrate_stiffness(world):
+    """Look for the stiffness of the robot."""
+    joint = str(world.rng.choice(list(world.robot.description.joints)))
+    before = measured_joints(world)
+    under = {name: np.add(place, world.numbers(2, -1e-2, 1e-2)) for name, place in before.items()}
+    pull = {joint: world.numbers(2, -30.0, 30.0)}
+    return calibration_of_stiffness(world.config, pull, before, under, world.number(1e-4, 1e-3))
+
+
+def judge_roller(world):
+    """Judge what a roller did."""
+    moved = {name: world.numbers(2, -0.01, 0.01) for name in measured_joints(world)}
+    name = str(world.rng.choice(world.robot.roller_names))
+    return roller_verdict(world.config, name, world.number(-0.01, 0.01), moved, 1e-3)
+
+
+def fit_oscillation(world):
+    """Fit an oscillation to some poses."""
+    times = np.linspace(0.0, 3.0, 40)
+    swung = np.exp(-0.3 * times) * np.cos(world.rng.uniform(5.0, 20.0) * times)
+    poses = swung[:, None] * world.rng.uniform(-0.01, 0.01, 3)
+    poses[int(world.rng.integers(40))] += world.numbers(3, 0.0, 0.001)
+    times[int(world.rng.integers(40))] += world.number(0.0, 0.01)
+    return oscillation_of(times, poses, world.body.arm)
+
+
+def estimate(world):
+    """Let the estimator take readings and a pose."""
+    estimator = StateEstimator(world.robot)
+    estimator.grip = world.grip
+    estimator.take_encoders(1.0, world.config.roller_positions)
+    estimator.take_pose(1.0, world.body.pose, world.rng.uniform(1e-4, 1e-3, 3))
+    estimator.take_encoders(1.1, world.config.roller_positions + world.travel(0.001))
+    estimate = estimator.estimate()
+    return estimate.travel
+
+
 #: What is called, how often, and how much processor time it may take [s].
 CALLS = {
     configuration: (20, LOOP),
@@ -339,6 +431,15 @@ CALLS = {
     analyze_grasp: (5, ANALYSIS),
     settle_grasp: (5, ANALYSIS),
     report: (3, ANALYSIS),
+    track: (5, LOOP),
+    reach_pose: (1, ANALYSIS),
+    foresee_grip: (1, ANALYSIS),
+    grasp_gradient: (3, ANALYSIS),
+    calibrate_home: (3, ANALYSIS),
+    calibrate_stiffness: (3, ANALYSIS),
+    judge_roller: (3, LOOP),
+    fit_oscillation: (3, ANALYSIS),
+    estimate: (3, ANALYSIS),
     plan_release: (1, ANALYSIS),
     plan_grasps: (0.1, SEARCH),
 }

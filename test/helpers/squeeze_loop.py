@@ -85,7 +85,7 @@ class SqueezeLoop:
             if self.regulated:
                 assert self.control.follow(config, grip, self.period) is HoldStatus.HELD
                 command = self.control.solve(wanted, self.period, solve)
-                self.control.advance(wanted, command, np.zeros(3))
+                self.control.advance(wanted, command)
             else:
                 command = solve(wanted + GAIN * self.error(), 0.0)
             self.statuses.append(command.status)

@@ -4,7 +4,7 @@
 """Steps over other nodes' actions: progress, failures, and cancels wherever they wait."""
 
 from concurrent.futures import ThreadPoolExecutor
-from math import nan
+from math import inf, nan
 import re
 from types import SimpleNamespace
 
@@ -26,6 +26,7 @@ from isotruss_ros.core.planning.describe_plan import NEAR_SHARE
 from isotruss_ros.nodes.conversions.messages import to_pose_message
 from isotruss_ros.nodes.conversions.path_messages import read_duration
 from isotruss_ros.nodes.conversions.plan_messages import read_goal
+from isotruss_ros.nodes.framework import supervision
 from isotruss_ros.nodes.pick_and_place import action_steps, grasp_sequences
 from isotruss_ros.nodes.pick_and_place.action_steps import (
     ActionStep,
@@ -104,9 +105,10 @@ def server(monkeypatch):
     return made
 
 
-def run(server):
+def run(server, silence=inf):
     """Return the steps of a goal."""
-    return ActionStep(None, None, 'work', server).run('goal', lambda feedback: feedback)
+    step = ActionStep(None, None, 'work', server.publish, lambda: silence)
+    return step.run('goal', lambda feedback: feedback)
 
 
 def begun(server, accepted=True):
@@ -127,6 +129,25 @@ def last_of(steps, most=10 * RETRY_TICKS):
         except StopIteration as ended:
             return ended.value
     raise AssertionError('the steps do not end')
+
+
+def test_a_server_that_sends_no_feedback_ends_the_steps_after_the_timeout(server, monkeypatch):
+    now = 0.0
+    monkeypatch.setattr(supervision.time, 'monotonic', lambda: now)
+    steps = run(server, silence=0.2)
+    next(steps)
+    server.accept()
+    for _ in range(3):
+        now += supervision.BEGINNING
+        server.feedback(SimpleNamespace(feedback=0.5))
+        next(steps)
+    now += 0.19
+    next(steps)
+    now += 0.02
+    with pytest.raises(StepError, match=r'no feedback for 0\.2 s') as ended:
+        next(steps)
+    assert ended.value.outcome is Outcome.STOPPED
+    assert server.cancels == 1
 
 
 def test_steps_yield_the_progress_and_return_the_result(server):
@@ -261,7 +282,7 @@ def test_steps_that_are_closed_cancel_their_goal(server, answered):
 def test_a_fault_cancels_the_goal_and_is_the_error_once_that_has_ended(server, cancelled):
     fault = StepError(Outcome.NOT_HELD, 'lost')
     faults = iter([None, None, fault])
-    step = ActionStep(None, None, 'work', server)
+    step = ActionStep(None, None, 'work', server.publish, lambda: inf)
     steps = step.run('goal', lambda feedback: feedback, lambda: next(faults))
     next(steps)
     server.accept()

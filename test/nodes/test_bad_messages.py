@@ -116,7 +116,7 @@ APART = {'far away': ({'position': Point(x=100.0, y=100.0)}, 'NO_GRASP', 'does n
 TWISTS = {'rejected': (Twist(linear=Vector3(x=math.nan)), 'INVALID_', 'finite')}
 WRENCHES = TIMES | {
     'rejected': ({'x': math.inf}, 'INVALID_', 'finite'),
-    'of another frame': ({'frame': 'map'}, 'INVALID_', "must be in 'truss_object'"),
+    'of another frame': ({'frame': 'map'}, 'INVALID_', "must be in 'truss_object_aligned'"),
 }
 
 
@@ -290,7 +290,9 @@ def test_the_analysis_has_no_result_for_invalid_inputs(topic):
 
         def wrench(case):
             about = {k: case[k] for k in ('age', 'sec', 'nanosec', 'frame') if k in case}
-            message = WrenchStamped(header=header(w, **({'frame': 'truss_object'} | about)))
+            message = WrenchStamped(
+                header=header(w, **({'frame': 'truss_object_aligned'} | about))
+            )
             message.wrench.force.x = case.get('x', 0.0)
             w.probe.wrenches.publish(message)
 

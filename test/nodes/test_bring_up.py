@@ -134,9 +134,9 @@ def test_a_robot_of_a_preset_is_not_ready(tmp_path, capsys):
 @pytest.mark.parametrize(
     ('faulty', 'name', 'words'),
     [
-        ({'encoder_delay': 0.8}, 'encoders', r'joint_states is 0\.8\d* s old'),
+        ({'encoder_delay': 0.8}, 'encoders', r'joint states: 0\.8\d* s old'),
         ({'zero_deviation': 0.03, 'seed': 2}, 'zeros', 'mm off the encoders; at most 10 mm'),
-        ({'tracker_delay': 0.8}, 'object pose', r'object_pose is 0\.8\d* s old'),
+        ({'tracker_delay': 0.8}, 'object pose', r'object pose: 0\.8\d* s old'),
         ({'rate': 20.0}, 'rates', r'joint_states comes \d+ times a second: must be 50'),
         (
             {'tracker_rate': 8.0},
@@ -190,8 +190,8 @@ def test_silence_is_named(tmp_path, capsys):
     ):
         w.until(lambda: w.nodes[1].done)
     said = capsys.readouterr().out
-    assert 'FAULT encoders: no joint_states' in said
-    assert 'FAULT object pose: no object_pose' in said
+    assert 'FAULT encoders: joint states: none received' in said
+    assert 'FAULT object pose: object pose: none received' in said
 
 
 def test_the_exit_code_says_whether_there_are_faults():

@@ -78,7 +78,7 @@ def test_without_markers_it_says_so(tmp_path):
         w.spin(1.5)
         answer = w.call('calibrate_home', Trigger.Request())
     assert not answer.success
-    assert answer.message == 'no joint_markers in the last 0.5 s'
+    assert answer.message == 'joint markers: none received yet'
     assert not (tmp_path / 'mine.yaml').exists()
 
 

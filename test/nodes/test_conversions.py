@@ -30,7 +30,7 @@ from isotruss_ros.nodes.conversions.grasp_messages import (
 )
 from isotruss_ros.nodes.conversions.joint_state_messages import (
     read_roller_state,
-    read_tube_pressures,
+    read_tube_pressure,
 )
 from isotruss_ros.nodes.conversions.marker_messages import read_joint_markers, to_joint_markers
 from isotruss_ros.nodes.conversions.messages import (
@@ -47,7 +47,7 @@ import numpy as np
 from probe import DIAMETER, MODULE, N, ROBOT
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message
-from sensor_msgs.msg import JointState, MultiDOFJointState
+from sensor_msgs.msg import FluidPressure, JointState, MultiDOFJointState
 from std_msgs.msg import Header
 
 NAMES = list(ROBOT.roller_names)
@@ -199,7 +199,7 @@ def test_twists_there_and_back(twist):
 # External wrenches
 
 
-def wrench(frame=f'{FRAME}_object', **components):
+def wrench(frame=f'{FRAME}_object_aligned', **components):
     """Return a wrench with components fx, fy, m."""
     values = [components.get(name, 0.0) for name in ('fx', 'fy', 'm')]
     return WrenchStamped(header=Header(frame_id=frame), wrench=to_wrench_message(values))
@@ -213,11 +213,11 @@ def test_wrenches_that_cannot_be_are_rejected(name, value):
 
 
 def test_a_wrench_about_another_origin_is_rejected():
-    with pytest.raises(MessageError, match="in frame 'truss': must be in 'truss_object'"):
+    with pytest.raises(MessageError, match="in frame 'truss': must be in 'truss_object_aligned'"):
         read_external_wrench(wrench(FRAME), FRAME)
 
 
-@pytest.mark.parametrize('frame', ['', f'{FRAME}_object'])
+@pytest.mark.parametrize('frame', ['', f'{FRAME}_object_aligned'])
 def test_reads_external_wrenches(frame):
     assert read_external_wrench(wrench(frame, fx=1.0, fy=-2.0, m=MAX_WRENCH), FRAME) == (
         1.0,
@@ -227,6 +227,14 @@ def test_reads_external_wrenches(frame):
     out_of_plane = wrench()
     out_of_plane.wrench.force.z = out_of_plane.wrench.torque.x = math.nan
     assert read_external_wrench(out_of_plane, FRAME) == (0.0, 0.0, 0.0)
+
+
+def test_a_wrench_in_the_frame_of_the_object_turns_with_it():
+    turned = wrench(f'{FRAME}_object', fx=1.0, fy=-2.0, m=3.0)
+    found = read_external_wrench(turned, FRAME, 0.5 * math.pi)
+    assert found == pytest.approx((2.0, 1.0, 3.0))
+    with pytest.raises(MessageError, match="must be in 'truss_object_aligned'"):
+        read_external_wrench(turned, FRAME)
 
 
 # Times and commands
@@ -253,27 +261,31 @@ def test_durations(seconds):
     assert message.sec + 1e-9 * message.nanosec == pytest.approx(seconds, abs=1e-9)
 
 
-TUBES = tuple(ROBOT.description.pressures)
+def pressure(tube, value):
+    """Return the pressure of a tube."""
+    return FluidPressure(header=Header(frame_id=tube), fluid_pressure=value)
 
 
-def test_reads_pressures_of_tubes_in_any_order():
-    message = JointState(name=TUBES[::-1], effort=[3e4, 2e4, 1e4])
-    assert read_tube_pressures(message, ROBOT) == (1e4, 2e4, 3e4)
+def test_a_pressure_is_that_of_the_tube_of_its_frame():
+    assert read_tube_pressure(pressure('east', 2e4), ROBOT, 0.0) == ('east', 2e4)
+
+
+def test_absolute_pressures_are_read_against_those_around():
+    found = read_tube_pressure(pressure('east', 121_325.0), ROBOT, 101_325.0)
+    assert found == ('east', pytest.approx(2e4))
 
 
 @pytest.mark.parametrize(
-    ('names', 'values', 'words'),
+    ('tube', 'value', 'words'),
     [
-        (TUBES, (3e4, -1.0, 3e4), 'gauge pressure of tube east.*-1.0: must be a positive number'),
-        (TUBES, (3e4, 0.0, 3e4), 'must be a positive number'),
-        (TUBES, (math.nan, 3e4, 3e4), 'gauge pressure of tube south'),
-        (TUBES, (3e4, 3e4, math.inf), 'gauge pressure of tube north'),
-        (TUBES, (3e4, 3e4), '2 values in effort for 3 names'),
-        (TUBES[:2], (3e4, 3e4), "of 'south, east': must be of south, east, north, each once"),
-        ((*TUBES, 'west'), (3e4,) * 4, "of 'south, east, north, west': must be of"),
-        ((*TUBES, 'east'), (3e4,) * 4, 'each once'),
+        ('east', -1.0, 'east: .*-1.0: must be a positive number'),
+        ('east', 0.0, 'must be a positive number'),
+        ('south', math.nan, 'south: '),
+        ('north', math.inf, 'north: '),
+        ('', 3e4, "frame_id '': must be one of south, east, north"),
+        ('west', 3e4, "frame_id 'west': must be one of"),
     ],
 )
-def test_pressures_that_cannot_be_are_refused_by_name(names, values, words):
+def test_pressures_that_cannot_be_are_refused_by_name(tube, value, words):
     with pytest.raises(MessageError, match=words):
-        read_tube_pressures(JointState(name=names, effort=values), ROBOT)
+        read_tube_pressure(pressure(tube, value), ROBOT, 0.0)

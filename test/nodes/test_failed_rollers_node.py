@@ -3,7 +3,7 @@
 
 """Rollers that fail, and the edge of the good shapes, as the manipulation node deals with them."""
 
-from diagnostic_msgs.msg import DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from isotruss_ros.core import (
     ConvexObject,
     Grip,
@@ -18,9 +18,8 @@ from lifecycle_msgs.msg import Transition
 from manual_world import DOWN, Manager, UP, world
 from matches import follow
 import numpy as np
-from probe import CENTER, DIAMETER, LATCHED, maker, MODULE, overrides, ROBOT
+from probe import CENTER, DIAMETER, failed, LATCHED, maker, MODULE, overrides, ROBOT
 import pytest
-from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 FIRST, SECOND = ROBOT.roller_names[:2]
@@ -41,10 +40,10 @@ def until_failed(w, *names, send=None):
     return w.probe.last('status')
 
 
-def say(w, names):
+def say(w, *names):
     """Return a publisher that has said which rollers have failed."""
-    publisher = w.probe.create_publisher(String, 'failed_rollers', LATCHED)
-    publisher.publish(String(data=names))
+    publisher = w.probe.create_publisher(DiagnosticArray, 'failed_rollers', LATCHED)
+    publisher.publish(failed(*names))
     return publisher
 
 
@@ -94,31 +93,31 @@ def test_diagnostics_list_failed_rollers_and_reachable_twists():
 
 def test_the_topic_names_failed_rollers_to_late_joiners_too():
     with world() as w:
-        publisher = say(w, f' {SECOND} ,{FIRST},')
+        publisher = say(w, SECOND, FIRST)
         w.add(Manipulation())
         until_failed(w, FIRST, SECOND)
         assert_held(w, FIRST, SECOND)
-        publisher.publish(String(data=SECOND))
+        publisher.publish(failed(SECOND))
         until_failed(w, SECOND)
-        publisher.publish(String())
+        publisher.publish(failed())
         until_failed(w)
         w.until_code(Status.OK, w.probe.send_all)
 
 
 @pytest.mark.parametrize(
     'names',
-    ['nobody', f'{FIRST},nobody', 'x' * 10**5, 'x,' * 10**5 + 'ü'],
+    [['nobody'], [FIRST, 'nobody'], ['x' * 10**5], [*map(str, range(10**4)), 'ü']],
     ids=['other', 'one of two', 'long', 'many'],
 )
 def test_halts_on_unknown_names_of_failed_rollers(names):
     with world(node()) as w:
         w.until_code(Status.OK, w.probe.send_all)
-        publisher = say(w, names)
+        publisher = say(w, *names)
         status = w.until_code(Status.HALT_INVALID_FAILED_ROLLERS, w.probe.send_all)
         assert 'no such roller' in status.message
         assert len(status.message) < 1000
         assert not w.command().any()
-        publisher.publish(String(data=FIRST))
+        publisher.publish(failed(FIRST))
         until_failed(w, FIRST)
         w.until(lambda: w.code() < Status.HALT_NO_TWIST, w.probe.send_all)
 
@@ -129,7 +128,7 @@ def test_a_message_that_may_be_lost_halts_until_one_comes_which_may_say_the_same
         follow(w.nodes[1], 'failed_rollers', (1, 1))
         status = w.until_code(Status.HALT_INVALID_FAILED_ROLLERS, w.probe.send_all)
         assert 'left before a message was received' in status.message
-        say(w, '')
+        say(w)
         w.until_code(Status.OK, w.probe.send_all)
 
 

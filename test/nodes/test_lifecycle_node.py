@@ -14,7 +14,6 @@ from manual_world import DOWN, Manager, UP, world
 import numpy as np
 from probe import manipulation, N, overrides, ROBOT
 import pytest
-from sensor_msgs.msg import JointState
 
 OUTPUTS = {
     Manipulation: ('command', 'status'),
@@ -128,10 +127,9 @@ def test_manipulation_reports_its_loop_and_its_inputs():
         median = float(w.detail('cycle time, median [s]'))
         assert 0.0 < median <= float(w.detail('cycle time, longest [s]'))
         assert int(w.detail('overruns')) >= 0
-        bad = JointState(name=['nobody'], position=[0.0])
         w.until(
             lambda: w.report('manipulation').level == DiagnosticStatus.ERROR,
-            lambda: (w.probe.send_all(), w.probe.joint_states.publish(bad)),
+            lambda: (w.probe.send_all(), w.probe.send_joints(position=[np.nan] * N)),
         )
 
 

@@ -5,6 +5,7 @@
 
 import itertools
 import math
+import re
 
 from action_msgs.msg import GoalInfo, GoalStatus
 from geometry_msgs.msg import PoseStamped, Quaternion, Twist, TwistStamped
@@ -390,3 +391,24 @@ def test_diagnostics_report_the_state():
         assert details['following'] is True
         assert details['phase'] == 'FOLLOWING'
         w.until(lambda: w.report('path_follower').message == 'following', tell)
+
+
+ENDS = {
+    'old': ({'ages': (9.0, 0.0)}, Result.STOPPED, '^object pose: .* must be at most 1.0 s'),
+    'silent': (None, Result.STOPPED, '^object pose: .* must be at most 1.0 s'),
+    'off the path': ({'center': (CENTER[0] + 0.02, CENTER[1])}, Result.OFF_PATH, ''),
+}
+
+
+@pytest.mark.parametrize('case', ENDS)
+def test_a_pose_that_is_late_or_off_the_path_ends_the_motion(case):
+    published, code, words = ENDS[case]
+    with world(node(command_timeout=1.0)) as w:
+        client, handle = begin(w, fake(w))
+        each = (lambda: None) if published is None else fake(w, **published)
+        status, result = client.result(handle, each)
+        assert (status, result.code) == (GoalStatus.STATUS_ABORTED, code)
+        assert re.search(words, result.message)
+        if code == Result.OFF_PATH:
+            assert result.max_position_error == pytest.approx(0.02, abs=0.011)
+        assert not client.moves()

@@ -138,7 +138,7 @@ def test_a_cycle_begins_with_the_time_that_waits_behind_other_messages():
     node = rclpy.create_node('cycle', parameter_overrides=[Parameter('use_sim_time', value=True)])
     other, arrived, seen = rclpy.create_node('witness'), [], []
     other.create_subscription(Clock, '/clock', arrived.append, 10)
-    node.values = SimpleNamespace(rate=100.0, command_timeout=1.0)
+    node.values, node.inputs = SimpleNamespace(rate=100.0, command_timeout=1.0), None
     cycle = Cycle(node, seen.append, lambda: None)
     message = Clock()
     message.clock.sec = 7

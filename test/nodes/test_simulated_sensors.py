@@ -5,7 +5,7 @@
 
 from functools import partial
 
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PoseStamped, WrenchStamped
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.nodes.conversions.messages import read_stamp
 from isotruss_ros.nodes.simulator.node import Simulator
@@ -24,7 +24,7 @@ TOPICS = (
     (MultiDOFJointState, 'joint_markers'),
     (PoseStamped, 'truth/object_pose'),
     (MultiDOFJointState, 'truth/joint_markers'),
-    (JointState, 'truth/contact_forces'),
+    (WrenchStamped, 'truth/contact_forces'),
 )
 DELAYS = {'joint_states': 0.01, 'object_pose': 0.03, 'joint_markers': 0.03}
 
@@ -125,10 +125,11 @@ def test_the_truth_is_that_of_the_plant():
     with world(lambda: Simulator(overrides(plant='elastic', **faults))) as w:
         heard = hear(w)
         held = attach_grip(ROBOT.home, w.nodes[1]._body)
-        forces = heard['truth/contact_forces'][-1][1]
-        found = dict(zip(forces.name, forces.effort, strict=True))
-        assert found == pytest.approx(
-            dict(zip(held.member_names, held.normal_forces, strict=True))
-        )
+        found = {
+            message.header.frame_id: message.wrench.force.x
+            for _, message in heard['truth/contact_forces'][-2:]
+        }
+        frames = [f'truss_{name.replace("/", "_")}_contact' for name in held.member_names]
+        assert found == pytest.approx(dict(zip(frames, held.normal_forces, strict=True)))
         position = heard['truth/object_pose'][-1][1].pose.position
         assert (position.x, position.y) == pytest.approx(held.pose[:2])

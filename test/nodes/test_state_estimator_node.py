@@ -27,7 +27,7 @@ import probe
 from probe import maker, N, overrides, ROBOT
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message
-from sensor_msgs.msg import JointState, MultiDOFJointState
+from sensor_msgs.msg import MultiDOFJointState
 
 NAMES = ROBOT.topology.joint_names
 #: Its encoders read zero where the tubes have run by this deviation, without an object nearby.
@@ -258,13 +258,9 @@ def test_over_dds_measured_pressures_stiffen_the_tubes_of_the_estimate():
         lambda: Simulator(overrides(marker_joints=['all'], **plant)), estimator()
     ) as w:
         w.probe.listen(StateEstimate, 'estimate', 'state_estimate')
-        gauge = w.probe.create_publisher(JointState, 'tube_pressures', 1)
 
         def send():
-            pressures = {tube: 3.0 * value for tube, value in ROBOT.description.pressures.items()}
-            message = JointState(name=list(pressures), effort=list(pressures.values()))
-            message.header = make_header(w.probe.past(0.0))
-            gauge.publish(message)
+            w.probe.send_pressures([3.0 * v for v in ROBOT.description.pressures.values()])
 
         def last():
             return w.probe.last('estimate')

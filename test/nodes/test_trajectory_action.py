@@ -4,18 +4,17 @@
 """Roller trajectories as goals of an action, in the shape of FollowJointTrajectory."""
 
 from action_msgs.msg import GoalInfo, GoalStatus
-from diagnostic_msgs.msg import DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from isotruss_msgs.action import FollowRollerTrajectory
 from isotruss_ros.core import Status
-from isotruss_ros.nodes.manipulation import trajectory_following
 from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.simulator.node import Simulator
 from lifecycle_msgs.msg import Transition
 from manual_world import Manager, world
 import numpy as np
-from probe import overrides, ROBOT
+from probe import failed, overrides, ROBOT
 import pytest
-from std_msgs.msg import Bool, String
+from std_msgs.msg import Bool
 from trajectories import AWAY, HOME, TOPIC, trajectory
 from trajectory_msgs.msg import JointTrajectory
 
@@ -104,7 +103,7 @@ def test_what_ends_a_trajectory_aborts_its_goal(w, how):
     elif how == 'empty':
         topic.publish(JointTrajectory())
     elif how == 'failed':
-        w.probe.create_publisher(String, 'failed_rollers', 1).publish(String(data='nobody'))
+        w.probe.create_publisher(DiagnosticArray, 'failed_rollers', 1).publish(failed('nobody'))
     elif how == 'other':
         w.probe.send_command(HOME)
     else:
@@ -160,32 +159,3 @@ def test_a_goal_that_is_not_supervised_goes_on(w):
 def test_goals_are_rejected_while_the_node_is_inactive(w):
     assert Manager(w, 'manipulation').ask(Transition.TRANSITION_DEACTIVATE)
     assert not send(w, HOME, AWAY).accepted
-
-
-def test_the_standard_action_is_offered_where_its_package_is_installed(monkeypatch):
-    stand_in = type('Module', (), {'FollowJointTrajectory': FollowRollerTrajectory})
-    found = trajectory_following.importlib.util.find_spec
-    monkeypatch.setattr(
-        trajectory_following.importlib.util,
-        'find_spec',
-        lambda name: name if name == 'control_msgs' else found(name),
-    )
-    imported = trajectory_following.importlib.import_module
-    monkeypatch.setattr(
-        trajectory_following.importlib,
-        'import_module',
-        lambda name: stand_in if name == 'control_msgs.action' else imported(name),
-    )
-    names = [name for _, name in trajectory_following._offered_actions()]
-    assert names == [
-        'follow_roller_trajectory',
-        'joint_trajectory_controller/follow_joint_trajectory',
-    ]
-
-
-def test_our_type_has_the_fields_of_the_standard_one():
-    assert 'trajectory' in FollowRollerTrajectory.Goal.get_fields_and_field_types()
-    assert dict(Result.get_fields_and_field_types()) == {
-        'error_code': 'int32',
-        'error_string': 'string',
-    }

@@ -6,7 +6,8 @@
 import math
 from types import SimpleNamespace
 
-from isotruss_ros.core import load_robot
+from isotruss_ros.core import analyze_grasp, ConvexObject, load_robot, Pose, tangent_center
+from isotruss_ros.nodes.conversions.contact_messages import find_contact_frames
 from isotruss_ros.nodes.framework import transforms
 from isotruss_ros.nodes.framework.transforms import TransformBroadcaster
 import numpy as np
@@ -28,24 +29,49 @@ class Node:
         return SimpleNamespace(publish=lambda message: self.published.append((topic, message)))
 
 
-def broadcast(node, config=ROBOT.home):
+def broadcast(node, config=ROBOT.home, contacts=None):
     """Broadcast once."""
-    TransformBroadcaster(node, ROBOT).broadcast(config, (0.7, 0.4), 1.5)
+    pose = Pose(0.7, 0.4, 0.3)
+    TransformBroadcaster(node, ROBOT).broadcast(config, pose, contacts or {}, 1.5)
 
 
-def test_the_frame_of_the_object_is_at_its_centre_and_parallel_to_the_robot(monkeypatch):
+def angle_of(stamped):
+    """Return by how much a frame is turned [rad]."""
+    turned = stamped.transform.rotation
+    assert (turned.x, turned.y) == (0.0, 0.0)
+    return 2.0 * math.atan2(turned.z, turned.w)
+
+
+def test_the_frames_of_the_object_are_at_its_centre_one_turned_and_one_aligned(monkeypatch):
     monkeypatch.setattr(transforms, 'TFMessage', SimpleNamespace)
     node = Node()
     broadcast(node)
     ((topic, message),) = node.published
     assert topic == '/tf'
-    stamped = message.transforms[0]
-    assert (stamped.header.frame_id, stamped.child_frame_id) == ('truss', 'truss_object')
-    assert (stamped.header.stamp.sec, stamped.header.stamp.nanosec) == (1, 500_000_000)
-    moved, turned = stamped.transform.translation, stamped.transform.rotation
-    assert (moved.x, moved.y, moved.z) == (0.7, 0.4, 0.0)
-    assert (turned.x, turned.y, turned.z, turned.w) == (0.0, 0.0, 0.0, 1.0)
+    names = [('truss_object', 0.3), ('truss_object_aligned', 0.0)]
+    for stamped, (name, angle) in zip(message.transforms[:2], names, strict=True):
+        assert (stamped.header.frame_id, stamped.child_frame_id) == ('truss', name)
+        assert (stamped.header.stamp.sec, stamped.header.stamp.nanosec) == (1, 500_000_000)
+        moved = stamped.transform.translation
+        assert (moved.x, moved.y, moved.z) == (0.7, 0.4, 0.0)
+        assert angle_of(stamped) == pytest.approx(angle)
     assert not node.logged
+
+
+def test_the_frame_of_a_contact_points_into_the_object(monkeypatch):
+    monkeypatch.setattr(transforms, 'TFMessage', SimpleNamespace)
+    node = Node()
+    body = ConvexObject.disc(tangent_center(ROBOT.home, 'north/Z', 0.29), 0.3)
+    contacts = find_contact_frames(analyze_grasp(ROBOT.home, body), ROBOT)
+    first, _ = contacts
+    broadcast(node, contacts=contacts)
+    ((_, message),) = node.published
+    found = {each.child_frame_id: each for each in message.transforms}
+    stamped = found[f'truss_{first.replace("/", "_")}_contact']
+    moved, angle = stamped.transform.translation, angle_of(stamped)
+    way = body.center - complex(moved.x, moved.y)
+    assert abs(way) == pytest.approx(0.15, abs=2e-3)
+    assert np.angle(way * np.exp(-1j * angle)) == pytest.approx(0.0, abs=1e-2)
 
 
 def test_frames_of_modules_are_at_their_joints_with_the_rod_ahead(monkeypatch):
@@ -54,8 +80,8 @@ def test_frames_of_modules_are_at_their_joints_with_the_rod_ahead(monkeypatch):
     broadcast(node, config)
     ((_, message),) = node.published
     nodes = dict(zip(ROBOT.node_names, config.nodes, strict=True))
-    assert len(message.transforms) == 1 + len(ROBOT.module_names)
-    for name, stamped in zip(ROBOT.module_names, message.transforms[1:], strict=True):
+    assert len(message.transforms) == 2 + len(ROBOT.module_names)
+    for name, stamped in zip(ROBOT.module_names, message.transforms[2:], strict=True):
         assert stamped.child_frame_id == f'truss_{name.replace("/", "_")}'
         joint = nodes[name.split('/')[1]]
         rod = 0.5 * (nodes[f'{name}/B'] + nodes[f'{name}/C']) - joint

@@ -12,9 +12,7 @@ import copy
 
 from geometry_msgs.msg import PoseStamped
 from isotruss_ros.core import Status
-from isotruss_ros.core.control.inputs import RejectedInput, StampedInput
 from isotruss_ros.nodes.conversions.messages import read_stamp
-from isotruss_ros.nodes.framework.sensors import _select_latest
 from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.simulator.node import Simulator
 from manual_world import world
@@ -209,15 +207,3 @@ def test_an_object_that_jumps_in_the_grasp_is_moved_from_its_new_pose(by):
         assert np.isfinite(commands).all()
         assert np.abs(commands).max() <= ROBOT.description.max_speed + 1e-9
         assert w.code() < Status.HALT_NO_TWIST
-
-
-def test_older_inputs_are_ignored_unless_a_clock_was_set_back():
-    new, late = StampedInput('new', 10.0), StampedInput('late', 9.9)
-    assert _select_latest(None, late, TIMEOUT) is late
-    assert _select_latest(RejectedInput('bad'), late, TIMEOUT) is late
-    assert _select_latest(new, late, TIMEOUT) is new
-    assert _select_latest(late, new, TIMEOUT) is new
-    again = StampedInput('again', 10.0)
-    assert _select_latest(new, again, TIMEOUT) is again
-    set_back = StampedInput('set back', 10.0 - 1.01 * TIMEOUT)
-    assert _select_latest(new, set_back, TIMEOUT) is set_back

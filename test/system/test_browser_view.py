@@ -40,6 +40,7 @@ DEADLINE = 240.0
 #: Any port that is free; and a page that draws in software may be slow [s].
 SERVED = {'port': 0, 'browser_timeout': 20.0}
 VIEWPORT = {'width': 700, 'height': 480}
+PHONE = {'width': 390, 'height': 844}
 #: Width of the scene, left of the panels.
 SCENE = 370
 #: Fewer than the object has, or its handle.
@@ -101,13 +102,13 @@ def launch(playwright, program):
     )
 
 
-def open_page(browser, scale):
+def open_page(browser, scale, viewport=VIEWPORT):
     """
     Return a page that draws at most four times a second.
 
     :param scale: pixels drawn for one of the viewport, each way.
     """
-    page = browser.new_page(viewport=VIEWPORT, device_scale_factor=scale)
+    page = browser.new_page(viewport=viewport, device_scale_factor=scale)
     page.add_init_script(SLOWLY)
     page.set_default_timeout(1e3 * DEADLINE)
     return page
@@ -289,6 +290,12 @@ class View:
         self._browser, self._address = browser, address
         self.follower, self.log = follower, log
 
+    def open_phone(self):
+        """Return a page on an upright screen."""
+        page = open_page(self._browser, 0.5, PHONE)
+        page.goto(self._address)
+        return page
+
     def open_pages(self, count):
         """Return pages with their numbers, those before first; none of them has control."""
         pages = [page for context in self._browser.contexts for page in context.pages]
@@ -340,6 +347,25 @@ def test_a_browser_that_closes_in_mid_drag_leaves_control_to_nobody(view):
     drag_and_leave(view, page, page.close)
     other.get_by_text(f'browser {other_number}: nobody has control').wait_for()
     assert not other.locator('input[type=checkbox]').last.is_checked()
+
+
+@pytest.mark.nightly
+def test_on_a_phone_the_panel_is_below_the_whole_robot(view):
+    with contextlib.closing(view.open_phone()) as page:
+        stop = page.get_by_role('button', name='stop', exact=True)
+        stop.wait_for()
+        box = stop.bounding_box()
+        assert box['width'] > 0.9 * PHONE['width']
+        assert box['y'] > 0.6 * PHONE['height']
+
+        def columns():
+            """Return the columns of the tubes above the panel."""
+            shot = Image.open(io.BytesIO(page.screenshot(scale='css'))).convert('RGB')
+            above = np.asarray(shot).astype(int)[: int(0.6 * PHONE['height'])]
+            return np.nonzero(((above[..., 2] > above[..., 0] + 25).sum(axis=0)) > 3)[0]
+
+        view.follower.until(lambda: len(found := columns()) > 100 and found[0] > 20)
+        assert columns()[-1] < PHONE['width'] - 20
 
 
 @pytest.mark.nightly

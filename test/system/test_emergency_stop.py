@@ -6,14 +6,15 @@
 import subprocess
 import sys
 
+from diagnostic_msgs.msg import DiagnosticArray
 from isotruss_ros.core import Status
 from isotruss_ros.nodes.manipulation.sparse_messages import MAX_BATCH
+from probe import failed, ROBOT, world
 from probe import manipulation as node
-from probe import ROBOT, world
 import pytest
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from std_msgs.msg import Bool, String
+from std_msgs.msg import Bool
 
 pytestmark = pytest.mark.system
 
@@ -165,14 +166,14 @@ def test_halts_where_a_message_may_have_been_lost_until_there_is_another(reliabi
     with world(node()) as w:
         w.until_code(Status.OK, w.probe.send_all)
         profile = QoSProfile(depth=1, reliability=reliability)
-        publisher = w.probe.create_publisher(String, 'failed_rollers', profile)
+        publisher = w.probe.create_publisher(DiagnosticArray, 'failed_rollers', profile)
         if reliability == ReliabilityPolicy.RELIABLE:
             w.until(lambda: publisher.get_subscription_count() == 1, w.probe.send_all)
             w.probe.destroy_publisher(publisher)
         status = w.until_code(Status.HALT_INVALID_FAILED_ROLLERS, w.probe.send_all)
         assert LOSSES[reliability] in status.message
-        other = w.probe.create_publisher(String, 'failed_rollers', 10)
+        other = w.probe.create_publisher(DiagnosticArray, 'failed_rollers', 10)
         w.until(lambda: other.get_subscription_count() == 1, w.probe.send_all)
-        other.publish(String(data=FIRST))
+        other.publish(failed(FIRST))
         w.until(lambda: w.code() < Status.HALT_NO_TWIST, w.probe.send_all)
         assert list(w.probe.last('status').failed_rollers) == [FIRST]

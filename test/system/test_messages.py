@@ -3,6 +3,7 @@
 
 """Bytes that are no message, and floods of messages, over DDS."""
 
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Twist, TwistStamped, WrenchStamped
 from isotruss_ros.core import Status
 from isotruss_ros.demo.processes import NodeProcess
@@ -13,7 +14,7 @@ from probe import manipulation, N, ROBOT, world
 import pytest
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool, Float64MultiArray, String
+from std_msgs.msg import Bool, Float64MultiArray
 
 pytestmark = pytest.mark.system
 
@@ -35,7 +36,7 @@ def test_bytes_that_are_no_message_are_dropped():
     ]
     kinds = (manipulation(), lambda: Simulator(), lambda: GraspAnalysisNode())
     with world(*kinds) as w:
-        strings = w.probe.create_publisher(String, 'failed_rollers', 10)
+        strings = w.probe.create_publisher(DiagnosticArray, 'failed_rollers', 10)
         # Those whose messages have no fixed size: the others send nothing that is too long.
         publishers = (w.probe.joint_states, w.probe.object_poses, w.probe.commands, strings)
         for data in garbage:
@@ -43,7 +44,7 @@ def test_bytes_that_are_no_message_are_dropped():
             for publisher in publishers:
                 publisher.publish(data)
                 w.spin(0.01, w.probe.send_twist)
-        strings.publish(String())  # should something have been a message after all
+        strings.publish(DiagnosticArray())  # should something have been a message after all
         w.probe.seen['status'].clear()
         w.until(lambda: bool(w.probe.seen['status']), w.probe.send_twist)
 

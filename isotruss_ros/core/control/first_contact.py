@@ -164,7 +164,7 @@ class FirstContact:
             told = [each.told(weights, belief.mean) for each in seen]
             value = float(np.mean([each.value for each in told]))
             means.append(Told(value, told[-1].rates, told[-1].variance / len(told)))
-        return _less(*means, belief, count)
+        return _less(*means, belief, count)  # type: ignore[call-arg, arg-type]
 
 
 def _less(mine: Told, other: Told, belief: Belief, count: int) -> Told:

@@ -33,6 +33,7 @@ from isotruss_ros.core.manipulation.grip import find_members, Grip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.model.pose import Pose, pose_difference
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.statics.section import Pressure
 import numpy as np
 
 #: Fewer poses than this do not tell of their noise.
@@ -110,7 +111,7 @@ class HeldModel:
 
         :param moved: (r,) by which the positions of the rollers change [m].
         """
-        grasp = self.grasp
+        grasp = self.grasp  # type: ignore[has-type]
         config = grasp.config.moved_to(grasp.config.roller_positions + moved)
         travel = travel_rates(config, grasp.contacts.members) @ moved
         anchors = grasp.anchors + grasp.statics.sides * travel
@@ -160,7 +161,7 @@ class HeldModel:
                 offset, grasp.response.pose, grasp.arm, elapsed, gains, self._bears
             )
             self._take(grasp, loaded)
-        return Observation(*unlike, borne, self._noise)
+        return Observation(*unlike, borne, self._noise)  # type: ignore[call-arg, arg-type]
 
     def _bears(self, more: Array) -> bool:
         """Return whether the object is held well under more load (3,) [N]."""
@@ -224,9 +225,7 @@ class HeldModel:
             self._begun[1] = self._even * self.load.bias
 
 
-def attach_model(
-    config: Configuration, grip: Grip, pressures: tuple[float, ...] | None = None
-) -> HeldGrip:
+def attach_model(config: Configuration, grip: Grip, pressures: Pressure | None = None) -> HeldGrip:
     """
     Return the equilibrium near the measured pose, with a `response`.
 

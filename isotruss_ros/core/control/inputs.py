@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Inputs of a control loop: the latest value of each, its time, and whether it can be used.
+Inputs of a control loop: the rule for stamps, the latest value of each, whether it can be used.
 
 And the commands that were sent since: with them the travel since an old measurement is predicted.
 """
@@ -26,16 +26,30 @@ PRESSURE_TIMEOUT = 2.0
 PRESSURE_CHANGE = 0.02
 
 
+class RejectedInput(NamedTuple):
+    """
+    An input that was received and cannot be used.
+
+    :ivar reason: what is wrong with it.
+    :ivar fault: INVALID, or STALE for one that is too old; see `InputError`.
+    """
+
+    reason: str
+    fault: str = 'INVALID'
+
+
 class StampedInput(NamedTuple):
     """
     A measured or commanded value.
 
     :ivar value: the value.
     :ivar time: time for which it holds [s].
+    :ivar rejected: the last message since then that was rejected; None without one.
     """
 
     value: Any
     time: float
+    rejected: RejectedInput | None = None
 
 
 class RollerState(NamedTuple):
@@ -53,16 +67,6 @@ class RollerState(NamedTuple):
     offsets: Array | float = 0.0
 
 
-class RejectedInput(NamedTuple):
-    """
-    An input that was received and cannot be used.
-
-    :ivar reason: what is wrong with it.
-    """
-
-    reason: str
-
-
 #: The latest of an input; None before the first.
 Input = StampedInput | RejectedInput | None
 
@@ -71,9 +75,10 @@ class InputError(IsotrussError):
     """
     An input cannot be used.
 
+    :ivar fault: NO, STALE or INVALID.
     :ivar name: name of the input.
-    :ivar code: what is wrong with which input, such as NO_TWIST, STALE_TWIST or INVALID_TWIST; the
-        codes of statuses and reports have these names.
+    :ivar code: both, such as NO_TWIST, STALE_TWIST or INVALID_TWIST; the codes of statuses and
+        reports have these names.
     :param fault: NO, STALE or INVALID.
     :param name: name of the input.
     :param message: the reason in words.
@@ -81,7 +86,58 @@ class InputError(IsotrussError):
 
     def __init__(self, fault: str, name: str, message: str) -> None:
         super().__init__(message)
-        self.name, self.code = name, f'{fault}_{name.upper()}'
+        self.fault, self.name, self.code = fault, name, f'{fault}_{name.upper()}'
+
+
+def check_stamp(
+    name: str, stamp: float, now: float, timeout: float, setting: str = 'command_timeout'
+) -> float:
+    """
+    Return the time that counts for a stamp: the stamp, or now where it is ahead by the skew.
+
+    This is the rule for all stamps of all nodes (docs/safety.md). The age of an input from ahead
+    counts from when it is received.
+
+    :param name: of the input, with underscores for spaces.
+    :param stamp: time of the input [s].
+    :param now: time on the same clock [s].
+    :param timeout: largest age [s].
+    :param setting: name of the timeout, for the error; empty where no parameter sets it.
+    :raises InputError: the stamp is too old, or in the future by more than `CLOCK_SKEW`.
+    """
+    words, age = name.replace('_', ' '), now - stamp
+    if age > timeout:
+        remedy = f' ({setting}: set it higher where the machine is busy)' if setting else ''
+        raise InputError(
+            'STALE', name, f'{words}: {age:.3f} s old; must be at most {timeout} s{remedy}'
+        )
+    if age < -CLOCK_SKEW:
+        raise InputError(
+            'INVALID',
+            name,
+            f'{words}: stamped {-age:.3f} s in the future; must be at most {CLOCK_SKEW:g} s: '
+            'synchronise the clocks',
+        )
+    return min(stamp, now)
+
+
+def keep_latest(kept: Input, received: StampedInput | RejectedInput, now: float) -> Input:
+    """
+    Return the input to keep when another one is received, whose stamp was checked.
+
+    Messages overtake each other in transport: an earlier one does not count. A rejected one never
+    erases a measurement, whose age decides; the reason is kept with it.
+
+    :param kept: the input so far.
+    :param received: the other one.
+    :param now: time on the clock of the stamps [s]: what is kept from after it was stamped before
+        the clock was set back.
+    """
+    if not isinstance(kept, StampedInput) or kept.time > now + CLOCK_SKEW:
+        return received
+    if isinstance(received, RejectedInput):
+        return kept._replace(rejected=received)
+    return kept if received.time < kept.time else received
 
 
 def require_fresh(
@@ -92,32 +148,23 @@ def require_fresh(
 
     :param now: time on the clock of the inputs [s].
     :param timeout: largest age [s].
-    :param setting: name of the timeout, for the error.
+    :param setting: see `check_stamp`.
     :param inputs: the inputs by name, with underscores for spaces.
     :raises InputError: the first of them that is missing, rejected, timed out, or stamped in the
         future.
     """
     for name, given in inputs.items():
-        words = name.replace('_', ' ')
         if given is None:
+            words = name.replace('_', ' ')
             raise InputError('NO', name, f'{words}: none received yet')
         if isinstance(given, RejectedInput):
-            raise InputError('INVALID', name, given.reason)
-        age = now - given.time
-        if age > timeout:
-            raise InputError(
-                'STALE',
-                name,
-                f'{words}: {age:.3f} s old; must be at most {timeout} s ({setting}: set it '
-                'higher where the machine is busy)',
-            )
-        if age < -CLOCK_SKEW:
-            raise InputError(
-                'INVALID',
-                name,
-                f'{words}: stamped {-age:.3f} s in the future; must be at most {CLOCK_SKEW:g} s: '
-                'synchronise the clocks',
-            )
+            raise InputError(given.fault, name, given.reason)
+        try:
+            check_stamp(name, given.time, now, timeout, setting)
+        except InputError:
+            if given.rejected is None:
+                raise
+            raise InputError(given.rejected.fault, name, given.rejected.reason) from None
     return tuple(inputs.values())
 
 
@@ -149,23 +196,6 @@ def steady_pressures(
         return pressures
     near = np.allclose(pressures, kept, rtol=PRESSURE_CHANGE, atol=0.0)
     return kept if near else pressures
-
-
-def limit_stamps(now: float, *inputs: Input) -> tuple[Input, ...]:
-    """
-    Return inputs, those stamped ahead by no more than the skew with the present time instead.
-
-    An input that is kept so ages from its first use on.
-
-    :param now: time on the clock of the inputs [s].
-    :param inputs: as received.
-    """
-    return tuple(
-        given._replace(time=now)
-        if isinstance(given, StampedInput) and 0.0 < given.time - now <= CLOCK_SKEW
-        else given
-        for given in inputs
-    )
 
 
 class Timeline:
@@ -203,6 +233,10 @@ class Timeline:
         while self._known and self._known[-1][0] >= time:
             self._known.pop()
         self._known.append((time, value))
+
+    def clear(self) -> None:
+        """Drop all values."""
+        self._known.clear()
 
     def discard_before(self, time: float) -> None:
         """

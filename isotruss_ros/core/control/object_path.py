@@ -73,7 +73,8 @@ class ObjectPath:
         """Return the time from each pose to the next (n - 1,) [s]."""
         steps = np.diff(self.poses, axis=0)
         length = np.hypot(steps[:, 0], steps[:, 1])
-        durations = np.maximum(length / self.speed, np.abs(steps[:, 2]) / self.turn_rate)
+        with np.errstate(over='ignore'):  # of all but no speed; refused below
+            durations = np.maximum(length / self.speed, np.abs(steps[:, 2]) / self.turn_rate)
         if durations.sum() > MAX_DURATION:
             raise PathError(
                 f'the path takes {durations.sum():.4g} s at {self.speed:g} m/s and '
@@ -167,7 +168,7 @@ def _smoothed(poses: Array, durations: Array) -> Array:
     spans = np.sqrt(durations)
     knots = np.concatenate([[0.0], np.cumsum(spans)])
     # Those of the parabola through each pose and its neighbours.
-    tangents = np.gradient(poses, knots, axis=0, edge_order=min(len(poses) - 1, 2))
+    tangents = np.gradient(poses, knots, axis=0, edge_order=2 if len(poses) > 2 else 1)
     steps = np.diff(poses, axis=0)
     wanted = np.maximum(np.hypot(*steps[:, :2].T) / PIECE, np.abs(steps[:, 2]) / PIECE_TURN)
     counts = np.clip(np.ceil(wanted), 1, MAX_PIECES_OF_A_SPAN).astype(int)

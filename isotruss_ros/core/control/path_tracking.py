@@ -22,8 +22,8 @@ from typing import NamedTuple
 from isotruss_ros.core.control.object_path import ObjectPath
 from isotruss_ros.core.control.path_timing import PathClock
 from isotruss_ros.core.errors import PathError
-from isotruss_ros.core.model.pose import Pose, pose_difference
-from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.model.pose import MAX_DISTANCE, Pose, pose_difference
+from isotruss_ros.core.numerics.arrays import Array, finite_array
 import numpy as np
 
 #: K times the delay of the loop is at most this. An integrator under feedback with a delay that
@@ -166,7 +166,11 @@ class PathTracker:
         :param elapsed: since the last cycle; a longer one than two periods counts as two [s].
         :param scale: 0 to 1, what part of the last twist the limits of the robot left.
         :param held: whether the robot is stopped.
+        :raises PathError: the measured pose is not three finite numbers within range.
         """
+        finite_array(
+            measured, 3, 'the measured pose (x, y, angle) [m, rad]', PathError, MAX_DISTANCE
+        )
         age, elapsed = max(age, 0.0), max(elapsed, 0.0)
         error = pose_difference(self.path.pose(self.clock.time_then(elapsed, age)), measured)
         position_error, angle_error = math.hypot(error[0], error[1]), abs(float(error[2]))

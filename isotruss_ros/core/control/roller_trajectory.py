@@ -5,7 +5,8 @@
 Roller trajectories: straight lines of roller travel with rounded corners, and a servo along them.
 
 The servo begins where the rollers are and closes the loop over measured positions. While a roller
-lags, trajectory time waits; an input that is missing, timed out or rejected ends the trajectory.
+lags, trajectory time waits; an input that is missing, timed out or rejected ends the trajectory,
+and so does a tolerance of the goal that is violated.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from isotruss_ros.core.control.inputs import Input, require_fresh, RollerState
+from isotruss_ros.core.control.trajectory_tolerances import TrajectoryTolerances
 from isotruss_ros.core.errors import ConfigurationError, IsotrussError
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.numerics.arrays import Array, finite_array
@@ -128,11 +130,13 @@ class RollerStep(NamedTuple):
     :ivar speeds: (r,) of the rollers [m/s].
     :ivar ended: whether the trajectory is over, well or not.
     :ivar failure: why it was given up; empty while it goes on and when the rollers arrived.
+    :ivar at_goal: whether the failure is that they did not arrive in time.
     """
 
     speeds: Array
     ended: bool
     failure: str
+    at_goal: bool = False
 
 
 class RollerTrajectoryServo:
@@ -151,7 +155,8 @@ class RollerTrajectoryServo:
         self.rollers: Input = None
         self.time = 0.0
         self._trajectory: RollerTrajectory | None = None
-        self._before = self._waited = 0.0
+        self._tolerances = TrajectoryTolerances()
+        self._start = self._before = self._waited = 0.0
         self._near_since: float | None = None
         self._offsets: Array | float = 0.0
 
@@ -165,11 +170,34 @@ class RollerTrajectoryServo:
         """Return where the rollers should be; None where there is no trajectory."""
         return None if self._trajectory is None else self._trajectory.at(self.time)
 
-    def begin(self, trajectory: RollerTrajectory, now: float) -> None:
+    def begin(
+        self,
+        trajectory: RollerTrajectory,
+        now: float,
+        start: float | None = None,
+        tolerances: TrajectoryTolerances | None = None,
+    ) -> None:
         """
         Take a trajectory in place of any other; one that is rejected changes nothing.
 
         :param trajectory: the new one.
+        :param now: time on the clock of the inputs [s].
+        :param start: when it begins, and the rollers rest until then [s]; at once if None.
+        :param tolerances: of the goal; those of the servo if None.
+        :raises InputError: the joint states are missing, timed out or rejected.
+        :raises ConfigurationError: the trajectory does not begin there.
+        """
+        state = self.check_start(trajectory, now)
+        self._trajectory, self._offsets = trajectory, state.offsets
+        self._tolerances = tolerances or TrajectoryTolerances()
+        self._start = self._before = now if start is None else max(start, now)
+        self.time, self._waited, self._near_since = 0.0, 0.0, None
+
+    def check_start(self, trajectory: RollerTrajectory, now: float) -> RollerState:
+        """
+        Return where the rollers are; refuse a trajectory that does not begin there.
+
+        :param trajectory: to begin.
         :param now: time on the clock of the inputs [s].
         :raises InputError: the joint states are missing, timed out or rejected.
         :raises ConfigurationError: the trajectory does not begin there.
@@ -183,8 +211,7 @@ class RollerTrajectoryServo:
                 f'{self._robot.roller_names[worst]} is; must begin within '
                 f'{START_TOLERANCE} m'
             )
-        self._trajectory, self._before, self._offsets = trajectory, now, state.offsets
-        self.time, self._waited, self._near_since = 0.0, 0.0, None
+        return state
 
     def end(self) -> None:
         """Give the trajectory up."""
@@ -196,9 +223,6 @@ class RollerTrajectoryServo:
 
         :param now: time on the clock of the inputs [s].
         """
-        # Cycles come late on a busy machine, or seldom by a clock that ticks seldom.
-        longest = min(MAX_STEP, self.timeout)
-        elapsed, self._before = min(max(0.0, now - self._before), longest), now
         trajectory = self._trajectory
         if trajectory is None:
             return self._finish('there is no trajectory to follow')
@@ -206,42 +230,76 @@ class RollerTrajectoryServo:
             (measured,) = require_fresh(now, self.timeout, joint_states=self.rollers)
         except IsotrussError as error:
             return self._finish(str(error))
-        state, ahead = measured.value, min(self.time + elapsed, trajectory.duration)
+        if now < self._start:
+            return RollerStep(np.zeros(len(self._robot.roller_names)), False, '')
+        # Cycles come late on a busy machine, or seldom by a clock that ticks seldom.
+        longest = min(MAX_STEP, self.timeout)
+        elapsed, self._before = min(max(0.0, now - self._before), longest), now
+        state = measured.value
         if self.time < trajectory.duration:
             self._offsets = state.offsets
         # Each marker moves an estimate by more than the tolerance: at the end the last one counts.
-        positions = state.positions - state.offsets + self._offsets
-        wanted = trajectory.at(ahead).positions
+        state = state._replace(positions=state.positions - state.offsets + self._offsets)
+        if self._tolerances.path is not None:
+            then = trajectory.at(self.time - max(0.0, now - measured.time))
+            found = self._tolerances.path.find_violation(self._robot.roller_names, then, state)
+            if found:
+                return self._finish(found)
+        return self._advance(trajectory, state, measured.time, now, elapsed)
+
+    def _advance(
+        self,
+        trajectory: RollerTrajectory,
+        state: RollerState,
+        measured: float,
+        now: float,
+        elapsed: float,
+    ) -> RollerStep:
+        """Go on along the trajectory, wait for a roller, or end at rest."""
+        ahead, positions = min(self.time + elapsed, trajectory.duration), state.positions
         behind = trajectory.at(self.time).positions - positions
-        error = wanted - positions
+        error = trajectory.at(ahead).positions - positions
         # Rollers at rest are behind, those under way are ahead by what they do in a cycle.
         waits = min(float(np.abs(error).max()), float(np.abs(behind).max())) > MAX_LAG
         if waits:
             error = behind
         lag, at_end = float(np.abs(error).max()), ahead >= trajectory.duration
-        near = at_end and lag <= TOLERANCE
-        if self._rests(near, min(measured.time, now), now):
+        goal, names, violation = self._tolerances.goal, self._robot.roller_names, ''
+        if goal is not None:
+            violation = goal.find_violation(names, trajectory.at(trajectory.duration), state)
+        near = at_end and (not violation if goal is not None else lag <= TOLERANCE)
+        if self._rests(near, min(measured, now), now):
             return self._finish()
         if not waits and self.time < trajectory.duration:
             self.time, self._waited = ahead, 0.0
         elif not near:
             self._waited += elapsed
-        if self._waited > PROGRESS_TIMEOUT:
-            if at_end and lag <= NEAR_TOLERANCE:
+        if not near and self._gives_up(trajectory, at_end, now):
+            if goal is None and at_end and lag <= NEAR_TOLERANCE:
                 return self._finish()
-            worst = self._robot.roller_names[int(np.abs(error).argmax())]
-            return self._finish(f'roller {worst} stays {lag:.4g} m behind the trajectory')
+            worst = names[int(np.abs(error).argmax())]
+            words = f'roller {worst} stays {lag:.4g} m behind the trajectory'
+            late = at_end or self._waited <= PROGRESS_TIMEOUT
+            return self._finish(violation or words, late)
         speeds = (error - behind) / (elapsed or self.timeout) + GAIN * behind
         if at_end:
             # What has arrived rests: rollers are uneven only while they move.
-            speeds = np.where(np.abs(error) <= TOLERANCE, 0.0, speeds)
+            rest = TOLERANCE if goal is None else np.minimum(TOLERANCE, goal.positions)
+            speeds = np.where(np.abs(error) <= rest, 0.0, speeds)
         limit = self._robot.description.max_speed
         return RollerStep(np.clip(speeds, -limit, limit), False, '')
 
-    def _finish(self, failure: str = '') -> RollerStep:
+    def _gives_up(self, trajectory: RollerTrajectory, at_end: bool, now: float) -> bool:
+        """Return whether rollers that are not at the end yet had time enough."""
+        goal_time = self._tolerances.goal_time
+        if goal_time is not None and now > self._start + trajectory.duration + goal_time:
+            return True
+        return self._waited > PROGRESS_TIMEOUT and (goal_time is None or not at_end)
+
+    def _finish(self, failure: str = '', at_goal: bool = False) -> RollerStep:
         """End the trajectory, with the rollers still."""
         self._trajectory = None
-        return RollerStep(np.zeros(len(self._robot.roller_names)), True, failure)
+        return RollerStep(np.zeros(len(self._robot.roller_names)), True, failure, at_goal)
 
     def _rests(self, near: bool, measured: float, now: float) -> bool:
         """

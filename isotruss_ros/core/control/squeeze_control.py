@@ -197,7 +197,7 @@ class SqueezeControl:
             )
         return model.usage.limit_utilisation(command, period, self.settings.max_utilisation)
 
-    def advance(self, twist: Array, command: RollerCommand, missing: Array) -> None:
+    def advance(self, twist: Array, command: RollerCommand, missing: Array | float = 0.0) -> None:
         """
         Take note of what is carried out of a twist, which moves the reference from now on.
 

@@ -55,7 +55,8 @@ class StateEstimator:
 
     def __init__(self, robot: Robot, settings: EstimatorSettings | None = None) -> None:
         self.settings = given = settings or EstimatorSettings()
-        self._robot, self._filter, self._grip = robot, StateFilter(robot, given), None
+        self._robot, self._filter = robot, StateFilter(robot, given)
+        self._grip: Grip | None = None
         self._readings, self._slips = Timeline(), SlipWatch(len(robot.roller_names))
         self._contact, self._seen = FirstContact(), -math.inf
         self._lost = self._strange = 0
@@ -74,6 +75,7 @@ class StateEstimator:
 
         :param grip: with the object anywhere; None for nothing.
         :raises GraspError: the robot has no such members.
+        :raises ConfigurationError: what was held is let go in a singular configuration.
         """
         if grip is not None:
             find_members(self._robot, grip.members)
@@ -177,7 +179,7 @@ class StateEstimator:
         self._left_out = tuple(sorted(told[~used].tolist()))
         self._strange = 0 if self._used else self._strange + 1
         if self._strange >= LOST:  # such as after the encoders began anew
-            believed.doubt(np.full(len(readings), self.settings.zeros))
+            believed.doubt(np.full(len(readings), self.settings.zeros))  # type: ignore[arg-type]
             self._strange = 0
         chosen = np.flatnonzero(np.repeat(used, 2))
         if not self._used or not believed.update(

@@ -62,7 +62,8 @@ class StateFilter:
 
     def __init__(self, robot: Robot, settings: EstimatorSettings) -> None:
         count = len(robot.roller_names)
-        self._robot, self._settings, self.held = robot, settings, None
+        self._robot, self._settings = robot, settings
+        self.held: HeldGrip | None = None
         self.rollers, self._wrench = slice(0, count), slice(count, count + 3)
         self._stiffness, self._anchors = count + 3, slice(count + 4, None)
         self.state, self.readings = np.eye(1, count + 4, self._stiffness)[0], np.zeros(count)
@@ -107,7 +108,7 @@ class StateFilter:
         :param pressures: (t,) gauge, by tube [Pa]; None for those of the robot file. See
             `steady_pressures`.
         """
-        pressures = steady_pressures(self.tubes.pressure, pressures)
+        pressures = steady_pressures(self.tubes.pressure, pressures)  # type: ignore[arg-type]
         if pressures == self.tubes.pressure:
             return
         self.tubes, self._differentiated = self.tubes._replace(pressure=pressures), None
@@ -284,7 +285,7 @@ class StateFilter:
     def _let_go(self) -> None:
         """Hold nothing."""
         if self.held is not None:
-            self.held, self._config = None, self.held.config
+            self.held, self._config = None, self.held.config  # type: ignore[attr-defined]
             self._differentiated = None
 
     def _begin(self, state: Array) -> None:

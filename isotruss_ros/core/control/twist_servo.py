@@ -17,6 +17,7 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from functools import partial
 import importlib
+from typing import Any
 
 from isotruss_ros.core.control.decision import Decision, describe, halt_for, HaltError
 from isotruss_ros.core.control.inputs import (
@@ -24,7 +25,6 @@ from isotruss_ros.core.control.inputs import (
     fresh_pressures,
     Input,
     InputError,
-    limit_stamps,
     PRESSURE_TIMEOUT,
     require_fresh,
     StampedInput,
@@ -154,13 +154,10 @@ class TwistServo:
 
         :param now: time on the clock of the inputs [s].
         """
-        self.twist, self.rollers, self.pose = limit_stamps(
-            now, self.twist, self.rollers, self.pose
-        )
         self._history.discard_old(now, self.timeout + 2.0 * self.period)
         self._detect()
         twist, failed, squeeze = np.zeros(3), self.failed, self.squeeze
-        inputs = {'twist': self.twist, 'joint_states': self.rollers}
+        inputs: dict[str, Any] = {'twist': self.twist, 'joint_states': self.rollers}
         if self._joint is None:
             inputs['object_pose'] = self.pose
         try:
@@ -174,7 +171,7 @@ class TwistServo:
         except IsotrussError as error:
             status, message = halt_for(error), str(error)
             if isinstance(error, InputError) and error.name != 'twist':  # which comes first
-                twist = np.asarray(self.twist.value)
+                twist = np.asarray(self.twist.value)  # type: ignore[union-attr]
             if squeeze is not None and status is Status.HALT_NO_GRASP:
                 squeeze.lose()
             elif squeeze is not None:
@@ -216,7 +213,7 @@ class TwistServo:
         """Compare the commanded roller travel with the measured one."""
         if self.detector is None or not isinstance(self.rollers, StampedInput):
             return
-        state, time = self.rollers
+        state, time = self.rollers.value, self.rollers.time
         before = self._detected
         if before is not None and 0.0 <= time - before < DETECTION_PERIOD:
             return
@@ -313,7 +310,7 @@ class TwistServo:
         # A loop that is late holds its commands for longer than its period.
         before, self._regulated = self._regulated, now
         elapsed = 0.0 if before is None else min(now - before, self.timeout)
-        estimate = self.estimate
+        estimate: Any = self.estimate
         fresh = isinstance(estimate, StampedInput) and now - estimate.time <= self.timeout
         squeeze.take_estimate(estimate.value if fresh else None, offsets)
         hold = squeeze.follow(config, grip, elapsed)

@@ -47,6 +47,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.manipulation.grip import MOST
 from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
 
@@ -184,7 +185,7 @@ def _search_centered(statics: ContactStatics, wrench: Array, steps: int) -> Arra
     body, shape = statics.body, statics.body.shape
     if abs(shape.centroid) <= CENTERED * body.arm:
         return start_at(statics, body)
-    pose = (body.middle.real, body.middle.imag, body.pose.angle)
+    pose = Pose(body.middle.real, body.middle.imag, body.pose.angle)
     centered = ConvexObject(shape.centered, pose)
     away = (body.middle - body.center) / body.arm
     moment = wrench[2] - away.real * wrench[1] + away.imag * wrench[0]

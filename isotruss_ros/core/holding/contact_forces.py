@@ -90,7 +90,7 @@ class Places(NamedTuple):
         begins = [POSE + i * count for i in range(5)]
         unknowns = [slice(begins[i], begins[i + 1]) for i in range(4)]
         rows = slice(3 * count, 3 * count + 3), slice(3 * count + 3, None)
-        return cls(*unknowns, *rows, 4 * count + 3)
+        return cls(*unknowns, *rows, 4 * count + 3)  # type: ignore[call-arg, arg-type]
 
 
 @dataclass(frozen=True, eq=False)

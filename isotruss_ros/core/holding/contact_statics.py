@@ -217,7 +217,7 @@ class ContactStatics:
 
         residual[places.balance] += wrench
         jacobian[moment, places.inclinations] += radii * unknowns[places.normal] / arm
-        jacobian[moment, ANGLE] = -np.vdot(swung, force).imag / arm
+        jacobian[moment, ANGLE] = -np.vdot(swung, force).imag / arm  # type: ignore[operator]
         residual[places.closure], jacobian[places.closure] = closure(unknowns, normals)
         return residual, ContactForces(unknowns, normals, loads, jacobian)
 

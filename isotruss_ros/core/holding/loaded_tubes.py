@@ -279,4 +279,7 @@ class LoadedTubes:
             )[0]
             for step in (small, -small)
         )
-        return most.used, (ahead - behind) / (2.0 * small)
+        # A tube that has lost its tension bears no moment, more or less of it.
+        taut = np.isfinite(ahead) & np.isfinite(behind)
+        change = np.subtract(ahead, behind, out=np.zeros_like(ahead), where=taut)
+        return most.used, change / (2.0 * small)

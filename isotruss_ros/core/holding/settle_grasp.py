@@ -67,7 +67,7 @@ def settle_grasp(
     mu, wrench = check_load(body, friction, external_wrench)
     numbers = None
     if members is not None:
-        numbers = find_members(config.robot, Grip(members, body).members).members
+        numbers = find_members(config.robot, Grip(tuple(members), body).members).members
     before = None if previous is None else previous.equilibrium
     tubes = TubeModel(pressure=pressure)
     try:

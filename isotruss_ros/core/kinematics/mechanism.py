@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.kinematics.constraints import Constraints, Targets
 from isotruss_ros.core.model.description import RobotDescription
@@ -26,10 +28,12 @@ class Mechanism:
     :ivar description: content of the robot file.
     :ivar topology: names and index arrays of joints, modules, members and rollers.
     :ivar constraints: the rows of equation (12).
+    :ivar home: the `Configuration` at zero roller travel, of a `Robot`.
     :ivar home_targets: the lengths and the grounded coordinates at home.
     """
 
     home_targets: Targets
+    home: Any
 
     def __init__(self, description: RobotDescription) -> None:
         topology = make_topology(description)

@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError, quote
 from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Indices
@@ -98,7 +99,7 @@ class Grip:
         return cls(members_at(robot, module), body, friction)  # type: ignore[arg-type]
 
 
-def members_at(robot: Robot, module: str) -> tuple[str, str]:
+def members_at(robot: Mechanism, module: str) -> tuple[str, str]:
     """
     Return the names of the two members that meet at a module: the one ahead, the one behind.
 

@@ -82,7 +82,8 @@ def rolled_corners(
     first, second = ([c for c in contacts if c.owner == owner] for owner in (0, 1))
     for one, other in itertools.product(_choices(first), _choices(second)):
         fewer = len(one) + len(other) < len(contacts)
-        if fewer and _balances(*sorted((other, one), key=len), math.atan(friction)):
+        small, large = sorted((other, one), key=len)
+        if fewer and _balances(small, large, math.atan(friction)):
             yield one + other
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 from isotruss_ros.core.manipulation.limits import Limit
 from isotruss_ros.core.manipulation.solve_twist import carry_out, SCALE
@@ -42,7 +42,7 @@ class JointCommand(RollerCommand):
         return dict(zip(self.joints, velocities, strict=True))
 
 
-def check_joint(robot: Robot, name: str) -> None:
+def check_joint(robot: Mechanism, name: str) -> None:
     """
     Check that a robot has a joint.
 

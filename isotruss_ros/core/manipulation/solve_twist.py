@@ -113,7 +113,8 @@ def carry_out(
     :raises SolverError: a quadratic program was not solved.
     """
     task = find_task(reach, desired, opening_rate)
-    velocities, scale, status, limiting = task.velocities, 1.0, task.status, ()
+    velocities, scale, status = task.velocities, 1.0, task.status
+    limiting: tuple[str, ...] = ()
     limits = default_limits(config.robot) if limits is None else limits
     rows = stack_rows(config, limits)
     rates = rows.matrix.dot(velocities)

@@ -43,7 +43,8 @@ def contact_patch(shape: Shape, normal: complex, depth: float, short: float) -> 
     """
     corner, back = shape.corner_at(normal), normal.conjugate()
     point = shape.point_at(corner, normal)
-    near, far = [PatchEnd(corner, point, (point * back).real, 0.0)], []
+    near = [PatchEnd(corner, point, (point * back).real, 0.0)]
+    far: list[PatchEnd] = []
     least = near[0].height - depth
     for side in range(len(shape.faces_at(corner))):
         at, along, short_face = corner, 0.0, True

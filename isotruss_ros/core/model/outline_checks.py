@@ -58,7 +58,7 @@ def _validate_vertices(vertices: object) -> Points:
             f'a polygon of {count} vertices: must have at least 3 and at most {MAX_VERTICES}'
         )
     found = np.empty(count, dtype=np.complex128)
-    for i, vertex in enumerate(vertices):  # type: ignore[arg-type]
+    for i, vertex in enumerate(vertices):  # type: ignore[arg-type, var-annotated]
         x, y = finite_array(vertex, 2, f'vertex {i + 1} (x, y) [m]', GraspError)
         away = float(max(abs(x), abs(y)))
         if away > MAX_SIZE:

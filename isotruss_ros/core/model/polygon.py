@@ -100,7 +100,7 @@ class Polygon(Shape):
             # About the origin by that about the arc's centre.
             polar = 0.5 * area * radius**2
             polar += area * (2.0 * (mean * center.conjugate()).real - abs(center) ** 2)
-            parts += [tuple(-value for value in kite), (area, area * mean, polar)]
+            parts += [(-kite[0], -kite[1], -kite[2]), (area, area * mean, polar)]
         area, first, second = (sum(values) for values in zip(*parts, strict=True))
         return float(area), complex(first), float(second)
 

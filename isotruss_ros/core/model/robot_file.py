@@ -139,12 +139,12 @@ def _cross_check(
             yield f'supports.{joint}: unknown joint {joint!r}; known are {known}'
     if isinstance(pressure, Mapping):
         names = [tube.name for tube in tubes]
-        for tube in pressure:
-            if tube not in names:
-                yield f'tube.pressure: unknown tube {tube!r}; known are {", ".join(names)}'
-        for tube in names:
-            if tube not in pressure:
-                yield f'tube.pressure: tube {tube} is missing; give one number, or one for each'
+        for name in pressure:
+            if name not in names:
+                yield f'tube.pressure: unknown tube {name!r}; known are {", ".join(names)}'
+        for name in names:
+            if name not in pressure:
+                yield f'tube.pressure: tube {name} is missing; give one number, or one for each'
     places: dict[tuple[float, float], str] = {}
     for joint, place in joints.items():
         other = places.setdefault(place, joint)

@@ -16,7 +16,11 @@ Flags = NDArray[np.bool_]
 
 
 def finite_array(
-    values: ArrayLike, count: int, what: str, error: type[IsotrussError]
+    values: ArrayLike,
+    count: int,
+    what: str,
+    error: type[IsotrussError],
+    most: float = np.inf,
 ) -> NDArray[np.float64]:
     """
     Return a copy of `count` finite real numbers as an array (count,).
@@ -25,18 +29,55 @@ def finite_array(
     :param count: how many there must be.
     :param what: what the numbers are, for the message.
     :param error: the exception to raise.
+    :param most: largest size that a number may have.
     :raises IsotrussError: of the given class; names what was given and what would be right.
     """
+    return _finite(values, (count,), what, error, most)
+
+
+def finite_rows(
+    values: ArrayLike,
+    columns: int,
+    what: str,
+    error: type[IsotrussError],
+    most: float = np.inf,
+) -> NDArray[np.float64]:
+    """
+    Return a copy of rows of finite real numbers as an array (n, columns), none if there are none.
+
+    :param values: the rows.
+    :param columns: how many numbers each must have.
+    :param what: what the rows are, for the message.
+    :param error: the exception to raise.
+    :param most: largest size that a number may have.
+    :raises IsotrussError: of the given class; names what was given and what would be right.
+    """
+    rows = np.shape(values)[:1] if hasattr(values, 'shape') else (len(values),)
+    return _finite(values, (*rows, columns), what, error, most)
+
+
+def _finite(
+    values: ArrayLike,
+    shape: tuple[int, ...],
+    what: str,
+    error: type[IsotrussError],
+    most: float,
+) -> NDArray[np.float64]:
+    """Return finite numbers as an array of some shape, see `finite_array`."""
     try:
         array = np.asarray(values)
     except ValueError:
         # Lists of different lengths.
         array = np.asarray(None)
-    fits = array.dtype.kind in 'iuf' and array.shape == (count,) and np.isfinite(array).all()
-    if not fits:
-        given = repr(values)
+    if 0 in shape and array.size == 0:
+        return np.zeros(shape)
+    fits = array.dtype.kind in 'iuf' and array.shape == shape and np.isfinite(array).all()
+    if not fits or (np.abs(array) > most).any():
+        given = repr(values.tolist() if isinstance(values, np.ndarray) else values)
         given = given if len(given) <= 80 else given[:77] + '...'
-        raise error(f'{what}: {given}: must be {count} finite numbers')
+        count = ' x '.join(map(str, shape))
+        bound = '' if most == np.inf else f', at most {most:g}'
+        raise error(f'{what}: {given}: must be {count} finite numbers{bound}')
     return array.astype(np.float64)
 
 

@@ -33,7 +33,7 @@ R = TypeVar('R')
 class Library(NamedTuple):
     """A BLAS library that has threads."""
 
-    count: Callable[[], int]  #: returns the number of its threads
+    count: Callable[[], int]  # type: ignore[assignment]  #: returns the number of its threads
     set_count: Callable[[int], None]  #: sets it
 
 
@@ -41,7 +41,7 @@ class Library(NamedTuple):
 def find_libraries() -> tuple[Library, ...]:
     """Return the OpenBLAS libraries of NumPy and SciPy, which bring one each."""
     found = {}
-    for module in (np.linalg._umath_linalg, lapack._flapack):
+    for module in (np.linalg._umath_linalg, lapack._flapack):  # type: ignore[attr-defined]
         # A symbol is looked up in a library and in all that it was linked with. The interpreter's
         # lock stays taken: these calls take less than releasing it.
         library = ctypes.PyDLL(module.__file__)

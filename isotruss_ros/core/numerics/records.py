@@ -31,7 +31,7 @@ class Record:
 
     headline: ClassVar[tuple[str, ...]] = ()
     data: ClassVar[tuple[str, ...]] = ()
-    __hash__ = None  # type: ignore[assignment]
+    __hash__: Any = None
 
     def __init_subclass__(
         cls, headline: tuple[str, ...] = (), data: tuple[str, ...] = (), **rest: Any
@@ -137,7 +137,7 @@ def _names(kind: type[Record]) -> tuple[str, ...]:
     """Return the names of the data of a class: those that are shown come first."""
     if kind.data:
         return kind.data
-    fields = dataclasses.fields(kind) if dataclasses.is_dataclass(kind) else ()
+    fields: Any = dataclasses.fields(kind) if dataclasses.is_dataclass(kind) else ()
     found = [
         *kind.headline,
         *(field.name for field in fields if field.repr and field.name[0] != '_'),

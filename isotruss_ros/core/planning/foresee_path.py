@@ -16,8 +16,8 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.solve_twist import solve_twist
 from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.model.pose import Pose, pose_difference
-from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.model.pose import MAX_DISTANCE, Pose, pose_difference
+from isotruss_ros.core.numerics.arrays import Array, finite_array, finite_rows
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 import numpy as np
 
@@ -52,6 +52,7 @@ def foresee_grip(
     :return: None where no members hold the object: what they push has no slip margin.
     :raises IsotrussError: see `foresee_path`.
     """
+    (friction,) = finite_array([friction], 1, 'friction', GraspError).tolist()
     try:
         held = attach_grip(config, body)
     except NotHeldError:
@@ -72,11 +73,16 @@ def foresee_path(held: HeldGrip, friction: float, poses: Array) -> Foresight:
     :param held: how the object is held at the first pose.
     :param friction: coefficient between tubes and object.
     :param poses: (n, 3) x, y [m] and angle [rad] of the object, without jumps by full turns.
-    :raises GraspError: the members do not touch the object at the first pose, see `solve_twist`.
+    :raises GraspError: the poses are not finite numbers within range, or the members do not touch
+        the object at the first pose, see `solve_twist`.
     :raises ConfigurationError: the configuration is singular.
     :raises SolverError: a quadratic program was not solved.
     :raises StructureError: see `structure_of`.
     """
+    what = 'the poses of the path (x, y, angle) [m, rad]'
+    poses = finite_rows(poses, 3, what, GraspError, MAX_DISTANCE)
+    if not len(poses):
+        raise GraspError('the path has no poses: must have one or more')
     goals = _divide(poses, held.arm)
     # The equilibrium need not be quite where the path begins.
     goals = goals - goals[0] + np.array(held.pose)

@@ -14,7 +14,6 @@ from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.planning.approach import approach
 from isotruss_ros.core.planning.closing import Closing
 from isotruss_ros.core.planning.closing_in_place import close_in_place
-from isotruss_ros.core.planning.closing_on_ground import close_on_ground
 from isotruss_ros.core.planning.closing_step import press
 from isotruss_ros.core.planning.foresee_path import foresee_grip
 from isotruss_ros.core.planning.grasp_plan import ClosedGrip, PlannedGrasp
@@ -67,11 +66,10 @@ def close_grip(
     """
     # A nominal posture would keep the gaps from their targets, by a little.
     closing = replace(closing, nominal_posture=None, facing=None)
-    rise = close_in_place if needs.object_is_free else close_on_ground
     best, best_score = None, -math.inf
     with closing.tally.recording():
         path = [press(opened, closing, np.zeros(len(closing.members)))]
-        for grip in rise(path[0], closing, needs):
+        for grip in close_in_place(path[0], closing, needs):
             path.append(grip.config)
             if grip.slip_margin is None:
                 continue

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, overload
 
 from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -84,7 +84,7 @@ class PlannedGrasp(
 class GraspPlan(
     Record,
     Sequence[PlannedGrasp],
-    headline=('count', 'best', 'complete', 'closest_violation', 'computing_time'),
+    headline=('best', 'complete', 'closest_violation', 'computing_time'),
 ):
     """The result of a search; as a sequence, its grasps."""
 
@@ -95,14 +95,15 @@ class GraspPlan(
     analyses: int  #: of them, how many by statics
     computing_time: float  #: [s]
 
+    @overload
+    def __getitem__(self, place: int) -> PlannedGrasp: ...
+
+    @overload
+    def __getitem__(self, place: slice) -> tuple[PlannedGrasp, ...]: ...
+
     def __getitem__(self, place: int | slice) -> PlannedGrasp | tuple[PlannedGrasp, ...]:
         """Return a grasp, or some of them."""
         return self.grasps[place]
-
-    @property
-    def count(self) -> int:
-        """Return how many grasps were found."""
-        return len(self.grasps)
 
     @property
     def best(self) -> tuple[str, ...] | None:

@@ -16,7 +16,7 @@ from isotruss_ros.core.manipulation.limits import default_limits
 from isotruss_ros.core.manipulation.rolling_grip import RollingGrip
 from isotruss_ros.core.manipulation.solve_twist import solve_twist_ahead
 from isotruss_ros.core.manipulation.status import Status
-from isotruss_ros.core.model.pose import Pose, pose_difference
+from isotruss_ros.core.model.pose import MAX_DISTANCE, Pose, pose_difference
 from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.records import Record
@@ -67,10 +67,11 @@ def reach_pose(
     :param grip: how it holds the object.
     :param pose: (x, y, angle) to be reached; turned the shorter way [m, rad].
     :param guard: the barriers; those of `ShapeGuard(robot)` if None.
-    :raises GraspError: the pose is not three finite numbers, or the members do not touch the
-        object.
+    :raises GraspError: the pose is not three finite numbers within range, or the members do not
+        touch the object.
     """
-    goal = finite_array(pose, 3, 'the pose to reach (x, y, angle) [m, rad]', GraspError)
+    what = 'the pose to reach (x, y, angle) [m, rad]'
+    goal = finite_array(pose, 3, what, GraspError, MAX_DISTANCE)
     guard = guard or ShapeGuard(config.robot)
     rolling, path = RollingGrip.attach(config, grip), [config.roller_positions]
     left = pose_difference(goal, rolling.pose)

@@ -39,9 +39,8 @@ class GraspRequirements:
     """
     What a grasp must fulfil.
 
-    The object is free while the members press; with `min_margin`, but neither a squeeze nor a slip
-    margin given, the ground holds it. A path to `carry` it along is shifted to begin where it is
-    held; a grasp that slips on it in the model, see `foresee_path`, is none.
+    The object is free while the members press. A path to `carry` it along is shifted to begin
+    where it is held; a grasp that slips on it in the model, see `foresee_path`, is none.
 
     :raises GraspError: a value is not usable; says which and what would be right.
     """
@@ -93,11 +92,6 @@ class GraspRequirements:
                 'requirement direction: (0, 0, 0): must say along what the grasp is to be stiff'
             )
 
-    @property
-    def object_is_free(self) -> bool:
-        """Return whether nothing but the members holds the object while they close."""
-        return self.min_margin is None or self.squeeze is not None or self.min_slip_margin > 0.0
-
     def find_loads(
         self, analysis: GraspAnalysis, normal_forces: Iterable[float], utilisation: Iterable[float]
     ) -> dict[str, float]:
@@ -105,7 +99,7 @@ class GraspRequirements:
         Return the loads of a grasp by requirement, the larger of the object held fast and free.
 
         :param analysis: of the object held fast.
-        :param normal_forces: of the members on the free object [N]; none where it lies on ground.
+        :param normal_forces: of the members on the free object [N].
         :param utilisation: of members under the forces of the free object [-].
         :raises RequirementError: one exceeds its bound.
         """

@@ -147,7 +147,7 @@ class Searcher:
 
     def _run(self, search: Future[GraspPlan], arguments: tuple) -> None:
         try:
-            search.set_result(plan_grasps(*arguments, self._take, self._stop))
+            search.set_result(plan_grasps(*arguments, self._take, self._stop))  # type: ignore[call-arg]
         except Exception as error:  # noqa: BLE001 - it is raised where the result is asked for
             search.set_exception(error)
 

@@ -10,7 +10,7 @@ import itertools
 import math
 
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.manipulation.grip import find_members, members_at
 from isotruss_ros.core.manipulation.limits import MemberLengthLimit
 from isotruss_ros.core.model.convex_object import ConvexObject
@@ -88,7 +88,7 @@ def find_seeds(
     return [closing for _, closing in found[:MAX_SEEDS]]
 
 
-def required_members(robot: Robot, needs: GraspRequirements) -> frozenset[int]:
+def required_members(robot: Mechanism, needs: GraspRequirements) -> frozenset[int]:
     """
     Return the numbers of the members that are to grip; none where any may.
 

@@ -33,7 +33,6 @@ SENTENCES = {
 #: The same, but what counts is by which share a candidate misses one of them.
 BOUNDS = {
     'min_slip_margin': 'the slip margin is {value:.4g} N, and must be {bound:.4g} N',
-    'closed_by_friction': 'it takes a friction coefficient of {value:.4g}, there is {bound:.4g}',
     'force_closure': 'it takes a friction coefficient of {value:.4g}, there is {bound:.4g}',
     'min_margin': 'the closure margin is {value:.4g} N, and must be {bound:.4g} N',
     'max_contact_force': 'one member presses with {value:.4g} N; must be at most {bound:.4g} N',

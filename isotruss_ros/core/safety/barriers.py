@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.distances import collision_model
+from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.kinematics.rigidity import Modes, rigidity_index
-from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.numerics.arrays import Array, Indices
@@ -125,7 +125,7 @@ class SelfCollisionBarrier:
     status = Status.SLOWED_SELF_COLLISION
     needs_object = False
 
-    def __init__(self, robot: Robot, law: BarrierLaw) -> None:
+    def __init__(self, robot: Mechanism, law: BarrierLaw) -> None:
         self.law = law
         self._model = collision_model(robot)
         self._neighbors = NeighborList(law.active_below)
@@ -159,7 +159,7 @@ class ObjectBarrier:
     status = Status.SLOWED_OBJECT
     needs_object = True
 
-    def __init__(self, robot: Robot, law: BarrierLaw) -> None:
+    def __init__(self, robot: Mechanism, law: BarrierLaw) -> None:
         self.law = law
         self._model = collision_model(robot)
         self._neighbors = NeighborList(law.active_below)
@@ -198,7 +198,7 @@ class RigidityBarrier:
     status = Status.SLOWED_RIGIDITY
     needs_object = False
 
-    def __init__(self, robot: Robot, law: BarrierLaw) -> None:
+    def __init__(self, robot: Mechanism, law: BarrierLaw) -> None:
         self.law = law
         self._index = rigidity_index(robot)
         self._far: tuple[Configuration, float] | None = None

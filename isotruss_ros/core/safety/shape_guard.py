@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.rolling_grip import roll_object
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
@@ -77,18 +77,19 @@ class ShapeGuard:
     The barriers of a robot.
 
     :ivar bounds: what its shapes must keep.
+    :ivar own: barriers beside rigidity, self-collision and the object.
     :param robot: the robot.
     :param barriers: those beside rigidity, self-collision and the object.
     """
 
     def __init__(
         self,
-        robot: Robot,
+        robot: Mechanism,
         bounds: ShapeBounds | None = None,
         barriers: Sequence[Barrier] = (),
     ) -> None:
         bounds = ShapeBounds() if bounds is None else bounds
-        self.bounds = bounds
+        self.bounds, self.own = bounds, tuple(barriers)
         rigidity, clearance = bounds.rigidity_band, bounds.clearance_band
         rate = min(bounds.rate, robot.description.braking_rate)
         self._barriers: tuple[Barrier, ...] = (

@@ -10,7 +10,7 @@ from typing import Protocol
 
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.model.topology import check_roller_names
 from isotruss_ros.core.numerics.arrays import Array
@@ -56,7 +56,7 @@ class DrivenRollers:
     :raises ConfigurationError: a slip out of its range.
     """
 
-    def __init__(self, robot: Robot, faults: RollerFaults, seed: int = 0) -> None:
+    def __init__(self, robot: Mechanism, faults: RollerFaults, seed: int = 0) -> None:
         names = robot.roller_names
         check_roller_names('stuck rollers', faults.stuck, names)
         if not 0.0 <= faults.slip <= MAX_SLIP:

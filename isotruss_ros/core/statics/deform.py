@@ -66,8 +66,9 @@ class Deformation(Record, headline=('reactions', 'displacements')):
     def reactions(self) -> dict[str, tuple[float, float]]:
         """Return the forces (rx, ry) of the supports on the robot by joint [N]."""
         return {
-            joint: tuple(map(float, self.state.reactions[self.structure.node(joint), :2]))
+            joint: (float(self.state.reactions[node, 0]), float(self.state.reactions[node, 1]))
             for joint in self.structure.config.robot.description.supports
+            for node in (self.structure.node(joint),)
         }
 
     @cached_property
@@ -177,7 +178,7 @@ def _bend(frame: Frame, loads: Array) -> FrameState:
     return frame.state(path.tangents[-1], loads)
 
 
-def _check_name(kind: str, name: object, known: Iterable[str], robot: str) -> None:
+def _check_name(kind: str, name: str, known: Iterable[str], robot: str) -> None:
     """Refuse the name of a part that a robot does not have."""
     if name not in known:
         raise StructureError(

@@ -21,7 +21,7 @@ class LinearRows(NamedTuple):
     :ivar value: (e,) entries; those in one place add up.
     """
 
-    count: int
+    count: int  # type: ignore[assignment]
     row: Indices
     column: Indices
     value: Array
@@ -57,7 +57,7 @@ class TurnRows(NamedTuple):
     :ivar paired: two of (h,) shares that are these pairs.
     """
 
-    count: int
+    count: int  # type: ignore[assignment]
     weight: Array
     span: Indices
     share: Array

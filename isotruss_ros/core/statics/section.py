@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, TypeAlias
 
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.model.description import RobotDescription
@@ -27,7 +27,7 @@ END_SOFTENING = 2.0 * np.pi / (4.0 - np.pi)
 #: Shear coefficient of a thin circular tube.
 KAPPA = 0.5
 #: One gauge pressure for all tubes, one for each in the order of the robot file, or by tube name.
-Pressure = ArrayLike | Mapping[str, float]
+Pressure: TypeAlias = 'ArrayLike | Mapping[str, float]'
 
 
 class SectionStiffness(NamedTuple):
@@ -70,15 +70,6 @@ class TubeStiffness(Protocol):
         :param length: (k,) pinch to pinch [m].
         :param pressure: (k,) or one for all, gauge [Pa].
         :raises StructureError: no stiffness belongs to this length and pressure.
-        """
-
-    def flexibility_rates(self, length: Array, pressure: Array) -> tuple[Array, Array]:
-        """
-        Return the derivatives of 1 / EA, 1 / EI and 1 / GA of whole members, (3, k) each.
-
-        :param length: (k,) pinch to pinch [m].
-        :param pressure: (k,) gauge [Pa].
-        :return: per length [1/m], and per gauge pressure [1/Pa].
         """
 
     @classmethod
@@ -137,15 +128,6 @@ class InflatableBeam:
             flexural=self.membrane_modulus * np.pi * R**3 + force * R**2 / 2.0,
             shear=force + KAPPA * self.membrane_shear_modulus * circumference,
         )
-
-    def flexibility_rates(self, length: Array, pressure: Array) -> tuple[Array, Array]:
-        """Return how 1 / EA, 1 / EI, 1 / GA change; see `TubeStiffness.flexibility_rates`."""
-        _, flexural, shear = self.section_stiffness(length, pressure)
-        none, area = np.zeros_like(length), np.pi * self.radius**2
-        ends = -2.0 / (self.end_softening * pressure * self.radius * length)
-        bending = -0.5 * area * self.radius**2 / flexural**2
-        by_pressure = np.array([ends / pressure, bending, -area / shear**2])
-        return np.array([ends / length, none, none]), by_pressure
 
     @classmethod
     def of_block(cls, block: Mapping[str, Any], description: RobotDescription) -> InflatableBeam:

@@ -21,8 +21,8 @@ from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
 from isotruss_ros.core.statics.frame import Frame
 from isotruss_ros.core.statics.frame_pattern import FramePattern, Members, TurnRows
-from isotruss_ros.core.statics.section import Pressure, tube_pressures, TubeStiffness
-from isotruss_ros.core.statics.tube_stiffness import tube_stiffness
+from isotruss_ros.core.statics.section import Pressure, tube_pressures
+from isotruss_ros.core.statics.tube_stiffness import tube_stiffness, TubeSections
 import numpy as np
 
 
@@ -104,7 +104,7 @@ def _frame_points(robot: Mechanism, nodes: Points) -> Points:
 
 
 def _section_values(
-    robot: Mechanism, tube: TubeStiffness, pressures: tuple[float, ...], lengths: Array
+    robot: Mechanism, tube: TubeSections, pressures: tuple[float, ...], lengths: Array
 ) -> Array:
     """Return EA [N], EI [N m^2] and GA [N] of the members of a robot's frame, (3, 6 m)."""
     topology, module = robot.topology, robot.description.module
@@ -135,7 +135,7 @@ class FrameLayout(NamedTuple):
     :ivar owners: (3, m) the members of the robot that these are part of.
     """
 
-    tube: TubeStiffness
+    tube: TubeSections
     node_names: tuple[str, ...]
     places: dict[str, int]
     b: Indices

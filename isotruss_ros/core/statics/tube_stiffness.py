@@ -36,6 +36,10 @@ from isotruss_ros.core.statics.section import (
 import numpy as np
 from numpy.typing import ArrayLike
 
+#: Half of the step of differences by length and pressure, as a share of these: errors of the
+#: derivatives are about its square, and rounding over it.
+STEP = 1e-5
+
 
 @dataclass(frozen=True)
 class Section:
@@ -78,13 +82,6 @@ class Section:
                 f'GA = {shear[at]:.4g} N: must be positive'
             )
         return SectionStiffness(np.full_like(length, self.axial_rigidity), flexural, shear)
-
-    def flexibility_rates(self, length: Array, pressure: Array) -> tuple[Array, Array]:
-        """Return how 1 / EA, 1 / EI, 1 / GA change; see `TubeStiffness.flexibility_rates`."""
-        _, flexural, shear = self.section_stiffness(length, pressure)
-        none, area = np.zeros_like(length), np.pi * self.radius**2
-        bending = -0.5 * area * self.radius**2 / flexural**2
-        return np.array([none, none, none]), np.array([none, bending, -area / shear**2])
 
     @classmethod
     def of_block(cls, block: Mapping[str, Any], description: RobotDescription) -> Section:
@@ -173,28 +170,6 @@ class PowerLaw:
         np.divide(12.0 * flexural, phi * between**2, out=shear, where=phi > 0.0)
         return SectionStiffness(axial * length, flexural, shear)
 
-    def flexibility_rates(self, length: Array, pressure: Array) -> tuple[Array, Array]:
-        """Return how 1 / EA, 1 / EI, 1 / GA change; see `TubeStiffness.flexibility_rates`."""
-        axial, flexural, shear = self.section_stiffness(length, pressure)
-        between = length - 2.0 * self.guide_ring_distance
-        phi = 12.0 * flexural / (shear * between**2)
-        ratio = np.where(phi > 0.0, 4.0 + phi, 0.0)  # of rotary and transverse stiffness
-        # Rates of logarithms, by length and by pressure.
-        pull, push, turn = (
-            np.array([law.b / span, law.a / pressure])
-            for law, span in (
-                (self.axial, length),
-                (self.transverse, between),
-                (self.rotary, between),
-            )
-        )
-        longer, wider = (np.array([1.0 / span, 0.0 * span]) for span in (length, between))
-        steeper = ratio * (turn - push - 2.0 * wider)
-        bend = push + 3.0 * wider + steeper / (1.0 + phi)
-        sheared = (steeper + phi * (2.0 * wider - bend)) * between**2 / (12.0 * flexural)
-        rates = np.array([-(pull + longer) / axial, -bend / flexural, sheared])
-        return rates[:, 0], rates[:, 1]
-
     @classmethod
     def of_block(cls, block: Mapping[str, Any], description: RobotDescription) -> PowerLaw:
         """Return the laws of a robot file; see `TubeStiffness.of_block`."""
@@ -202,16 +177,16 @@ class PowerLaw:
 
 
 @dataclass(frozen=True)
-class ScaledStiffness:
+class TubeSections:
     """
-    Sections that are stiffer than a model by a measured factor.
+    Sections of tubes that are stiffer than a model by a measured factor, and their derivatives.
 
     :ivar model: the model.
     :ivar scale: stiffness against that of the model, positive [-].
     """
 
     model: TubeStiffness
-    scale: float
+    scale: float = 1.0
 
     @property
     def fabric(self) -> Fabric | None:
@@ -224,9 +199,23 @@ class ScaledStiffness:
         return SectionStiffness(*(self.scale * each for each in sections))
 
     def flexibility_rates(self, length: Array, pressure: Array) -> tuple[Array, Array]:
-        """Return how 1 / EA, 1 / EI, 1 / GA change; see `TubeStiffness.flexibility_rates`."""
-        rates = self.model.flexibility_rates(length, pressure)
-        return rates[0] / self.scale, rates[1] / self.scale
+        """
+        Return the derivatives of 1 / EA, 1 / EI and 1 / GA of whole members, (3, k) each.
+
+        They are central differences, so that a model needs none of its own.
+
+        :param length: (k,) pinch to pinch [m].
+        :param pressure: (k,) gauge [Pa].
+        :return: per length [1/m], and per gauge pressure [1/Pa].
+        """
+        shares = STEP * np.array([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]])[:, :, None]
+        moved = (np.array([length, pressure])[:, None] * (1.0 + shares)).reshape(2, -1)
+        flexibility = 1.0 / np.array(self.section_stiffness(*moved)).reshape(3, 4, -1)
+        longer, shorter, wider, narrower = flexibility.swapaxes(0, 1)
+        return (
+            (longer - shorter) / (2.0 * STEP * length),
+            (wider - narrower) / (2.0 * STEP * pressure),
+        )
 
 
 #: The models by their names in robot files.
@@ -237,7 +226,7 @@ MODELS: dict[str, type[TubeStiffness]] = {
 }
 
 
-def tube_stiffness(description: RobotDescription) -> TubeStiffness:
+def tube_stiffness(description: RobotDescription) -> TubeSections:
     """
     Return the model that a robot file asks for.
 
@@ -245,7 +234,7 @@ def tube_stiffness(description: RobotDescription) -> TubeStiffness:
     """
     block, scale = dict(description.stiffness), description.stiffness_scale
     model = MODELS[block.pop('model')].of_block(block, description)
-    return model if scale == 1.0 else ScaledStiffness(model, scale)
+    return TubeSections(model, scale)
 
 
 def _case(length: float, pressure: float) -> str:

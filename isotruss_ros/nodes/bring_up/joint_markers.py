@@ -5,23 +5,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from isotruss_ros.calibration.home_fit import Posture
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.core import Robot
-from isotruss_ros.core.control.inputs import Timeline
-from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.nodes.conversions.joint_state_messages import read_roller_state
-from isotruss_ros.nodes.conversions.messages import MessageError, read_stamp
+from isotruss_ros.core.control.inputs import (
+    Input,
+    InputError,
+    require_fresh,
+    StampedInput,
+    Timeline,
+)
 from isotruss_ros.nodes.framework.parameters import Spec
-from isotruss_ros.nodes.framework.robot_frame import RobotFrame
-from isotruss_ros.nodes.framework.topics import RELIABLE
+from isotruss_ros.nodes.framework.runner import StoppableNode
+from isotruss_ros.nodes.framework.sensors import Inputs
 import numpy as np
-from rclpy.node import Node
-from sensor_msgs.msg import JointState, MultiDOFJointState
 
 WINDOW = Spec('window', 1.0, 'Markers are averaged over so long a time [s]', bounds=(0.05, 60.0))
 DEVIATION = Spec(
@@ -45,7 +45,7 @@ class MeasuredJoints(NamedTuple):
     """
 
     posture: Posture
-    count: int
+    count: int  # type: ignore[assignment]
 
 
 class JointMarkers:
@@ -53,27 +53,23 @@ class JointMarkers:
     The messages of `joint_markers` and `joint_states` of the last while.
 
     :ivar frame: of the robot, in which the joints are.
+    :ivar timeout: largest age of an input [s].
+    :ivar rollers: input of the `RollerState`.
+    :ivar markers: input of the joints {name: (x, y)} [m].
     :param node: subscribes.
     :param robot: whose joints and rollers they are.
     :param window: for so long they are kept [s].
     """
 
-    def __init__(self, node: Node, robot: Robot, window: float) -> None:
-        self._window = window
-        self.frame = RobotFrame.heard_by(node, robot)
-        self._markers, self._rollers = Timeline(), Timeline()
-        #: Why the last message that is not usable is none; empty before.
-        self._last_error = ''
-
-        def read_travel(message: JointState) -> Array:
-            return read_roller_state(message, robot.roller_names).positions
-
-        for kind, topic, kept, reader in (
-            (MultiDOFJointState, 'joint_markers', self._markers, self.frame.read_markers),
-            (JointState, 'joint_states', self._rollers, read_travel),
-        ):
-            take = partial(self._take, kept, reader)
-            node.create_subscription(kind, topic, take, RELIABLE)
+    def __init__(self, node: StoppableNode, robot: Robot, window: float) -> None:
+        self._window, self.timeout = window, LATEST
+        self.rollers: Input = None
+        self.markers: Input = None
+        self._rollers, self._markers = Timeline(), Timeline()
+        self._inputs = Inputs(node, robot, self, '')
+        self.frame = self._inputs.frame
+        self._inputs.keep_encoders(take=partial(self._take, self._rollers))
+        self._inputs.keep_joint_markers(take=partial(self._take, self._markers))
 
     def measure(self, now: float) -> MeasuredJoints:
         """
@@ -82,25 +78,22 @@ class JointMarkers:
         :param now: time on the clock of the stamps [s].
         :raises MeasurementError: a topic is silent, or the rollers turn.
         """
-        for topic, kept in (('joint_states', self._rollers), ('joint_markers', self._markers)):
-            if not kept or now - kept.last[0] > LATEST:
-                why = f': {self._last_error}' if self._last_error else ''
-                raise MeasurementError(f'no {topic} in the last {LATEST:g} s{why}')
-        readings = np.array(self._rollers.values)
+        self._inputs.settle()
+        try:
+            require_fresh(now, LATEST, '', joint_states=self.rollers, joint_markers=self.markers)
+        except InputError as error:
+            raise MeasurementError(str(error)) from error
+        readings = np.array([state.positions for state in self._rollers.values])
         if np.ptp(readings, axis=0).max() > STILL:
             raise MeasurementError('the rollers turn: joints are measured while they stand still')
         seen: dict[str, list[tuple[float, float]]] = {}
         for joints in self._markers.values:
-            for name, place in joints.items():
+            for name, place in joints.items():  # type: ignore[union-attr]
                 seen.setdefault(name, []).append(place)
         means = {name: tuple(np.mean(places, axis=0).tolist()) for name, places in seen.items()}
         least = min(map(len, seen.values()))
         return MeasuredJoints(Posture(readings.mean(axis=0), means), least)
 
-    def _take(self, kept: Timeline, read: Callable[[Any], Any], message: Any) -> None:
-        try:
-            kept.add(read_stamp(message.header), read(message))
-        except MessageError as error:
-            self._last_error = str(error)
-            return
+    def _take(self, kept: Timeline, given: StampedInput) -> None:
+        kept.add(given.time, given.value)
         kept.discard_before(kept.last[0] - self._window)

@@ -10,18 +10,18 @@ fitted to the poses that follow. The node ends by itself.
 
 from __future__ import annotations
 
-from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.calibration.oscillation import fit_oscillation, Oscillation
 from isotruss_ros.core import load_robot, Status
-from isotruss_ros.nodes.conversions.messages import read_stamp
+from isotruss_ros.core.control.inputs import StampedInput
+from isotruss_ros.nodes.bring_up.joint_markers import LATEST
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.commands import create_twist_publisher
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.parameters import ROBOT, Spec
-from isotruss_ros.nodes.framework.robot_frame import RobotFrame
 from isotruss_ros.nodes.framework.runner import StoppableNode
+from isotruss_ros.nodes.framework.sensors import Inputs
 from isotruss_ros.nodes.framework.topics import RELIABLE
 import numpy as np
 
@@ -61,14 +61,15 @@ class Pluck(StoppableNode):
         values = self.values
         self.found: Oscillation | None = None
         robot = load_robot(values.robot)
-        self._frame = RobotFrame.heard_by(self, robot)
         self._arm = common.read_body(values).arm
         stamped = values.use_stamped_twist
         self._twists = create_twist_publisher(self, stamped, robot.frame)
         self._times: list[float] = []
         self._poses: list[tuple[float, ...]] = []
         self._status: ManipulationStatus | None = None
-        self.create_subscription(PoseStamped, 'object_pose', self._take_pose, RELIABLE)
+        self.timeout, self.pose = LATEST, None
+        self._inputs = Inputs(self, robot, self, '')
+        self._inputs.keep_object_pose(take=self._take_pose)
         self.create_subscription(
             ManipulationStatus, 'manipulation/status', self._take_status, RELIABLE
         )
@@ -80,9 +81,9 @@ class Pluck(StoppableNode):
         """Publish a zero twist before the node ends."""
         self._publish_twist(0.0)
 
-    def _take_pose(self, message: PoseStamped) -> None:
-        self._times.append(read_stamp(message.header))
-        self._poses.append(tuple(self._frame.read_pose(message)))
+    def _take_pose(self, given: StampedInput) -> None:
+        self._times.append(given.time)
+        self._poses.append(tuple(given.value))
 
     def _take_status(self, message: ManipulationStatus) -> None:
         self._status = message
@@ -92,6 +93,7 @@ class Pluck(StoppableNode):
     def _cycle(self) -> None:
         """Wait for inputs, push, listen; then say what was found."""
         now, values = self.now(), self.values
+        self._inputs.settle()
         if self._pushed is None:
             self._wait(now)
         elif now < self._pushed + PUSH_TIME:

@@ -10,14 +10,14 @@ from collections.abc import Callable, Sequence
 from geometry_msgs.msg import PoseStamped
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.core import IsotrussError, load_robot
+from isotruss_ros.core.control.inputs import Input, InputError, require_fresh
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.nodes.bring_up.joint_markers import JointMarkers, LATEST, WINDOW
-from isotruss_ros.nodes.conversions.joint_state_messages import read_roller_state
-from isotruss_ros.nodes.conversions.messages import read_stamp
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.parameters import ROBOT, Spec
 from isotruss_ros.nodes.framework.runner import StoppableNode
+from isotruss_ros.nodes.framework.sensors import Inputs
 from isotruss_ros.nodes.framework.topics import LATCHED, RELIABLE
 import numpy as np
 from sensor_msgs.msg import JointState
@@ -41,6 +41,8 @@ class Preflight(StoppableNode):
     Listen for a while, and judge what was heard; nothing moves.
 
     :ivar faults: names of the checks that failed.
+    :ivar pose: input of the `Pose` of the object.
+    :ivar timeout: largest age of an input [s].
     """
 
     node_name = 'preflight'
@@ -50,6 +52,7 @@ class Preflight(StoppableNode):
         """Subscribe, and begin to listen."""
         self._robot = load_robot(self.values.robot)
         self._markers = JointMarkers(self, self._robot, self.values.window)
+        self.timeout, self.pose = LATEST, None
         self._joint_states: list[JointState] = []
         self._poses: list[PoseStamped] = []
         self._stops: list[Bool] = []
@@ -61,6 +64,8 @@ class Preflight(StoppableNode):
             (Bool, 'emergency_stop', self._stops, LATCHED),
         ):
             self.create_subscription(kind, topic, kept.append, quality)
+        self._inputs = Inputs(self, self._robot, self, '')
+        self._inputs.keep_object_pose()
         self._checks: dict[str, Callable[[], str]] = {
             'encoders': self._check_encoders,
             'zeros': self._check_zeros,
@@ -86,9 +91,9 @@ class Preflight(StoppableNode):
         self.done = True
 
     def _check_encoders(self) -> str:
-        for message in self._joint_states:
-            self._travel = read_roller_state(message, self._robot.roller_names).positions
-        return self._check_live('joint_states', self._joint_states)
+        found = self._check_live('joint_states', self._markers.rollers)
+        self._travel = self._markers.rollers.value.positions
+        return found
 
     def _check_zeros(self) -> str:
         sure = self._robot.description.calibration.get('zero_deviations')
@@ -116,9 +121,8 @@ class Preflight(StoppableNode):
         return f'{words}; joint {worst} is {1e3 * off[worst]:.1f} mm off the encoders'
 
     def _check_pose(self) -> str:
-        for message in self._poses:
-            self._markers.frame.read_pose(message)
-        return self._check_live('object_pose', self._poses)
+        self._inputs.settle()
+        return self._check_live('object_pose', self.pose)
 
     def _check_stop(self) -> str:
         if not self._stops:
@@ -130,8 +134,11 @@ class Preflight(StoppableNode):
     def _check_limits(self) -> str:
         file = self._robot.description
         low, high = file.min_length, file.max_length
-        if self._travel is None:
+        limits = f'rollers {file.max_speed:g} m/s, members {low:g} to {high:g} m'
+        if not self._joint_states:
             raise MeasurementError('not compared: no joint_states')
+        if self._travel is None:
+            return f'{limits}; not compared: joint_states are not usable'
         lengths = self._robot.home.member_lengths + self._robot.topology.incidence @ self._travel
         beyond = np.maximum(low - lengths, lengths - high)
         worst = int(beyond.argmax())
@@ -140,10 +147,7 @@ class Preflight(StoppableNode):
                 f'member {self._robot.member_names[worst]} is {lengths[worst]:.3g} m long: must '
                 f'be {low:g} to {high:g} m'
             )
-        return (
-            f'rollers {file.max_speed:g} m/s, members {low:g} to {high:g} m, in which all are: '
-            'compare them with the drives'
-        )
+        return f'{limits}, in which all are: compare them with the drives'
 
     def _check_rates(self) -> str:
         joints = self._check_rate('joint_states', self._joint_states, LEAST_JOINT_RATE)
@@ -165,14 +169,16 @@ class Preflight(StoppableNode):
             raise MeasurementError(f'{which} is not given: the loop would be slow')
         return f'module {module:g} kg, object {body:g} kg'
 
-    def _check_live(self, topic: str, messages: Sequence[JointState | PoseStamped]) -> str:
-        """Return how old the last message of a topic is in words; refuse one that is too old."""
-        if not messages:
-            raise MeasurementError(f'no {topic}')
-        age = self.now() - read_stamp(messages[-1].header)
-        if not 0.0 <= age < LATEST:
-            raise MeasurementError(f'{topic} is {age:.2g} s old: must be 0 to {LATEST:g} s')
-        return f'{1e3 * age:.0f} ms old'
+    def _check_live(self, topic: str, given: Input) -> str:
+        """Return how old an input is in words; refuse one that is too old, or none."""
+        now = self.now()
+        try:
+            (found,) = require_fresh(now, LATEST, '', **{topic: given})
+        except InputError as error:
+            raise MeasurementError(str(error)) from error
+        if found.rejected is not None:
+            raise MeasurementError(found.rejected.reason)
+        return f'{1e3 * (now - found.time):.0f} ms old'
 
     def _check_rate(
         self, topic: str, messages: Sequence[JointState | PoseStamped], least: float

@@ -18,7 +18,7 @@ from isotruss_ros.nodes.conversions.messages import (
 import numpy as np
 
 #: Places of x, y and the turn in the covariance (6, 6) of a pose.
-PLANAR = np.ix_([0, 1, 5], [0, 1, 5])
+PLANAR = np.ix_([0, 1, 5], [0, 1, 5])  # type: ignore[var-annotated]
 #: Zeros are not farther off than this [m].
 MAX_OFFSET = 1.0
 

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import cmath
 from collections.abc import Sequence
 import math
 
@@ -17,6 +18,7 @@ from isotruss_ros.nodes.conversions.messages import (
     check_frame,
     make_header,
     MessageError,
+    name_aligned_frame,
     name_object_frame,
 )
 from isotruss_ros.nodes.conversions.object_messages import describes_object, read_object_message
@@ -35,16 +37,25 @@ BY_MEMBER = (
 )
 
 
-def read_external_wrench(message: WrenchStamped, frame: str) -> tuple[float, float, float]:
+def read_external_wrench(
+    message: WrenchStamped, frame: str, angle: float | None = None
+) -> tuple[float, float, float]:
     """
-    Return the external wrench (fx, fy, m) on the object [N, N m].
+    Return the external wrench (fx, fy, m) on the object, parallel to the robot's frame [N, N m].
 
-    :param message: wrench about the object's centre, in the frame of `name_object_frame`.
+    :param message: wrench about the object's centre, in the frame of `name_aligned_frame`, or in
+        the object's own.
     :param frame: the robot's frame.
+    :param angle: of the object in that frame; None where that is not known [rad].
     :raises MessageError: another frame, not finite, or larger than `MAX_WRENCH`.
     """
-    check_frame('external wrench', message.header, name_object_frame(frame))
     wrench = _planar(message.wrench)
+    if frame and message.header.frame_id == name_object_frame(frame) and angle is not None:
+        fx, fy, m = wrench
+        force = complex(fx, fy) * cmath.rect(1.0, angle)
+        wrench = force.real, force.imag, m
+    else:
+        check_frame('external wrench', message.header, name_aligned_frame(frame))
     if not all(abs(component) <= MAX_WRENCH for component in wrench):
         raise MessageError(
             f'external wrench {wrench}: force.x, force.y and torque.z must be finite, '

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Rollers and pressures of the tubes, both measured in `sensor_msgs/JointState`."""
+"""Rollers in `sensor_msgs/JointState`, pressures of tubes in `sensor_msgs/FluidPressure`."""
 
 from __future__ import annotations
 
@@ -14,33 +14,33 @@ from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.statics.section import tube_pressures
 from isotruss_ros.nodes.conversions.messages import MAX_DISTANCE, MessageError
 import numpy as np
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import FluidPressure, JointState
 
 #: No roller is faster [m/s]; what is beyond is a broken sensor, not a motion.
 MAX_SPEED = 10.0
 
 
-def read_roller_state(message: JointState, names: Sequence[str]) -> RollerState:
+def read_roller_part(message: JointState, names: Sequence[str]) -> dict[int, tuple[float, float]]:
     """
-    Return travel (r,) [m] and velocities (r,) [m/s] of the rollers, by name, among other joints.
+    Return travel [m] and velocity [m/s] of the rollers that a message names, by their number.
 
-    Velocities that the message leaves out, or that are NaN, as a broadcaster publishes where
-    nothing is measured, are zero.
+    Other joints are left out; a message that names no roller is no input. Velocities that the
+    message leaves out, or that are NaN, as a broadcaster publishes where nothing is measured, are
+    zero.
 
     :param message: joint states, in any order.
-    :param names: names of the rollers, in the order of the result.
-    :raises MessageError: a roller is missing or named twice, there are not as many positions
-        (or velocities) as names, or a number is not finite or out of range.
+    :param names: names of the rollers.
+    :raises MessageError: a roller is named twice, there are not as many positions (or velocities)
+        as names, or a number is not finite or out of range.
     """
-    missing = [name for name in names if name not in message.name]
-    if missing:
-        raise MessageError(
-            f'joint states: rollers {", ".join(missing)} are missing; must name {", ".join(names)}'
-        )
-    twice = [name for name in names if message.name.count(name) > 1]
-    if twice:
+    numbers = {name: number for number, name in enumerate(names)}
+    places = [place for place, name in enumerate(message.name) if name in numbers]
+    found = [numbers[message.name[place]] for place in places]
+    if len(found) > len(set(found)):
+        twice = sorted({names[number] for number in found if found.count(number) > 1})
         raise MessageError(f'joint states: {", ".join(twice)} named twice; must be once')
-    places = [message.name.index(name) for name in names]
+    if not found:
+        return {}
 
     def select(what: str, values: Sequence[float]) -> Array:
         if len(values) != len(message.name):
@@ -65,31 +65,45 @@ def read_roller_state(message: JointState, names: Sequence[str]) -> RollerState:
             f'joint states: roller velocities {velocities.tolist()} m/s: '
             f'must be at most {MAX_SPEED} m/s'
         )
-    return RollerState(positions, velocities)
+    read = zip(positions.tolist(), velocities.tolist(), strict=True)
+    return dict(zip(found, read, strict=True))
 
 
-def read_tube_pressures(message: JointState, robot: Robot) -> tuple[float, ...]:
+def read_roller_state(message: JointState, names: Sequence[str]) -> RollerState:
     """
-    Return the gauge pressures (t,) of the tubes, in the order of the robot file [Pa].
+    Return travel (r,) [m] and velocities (r,) [m/s] of all rollers, by name.
 
-    :param message: of the topic `tube_pressures`: all tubes in `name`, pressures in `effort`.
-    :param robot: whose tubes they are.
-    :raises MessageError: a tube is missing, unknown or named twice, there are not as many
-        pressures as names, or one is not a positive number.
+    :param message: see `read_roller_part`.
+    :param names: names of the rollers, in the order of the result.
+    :raises MessageError: a roller is missing, or see `read_roller_part`.
     """
-    known, names = tuple(robot.description.pressures), message.name
-    if sorted(names) != sorted(known):
+    part = read_roller_part(message, names)
+    missing = [name for number, name in enumerate(names) if number not in part]
+    if missing:
         raise MessageError(
-            f'tube pressures of {quote(", ".join(names))}: must be of {", ".join(known)}, each '
-            'once'
+            f'joint states: rollers {", ".join(missing)} are missing; must name {", ".join(names)}'
         )
-    if len(message.effort) != len(names):
+    values = np.array([part[number] for number in range(len(names))])
+    return RollerState(values[:, 0], values[:, 1])
+
+
+def read_tube_pressure(message: FluidPressure, robot: Robot, ambient: float) -> tuple[str, float]:
+    """
+    Return the name of a tube, and its gauge pressure [Pa].
+
+    :param message: of the topic `tube_pressures`: the tube in `header.frame_id`.
+    :param robot: whose tube it is.
+    :param ambient: pressure around, which is subtracted; 0 where gauge pressure is measured [Pa].
+    :raises MessageError: an unknown tube, or no positive pressure.
+    """
+    known, tube = tuple(robot.description.pressures), message.header.frame_id
+    if tube not in known:
         raise MessageError(
-            f'tube pressures: {len(message.effort)} values in effort for {len(names)} names; must '
-            'be as many'
+            f'tube pressures: frame_id {quote(tube)}: must be one of {", ".join(known)}'
         )
+    pressure = message.fluid_pressure - ambient
     try:
-        values = dict(zip(names, message.effort, strict=True))
-        return tube_pressures(robot.description, values)
+        tube_pressures(robot.description, dict.fromkeys(known, pressure))
     except StructureError as error:
-        raise MessageError(f'tube pressures: {error}') from error
+        raise MessageError(f'tube pressures: {tube}: {error}') from error
+    return tube, pressure

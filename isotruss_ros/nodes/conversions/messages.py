@@ -95,13 +95,32 @@ def request_parameters(values: Mapping[str, Any]) -> SetParameters.Request:
 
 def name_object_frame(frame: str) -> str:
     """
-    Return the frame with its origin at the object's centre, parallel to the robot's frame.
-
-    Wrenches on the object are about that origin. It does not turn with the object.
+    Return the frame of the object: its origin, and its axes, which turn with it.
 
     :param frame: the robot's frame; the name is empty where this is.
     """
     return f'{frame}_object' if frame else ''
+
+
+def name_aligned_frame(frame: str) -> str:
+    """
+    Return the frame with its origin at the object's, parallel to the robot's frame.
+
+    Wrenches on the object are about that origin.
+
+    :param frame: the robot's frame; the name is empty where this is.
+    """
+    return f'{frame}_object_aligned' if frame else ''
+
+
+def name_contact_frame(frame: str, member: str) -> str:
+    """
+    Return the frame of a contact: x along the normal into the object, y along the member's side.
+
+    :param frame: the robot's frame.
+    :param member: that touches the object.
+    """
+    return f'{frame}_{member.replace("/", "_")}_contact'
 
 
 def check_place(what: str, x: float, y: float) -> None:

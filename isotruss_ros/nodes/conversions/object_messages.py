@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from dataclasses import fields
+from typing import Any
 
 from geometry_msgs.msg import Point
 from geometry_msgs.msg import Pose as PoseMessage
@@ -73,7 +74,8 @@ def to_object_message(body: ConvexObject) -> ObjectMessage:
     :param body: the object, anywhere.
     :raises GraspError: messages have no such shape.
     """
-    shape, numbers = body.shape, {SHAPES[name]: number for number, name in NAMES.items()}
+    shape: Any = body.shape
+    numbers = {SHAPES[name]: number for number, name in NAMES.items()}
     if type(shape) not in numbers:
         known = ', '.join(kind.__name__ for kind in numbers)
         raise GraspError(f'shape {shape!r}: must be one of {known} in a message')

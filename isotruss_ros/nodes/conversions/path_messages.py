@@ -115,12 +115,16 @@ def to_path_result(
     return result
 
 
-def read_roller_trajectory(message: JointTrajectory, robot: Robot) -> RollerTrajectory:
+def read_roller_trajectory(
+    message: JointTrajectory, robot: Robot, here: Array
+) -> RollerTrajectory:
     """
     Return the trajectory of the rollers from positions and times of the points.
 
-    :param message: trajectory of all rollers, in any order.
+    :param message: trajectory of all rollers, in any order; a first point that is later than zero
+        is reached from where they are.
     :param robot: whose rollers they are.
+    :param here: (r,) where they are [m].
     :raises MessageError: a roller is missing, unknown or named twice, a point has another number
         of positions, or a number is not finite or out of range.
     :raises ConfigurationError: see `RollerTrajectory`.
@@ -131,8 +135,8 @@ def read_roller_trajectory(message: JointTrajectory, robot: Robot) -> RollerTraj
         raise MessageError(
             f'trajectory: joint_names: {given}; must be each of {", ".join(robot.roller_names)}'
         )
-    if len(points) > MAX_POINTS:
-        raise MessageError(f'trajectory: {len(points)} points; must be at most {MAX_POINTS}')
+    if not 0 < len(points) <= MAX_POINTS:
+        raise MessageError(f'trajectory: {len(points)} points; must be 1 to {MAX_POINTS}')
     for number, point in enumerate(points):
         positions = np.asarray(point.positions, dtype=np.float64)
         if positions.shape != (len(names),) or not (np.abs(positions) <= MAX_DISTANCE).all():
@@ -143,6 +147,8 @@ def read_roller_trajectory(message: JointTrajectory, robot: Robot) -> RollerTraj
     order = [names.index(name) for name in robot.roller_names]
     positions = np.array([point.positions for point in points])[:, order]
     times = [read_duration(point.time_from_start) for point in points]
+    if times[0] > 0.0:
+        positions, times = np.vstack([here, positions]), [0.0, *times]
     return RollerTrajectory(robot, positions, times)
 
 

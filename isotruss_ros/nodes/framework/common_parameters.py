@@ -46,6 +46,12 @@ PRESSURE_TIMEOUT = Spec(
     'Tube pressures older than this are not relied on [s]',
     (0.001, 3600.0),
 )
+AMBIENT_PRESSURE = Spec(
+    'ambient_pressure',
+    0.0,
+    'Subtracted from tube_pressures; 0 for sensors that measure against the air around [Pa]',
+    (0.0, 1.2e5),
+)
 USE_STAMPED_TWIST = FixedSpec(
     'use_stamped_twist', False, 'cmd_vel is a TwistStamped instead of a Twist'
 )
@@ -83,7 +89,7 @@ def check_grip(robot: Robot, values: Mapping[str, Value]) -> None:
     :raises IsotrussError: names what there is, or not two or three different members.
     """
     if values.get('grip_module'):
-        members_at(robot, values['grip_module'])
+        members_at(robot, values['grip_module'])  # type: ignore[arg-type]
     if names := named_members(values.get('grip', [])):
         find_members(robot, Grip(names, ConvexObject(Disc(1.0))).members)
 
@@ -94,7 +100,7 @@ def named_members(value: Value) -> tuple[str, ...]:
 
     :param value: of the parameter.
     """
-    return tuple(name for name in value if name)
+    return tuple(name for name in value if name)  # type: ignore[union-attr]
 
 
 def select_grip_module(robot: Robot, module: str) -> str:

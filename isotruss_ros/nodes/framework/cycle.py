@@ -20,6 +20,10 @@ from rclpy.timer import Timer
 WATCH_PERIOD = 0.02
 #: So long before a cycle its inputs are read [s].
 LEAD = 1e-3
+#: Of the rate that is asked for, a loop that reaches less is too slow [-].
+SLOW = 0.8
+#: The rate that is reached is counted over this time [s].
+RATE_PERIOD = 1.0
 #: All other callbacks wait no longer than this, however slow the cycle is [s].
 LONGEST_WAIT = 0.02
 
@@ -30,6 +34,7 @@ class Cycle:
 
     :ivar is_steady: whether the cycles follow each other by the steady clock.
     :ivar duration: computing time of the last cycle [s].
+    :ivar slowness: the rate that is reached in words, where it is too low; empty otherwise.
     :param node: has the clock that times are read from, simulated or not, and, in `values`, the
         parameters `rate` [Hz] and `command_timeout`: a clock without a change for so long has
         stopped [s].
@@ -45,7 +50,7 @@ class Cycle:
         jumped_back: Callable[[], None],
         stopped: Callable[[float], None] | None = None,
     ) -> None:
-        self._values = node.values
+        self._node, self._values = node, node.values
         self._clock, self._step, self._jumped_back = node.get_clock(), step, jumped_back
         self._stopped = stopped
         self._last = self._read = 0
@@ -53,6 +58,9 @@ class Cycle:
         self.duration = 0.0
         #: Of the cycles since the last summary; bounded, should nobody ask for one.
         self._times: deque[float] = deque(maxlen=10_000)
+        #: The cycles since a time on the clock that they go by [s], for the rate.
+        self._count, self._since = 0, None
+        self.slowness = ''
         self.is_steady = not node.get_parameter('use_sim_time').value
         self._clocks = [each for each in node.subscriptions if each.topic_name == '/clock']
         # Timers of the system's clock would stop for an hour when that is set back by an hour.
@@ -64,6 +72,7 @@ class Cycle:
     def apply(self) -> None:
         """Continue with the present values of the parameters."""
         self._timer.timer_period_ns = int(1e9 / self._values.rate)
+        self._since = None
 
     def time_left(self) -> float:
         """Return the time until the next cycle is due; negative where it is late [s]."""
@@ -96,9 +105,26 @@ class Cycle:
         if now.nanoseconds < self._last:
             self._jumped_back()
         self._last = now.nanoseconds
+        if self._node.inputs is not None:
+            self._node.inputs.settle()
         self._step(1e-9 * now.nanoseconds)
         self.duration = time.perf_counter() - began
         self._times.append(self.duration)
+        self._count_rate(time.monotonic() if self.is_steady else 1e-9 * now.nanoseconds)
+
+    def _count_rate(self, now: float) -> None:
+        """Take note of a cycle; once a second, of the rate that was reached."""
+        if self._since is None or now < self._since:
+            self._count, self._since = 0, now
+            return
+        self._count += 1
+        elapsed, wanted = now - self._since, self._values.rate
+        if elapsed < RATE_PERIOD:
+            return
+        reached = self._count / elapsed
+        slow = reached < SLOW * wanted
+        self.slowness = f'runs at {reached:.3g} Hz, not at {wanted:g} Hz' if slow else ''
+        self._count, self._since = 0, now
 
     def _check(self) -> None:
         now, elapsed = self._clock.now(), time.monotonic()

@@ -6,11 +6,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 import time
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.topics import EVENTS
-from rclpy.node import Node
 
 #: From one report to the next when nothing changes [s].
 PERIOD = 1.0
@@ -27,11 +27,11 @@ class Diagnostics:
 
     :ivar hardware_id: name of the robot, once it is loaded; reported behind the node's namespace,
         since robots side by side may have the same.
-    :param node: publishes, from now until it is destroyed.
+    :param node: a `StoppableNode`, which publishes from now until it is destroyed.
     :param details: returns values by name; called for each report.
     """
 
-    def __init__(self, node: Node, details: Callable[[], Mapping[str, object]]) -> None:
+    def __init__(self, node: Any, details: Callable[[], Mapping[str, object]]) -> None:
         self.hardware_id = ''
         self._node, self._details = node, details
         self._level, self._message = DiagnosticStatus.OK, ''
@@ -53,11 +53,16 @@ class Diagnostics:
             self.report()
 
     def report(self) -> None:
-        """Publish the present status."""
+        """Publish the present status, and that the cycle is too slow, which is logged as well."""
+        cycle, level, message = self._node.cycle, self._level, self._message
+        if cycle is not None and cycle.slowness:
+            level, message = max(level, DiagnosticStatus.WARN), f'{message}; {cycle.slowness}'
+            self._node.warn('rate', cycle.slowness)
+        self._node.log_ended()
         status = DiagnosticStatus(
-            level=self._level,
+            level=level,
             name=self._node.get_fully_qualified_name().lstrip('/'),
-            message=self._message,
+            message=message,
             hardware_id=f'{self._node.get_namespace()}/{self.hardware_id}'.strip('/'),
             values=[KeyValue(key=key, value=str(v)) for key, v in self._details().items()],
         )

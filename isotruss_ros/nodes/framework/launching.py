@@ -11,7 +11,7 @@ from types import MappingProxyType
 
 from isotruss_ros.nodes.framework.parameters import ParameterError, Spec, Value
 from isotruss_ros.nodes.framework.runner import find_node
-from launch import LaunchContext, LaunchDescription
+from launch import LaunchContext, LaunchDescription  # type: ignore[attr-defined]
 from launch.actions import DeclareLaunchArgument, LogInfo, OpaqueFunction, Shutdown
 from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration

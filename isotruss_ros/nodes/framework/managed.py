@@ -58,7 +58,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
     robot: Robot
     inputs: Any = None
     configured = active = False
-    _failure: IsotrussError | None = None
+    _failure: Exception | None = None
 
     # -- The steps, for subclasses to override --
 

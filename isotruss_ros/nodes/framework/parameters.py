@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 from isotruss_ros.core import IsotrussError
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
@@ -82,7 +83,7 @@ class Parameters:
             node.get_logger().warning(f'parameter {name}: unknown, and not used')
         node.add_pre_set_parameters_callback(self._read_whole_numbers)
 
-    def __getattr__(self, name: str) -> Value:
+    def __getattr__(self, name: str) -> Any:
         return self._node.get_parameter(name).value
 
     def _declare(self, spec: Spec, given: Parameter | None) -> None:

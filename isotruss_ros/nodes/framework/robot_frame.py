@@ -27,10 +27,14 @@ try:
     NO_TRANSFORM = (TransformException, ValueError)
 except ImportError:
     # There are no wheels of it for a machine without ROS.
-    Buffer, NO_TRANSFORM = None, (ValueError,)
+    Buffer, NO_TRANSFORM = None, (ValueError,)  # type: ignore[assignment]
 
 #: What is tilted by more is not in the plane of the robot [rad]: lengths would be 0.4 % off.
 MAX_TILT = math.radians(5.0)
+
+
+class NoTransformError(MessageError):
+    """tf2 does not connect a frame to the robot's at a stamp, by now: that may come later."""
 
 
 class RobotFrame:
@@ -113,7 +117,7 @@ class RobotFrame:
             found = self._buffer.lookup_transform(frame, header.frame_id, stamp).transform
             rotation, shift = _rotation_matrix(found.rotation), found.translation
         except NO_TRANSFORM as error:  # ValueError: a stamp before zero, no rotation
-            raise MessageError(
+            raise NoTransformError(
                 f'{words}: tf2 does not connect it to {frame!r} at its stamp: {error}'
             ) from error
         return rotation, np.array([shift.x, shift.y, shift.z])

@@ -10,7 +10,6 @@ import gc
 import importlib
 import signal
 import sys
-import time
 from types import FrameType
 from typing import ClassVar
 
@@ -19,6 +18,7 @@ from isotruss_ros.nodes.framework import MODULES
 from isotruss_ros.nodes.framework.command_line import explain_refusal, refuse_arguments
 from isotruss_ros.nodes.framework.cycle import Cycle, PacedExecutor
 from isotruss_ros.nodes.framework.parameters import Parameters, Spec
+from isotruss_ros.nodes.framework.reasons import ReasonLog
 import rclpy
 from rclpy.logging import LoggingSeverity, set_logger_level
 from rclpy.node import Node
@@ -29,8 +29,6 @@ from std_srvs.srv import Trigger
 
 #: Ctrl-C, `kill`, and a terminal that is closed.
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-#: Warnings of one kind are logged at most this often [s].
-WARNING_PERIOD = 1.0
 #: A wait ends so often, as no signal ends one [s].
 WAKE_PERIOD = 1.0
 
@@ -61,8 +59,7 @@ class StoppableNode(Node):
             parameter_overrides=list(parameter_overrides),
             automatically_declare_parameters_from_overrides=True,
         )
-        #: When a warning of each kind was logged last [s].
-        self._warned: dict[str, float] = {}
+        self._reasons = ReasonLog(lambda text: self.get_logger().warning(text))
         try:
             self.values = Parameters(self, (*self.base_specs, *self.specs))
             self.start()
@@ -86,15 +83,16 @@ class StoppableNode(Node):
 
     def warn(self, kind: str, message: str) -> None:
         """
-        Log a warning, unless one of this kind was logged within the last `WARNING_PERIOD`.
+        Log a warning, once while its reason holds; see `ReasonLog`.
 
         :param kind: a flood of one kind does not hide another.
         :param message: what is logged.
         """
-        now = time.monotonic()
-        if now - self._warned.get(kind, -WARNING_PERIOD) >= WARNING_PERIOD:
-            self._warned[kind] = now
-            self.get_logger().warning(message)
+        self._reasons.note(kind, message)
+
+    def log_ended(self) -> None:
+        """Log how often the reasons were given that hold no longer."""
+        self._reasons.end()
 
     def offer(self, name: str, carry_out: Callable[[], str]) -> None:
         """

@@ -7,7 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 import contextlib
+import functools
 from functools import partial
+import math
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped
@@ -15,26 +17,29 @@ from isotruss_msgs.msg import StateEstimate
 from isotruss_ros.core import Configuration, Robot
 from isotruss_ros.core.control.inputs import (
     Input,
+    keep_latest,
     RejectedInput,
     require_fresh,
     RollerState,
     StampedInput,
 )
-from isotruss_ros.core.control.state_estimate import EstimatedTravel
+from isotruss_ros.core.control.roller_parts import RollerParts
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.kinematics.configuration import ConfigurationTracker
 from isotruss_ros.nodes.conversions.estimate_messages import read_estimate
 from isotruss_ros.nodes.conversions.joint_state_messages import (
-    read_roller_state,
-    read_tube_pressures,
+    read_roller_part,
+    read_tube_pressure,
 )
-from isotruss_ros.nodes.conversions.messages import MessageError, read_stamp
+from isotruss_ros.nodes.framework.gate import Gate
 from isotruss_ros.nodes.framework.robot_frame import RobotFrame
 from isotruss_ros.nodes.framework.runner import StoppableNode
-from isotruss_ros.nodes.framework.topics import subscribe_newest
 import numpy as np
 from rclpy.subscription import Subscription
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import FluidPressure, JointState, MultiDOFJointState
+
+#: Called with an input.
+Take = Callable[[StampedInput], None]
 
 
 class Inputs:
@@ -42,44 +47,107 @@ class Inputs:
     Subscriptions of a node; what decides by the inputs gets each as an attribute.
 
     That is a StampedInput, by the clock of the node where messages have no header, or a
-    RejectedInput with the reason.
+    RejectedInput with the reason; each message passes a `Gate`.
 
     :param node: subscribes.
     :param robot: whose rollers, tubes and frame messages must have.
-    :param holder: gets the inputs; its `timeout` is the largest age of an input [s].
+    :param holder: gets the inputs; its `timeout` is the largest age of an input [s], and its
+        `pressure_timeout` that of pressures.
+    :param setting: name of the timeout; empty where no parameter sets it.
     """
 
-    def __init__(self, node: StoppableNode, robot: Robot, holder: Any) -> None:
+    def __init__(
+        self, node: StoppableNode, robot: Robot, holder: Any, setting: str = 'command_timeout'
+    ) -> None:
         self._node, self._robot, self._holder = node, robot, holder
+        self._setting = setting
+        self._gates: dict[str, Gate] = {}
         #: What each attribute is, in words.
         self._words: dict[str, str] = {}
+        self._parts = RollerParts(robot.roller_names)
+        self._offsets = np.zeros(len(robot.roller_names))
+        self._pressures: dict[str, Input] = {}
+        #: The last pressure that was rejected, and when [s].
+        self._bad_pressure: tuple[RejectedInput | None, float] = None, -math.inf
 
     def keep(
-        self, kind: type, topic: str, read: Callable[[Any], Any], name: str, words: str = ''
+        self,
+        kind: type,
+        topic: str,
+        read: Callable[[Any], Any],
+        name: str,
+        words: str = '',
+        stops: bool = False,
+        take: Take | None = None,
+        oldest: float | None = None,
     ) -> Subscription:
         """
         Subscribe to an input.
 
         :param kind: type of the messages.
         :param topic: relative name of the topic.
-        :param read: returns the value of a message; raises MessageError for one that is unusable.
+        :param read: returns the value of a message, None for no input; raises MessageError for one
+            that is unusable.
         :param name: attribute of the holder.
         :param words: what it is, for the diagnostics; the topic if left out.
+        :param stops: whether an invalid message erases the input, and so stops the robot at once;
+            the one before counts on if not.
+        :param take: called with each StampedInput, not only the newest, whatever their order is;
+            None for nothing.
+        :param oldest: largest age [s]; that of the holder if None.
         """
+        words = words or topic.replace('_', ' ').replace('/', ' ')
         holder = self._holder
-        self._words[name] = words or topic.replace('_', ' ').replace('/', ' ')
 
-        def receive(message: Any) -> None:
-            stamped = hasattr(message, 'header')
-            try:
-                when = read_stamp(message.header) if stamped else self._node.now()
-                received = StampedInput(read(message), when)
-            except MessageError as error:
-                setattr(holder, name, RejectedInput(str(error)))
-                return
-            setattr(holder, name, _select_latest(getattr(holder, name), received, holder.timeout))
+        def receive(received: StampedInput | RejectedInput) -> None:
+            valid = isinstance(received, StampedInput)
+            erased = stops and not valid and received.fault == 'INVALID'
+            kept = None if erased else getattr(holder, name)
+            setattr(holder, name, keep_latest(kept, received, self._node.now()))
+            if valid and take is not None:
+                take(received)
 
-        return subscribe_newest(self._node, kind, topic, receive)
+        def timeout() -> tuple[str, float]:
+            if name == 'pressures':
+                return 'pressure_timeout', holder.pressure_timeout
+            return ('', oldest) if oldest else (self._setting, holder.timeout)
+
+        self._words[name] = words
+        label, every = words.replace(' ', '_'), take is not None
+        if name == 'rollers':
+            receive, every = partial(self._merge, receive), True
+        elif name == 'pressures':
+            receive, every = partial(self._merge_pressures, receive), True
+        gate = Gate(self._node, kind, topic, label, read, receive, timeout, every)
+        self._gates[name] = gate
+        return gate.subscription
+
+    def _merge(
+        self,
+        receive: Callable[[StampedInput | RejectedInput], None],
+        received: StampedInput | RejectedInput,
+    ) -> None:
+        """Pass on the state of all rollers in place of a part, with the estimated offsets."""
+        if isinstance(received, StampedInput):
+            self._parts.take(received.value, received.time, self._node.now())
+            received = self._parts.merged()
+        estimate = getattr(self._holder, 'estimate', None)
+        if isinstance(estimate, StampedInput):
+            self._offsets = estimate.value.offsets
+        if isinstance(received, StampedInput):
+            positions, velocities, _ = received.value
+            state = RollerState(positions + self._offsets, velocities, self._offsets)
+            received = received._replace(value=state)
+        receive(received)
+
+    def keep_encoders(self, take: Take | None = None) -> None:
+        """
+        Keep the RollerState as the encoders read it, from `joint_states`, as `rollers`.
+
+        :param take: see `keep`.
+        """
+        read = partial(read_roller_part, names=self._robot.roller_names)
+        self.keep(JointState, 'joint_states', read, 'rollers', stops=True, take=take)
 
     def keep_joint_states(self) -> None:
         """
@@ -88,34 +156,82 @@ class Inputs:
         Where a node publishes `state_estimate`, its EstimatedTravel is `estimate`, and what it
         adds to the encoders is in the positions of the rollers: the last one stays, as zeros do.
         """
-        offsets = np.zeros(len(self._robot.roller_names))
+        self.keep_encoders()
+        read = partial(read_estimate, robot=self._robot)
+        self.keep(StateEstimate, 'state_estimate', read, 'estimate')
 
-        def read(message: JointState) -> RollerState:
-            state = read_roller_state(message, self._robot.roller_names)
-            return RollerState(state.positions + offsets, state.velocities, offsets)
+    def keep_object_pose(self, **options: Any) -> None:
+        """
+        Keep the `Pose` of the object, from `object_pose`, as `pose`; see `RobotFrame`.
 
-        def read_offsets(message: StateEstimate) -> EstimatedTravel:
-            nonlocal offsets
-            found = read_estimate(message, self._robot)
-            offsets = found.offsets
-            return found
+        :param options: of `keep`.
+        """
+        frame = self.frame
+        self.keep(PoseStamped, 'object_pose', frame.read_pose, 'pose', **options)
 
-        self.keep(JointState, 'joint_states', read, 'rollers')
-        self.keep(StateEstimate, 'state_estimate', read_offsets, 'estimate')
+    def keep_joint_markers(self, **options: Any) -> None:
+        """
+        Keep the measured joints {name: (x, y)} [m], from `joint_markers`, as `markers`.
 
-    def keep_object_pose(self) -> None:
-        """Keep the `Pose` of the object, from `object_pose`, as `pose`; see `RobotFrame`."""
-        frame = RobotFrame.heard_by(self._node, self._robot)
-        self.keep(PoseStamped, 'object_pose', frame.read_pose, 'pose')
+        :param options: of `keep`.
+        """
+        read = self.frame.read_markers
+        self.keep(MultiDOFJointState, 'joint_markers', read, 'markers', **options)
 
-    def keep_tube_pressures(self) -> None:
-        """Keep the gauge pressures (t,) [Pa], from `tube_pressures`, as `pressures`."""
-        read = partial(read_tube_pressures, robot=self._robot)
-        self.keep(JointState, 'tube_pressures', read, 'pressures')
+    @functools.cached_property
+    def frame(self) -> RobotFrame:
+        """Return the robot's frame with the transforms that the node hears."""
+        return RobotFrame.heard_by(self._node, self._robot)
+
+    def keep_tube_pressures(self, ambient: Callable[[], float]) -> None:
+        """
+        Keep the gauge pressures (t,) [Pa], from `tube_pressures`, as `pressures`.
+
+        Each message has one tube; they count once all are known, as old as the oldest.
+
+        :param ambient: returns the pressure around the tubes, 0 where gauges measure against it
+            [Pa].
+        """
+
+        def read(message: FluidPressure) -> tuple[str, float]:
+            return read_tube_pressure(message, self._robot, ambient())
+
+        self.keep(FluidPressure, 'tube_pressures', read, 'pressures')
+
+    def _merge_pressures(
+        self,
+        receive: Callable[[StampedInput | RejectedInput], None],
+        received: StampedInput | RejectedInput,
+    ) -> None:
+        """Pass on the pressures of all tubes in place of one."""
+        now = self._node.now()
+        if isinstance(received, RejectedInput):
+            self._bad_pressure = received, now
+        else:
+            tube, pressure = received.value
+            kept = self._pressures.get(tube)
+            self._pressures[tube] = keep_latest(kept, received._replace(value=pressure), now)
+            known = [self._pressures.get(name) for name in self._robot.description.pressures]
+            if not all(known):
+                return
+            time = min(each.time for each in known)
+            # Whose tube that was is not known: of the one that is behind, perhaps.
+            bad, when = self._bad_pressure
+            reason = bad if time < when else None
+            received = StampedInput(tuple(each.value for each in known), time, reason)
+        receive(received)
+
+    def settle(self) -> None:
+        """Take in the messages whose transforms have come."""
+        for gate in self._gates.values():
+            gate.settle()
 
     def clear(self) -> None:
         """Discard the inputs: after a jump of the clock their ages are unknown."""
-        for name in self._words:
+        self._parts.clear()
+        self._pressures.clear()
+        for name, gate in self._gates.items():
+            gate.clear()
             known = getattr(self._holder, name) is not None
             setattr(self._holder, name, None)
             if name == 'pressures' and known:  # those of the robot file do not count in its place
@@ -132,7 +248,7 @@ class Inputs:
             else:
                 age = 'none received' if given is None else given.reason
             ages[f'age of {words} [s]'] = age
-        return ages
+        return ages  # type: ignore[return-value]
 
 
 class TrackedShape:
@@ -173,15 +289,3 @@ class TrackedShape:
         """
         (given,) = require_fresh(now, self.timeout, joint_states=self.rollers)
         return self._shapes.configuration(given.value.positions)
-
-
-def _select_latest(kept: Input, received: StampedInput, timeout: float) -> Input:
-    """
-    Return the later of two inputs: messages may overtake each other in transport.
-
-    What is older by more than the timeout [s] was not overtaken: a clock was set back, and what is
-    kept is no longer valid.
-    """
-    if isinstance(kept, StampedInput) and 0.0 < kept.time - received.time < timeout:
-        return kept
-    return received

@@ -10,20 +10,16 @@ import math
 import time
 from typing import Any
 
-from action_msgs.msg import GoalInfo
 from diagnostic_msgs.msg import DiagnosticStatus
+from isotruss_ros.core import IsotrussError
 from isotruss_ros.nodes.framework.managed import ManagedNode
-from isotruss_ros.nodes.framework.topics import subscribe_newest
+from isotruss_ros.nodes.framework.supervision import ClientWatch, FEEDBACK_PERIOD
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.task import Future
 
 #: Results and their goals are kept this long for clients that request them late [s].
 RESULT_TIMEOUT = 60
-#: Feedback is published at most this often [s].
-FEEDBACK_PERIOD = 0.1
-#: Clients publish here which goal ends with them, from before they send it.
-SUPERVISION = 'supervised_goal'
 
 
 class Ending(enum.Enum):
@@ -40,6 +36,10 @@ ENDINGS = {'CANCELLED': Ending.CANCELED, 'PREEMPTED': Ending.ABORTED} | dict.fro
 )
 
 
+class BusyError(IsotrussError):
+    """A node carries out another goal."""
+
+
 class SingleGoal:
     """
     The active goal, if any; a timer of the node works on it.
@@ -53,36 +53,41 @@ class SingleGoal:
     :param node: offers the action, until it is destroyed.
     :param kind: type of the action.
     :param name: relative name of the action.
-    :param begin: called with a new goal; may end it at once.
+    :param read: returns what a goal asks for, before it is accepted; raises IsotrussError for one
+        that is unusable, or for which the node is not ready. The active goal goes on then.
+    :param refuse: returns the result that tells the client of such an error; None rejects the
+        goal, of which the log alone gives the reason.
+    :param begin: called with what was read; may end the goal at once.
     :param cancelled: called when a client cancels the goal; must end it, at once or soon.
-    :param ready: returns whether goals are accepted while the node is active; ever if left out.
     :param preempted: called before `begin` if another goal is active; must end it. Not needed
-        where goals are accepted one after the other.
+        where `read` refuses goals while one is.
     :param supervised: whether a goal ends with the client that supervises it, if one does.
     """
 
     def __init__(
         self,
         node: ManagedNode,
-        kind: type,
+        kind: Any,
         name: str,
+        read: Callable[[Any], Any],
+        refuse: Callable[[IsotrussError], Any],
         begin: Callable[[Any], None],
         cancelled: Callable[[], None],
-        ready: Callable[[], bool] = lambda: True,
         preempted: Callable[[], None] | None = None,
         supervised: bool = False,
     ) -> None:
         self.kind = kind
-        self._node, self._ready, self._begin = node, ready, begin
+        self._node, self._name, self._begin = node, name, begin
+        self._read, self._refuse = read, refuse
         self._preempted, self._cancelled = preempted, cancelled
+        #: What was read of a goal that is accepted next, or the result that refuses it.
+        self._asked: Any = None
+        self._refusal: Any = None
         self._handle: ServerGoalHandle | None = None
         self._ended: dict[bytes, Future] = {}
         self._feedback_time = -math.inf
-        #: The goal that its client supervised last, and when [s].
-        self._supervised = (b'', 0.0)
-        if supervised:
-            # Before the action: who has discovered that has discovered the subscription, too.
-            subscribe_newest(node, GoalInfo, SUPERVISION, self._note_client)
+        # Before the action: who has discovered that has discovered the subscription, too.
+        self._client = ClientWatch(node) if supervised else None
         ActionServer(
             node,
             kind,
@@ -121,16 +126,7 @@ class SingleGoal:
         :param timeout: longest time between its messages, by the steady clock [s].
         :return: None if it has not.
         """
-        goal, heard = self._supervised
-        alive = (
-            not self.active or goal != _key(self._handle) or time.monotonic() - heard <= timeout
-        )
-        if alive:
-            return None
-        return (
-            f'the client that supervises the goal has not published on {SUPERVISION} for '
-            f'{timeout} s: it has ended, or the machine is busy and command_timeout must be longer'
-        )
+        return self._client.find_loss(timeout)
 
     def end(self, ending: Ending, result: Any) -> None:
         """
@@ -139,10 +135,8 @@ class SingleGoal:
         :param ending: state of the action.
         :param result: message of the action.
         """
-        if hasattr(result, 'stamp'):
-            result.stamp = self._node.get_clock().now().to_msg()
-        self._ended[_key(self._handle)].set_result((ending, result))
-        self._handle = None
+        self._ended[_key(self._handle)].set_result((ending, self._stamp(result)))
+        self._set_active(None)
 
     def report_end(self, outcome: enum.Enum, result: Any, idle: str, prefix: str = '') -> None:
         """
@@ -163,17 +157,40 @@ class SingleGoal:
         else:
             logger.warning(text)
 
-    def _decide(self, _goal: Any) -> GoalResponse:
-        accepted = self._node.active and self._ready()
-        return GoalResponse.ACCEPT if accepted else GoalResponse.REJECT
+    def _set_active(self, handle: ServerGoalHandle | None) -> None:
+        self._handle, self._feedback_time = handle, -math.inf
+        if self._client is not None:
+            self._client.goal = None if handle is None else _key(handle)
+
+    def _stamp(self, result: Any) -> Any:
+        """Return a result with the time at which the goal ends, where it has a stamp."""
+        if hasattr(result, 'stamp'):
+            result.stamp = self._node.get_clock().now().to_msg()
+        return result
+
+    def _decide(self, goal: Any) -> GoalResponse:
+        if not self._node.active:
+            return GoalResponse.REJECT
+        self._refusal = None
+        try:
+            self._asked = self._read(goal)
+        except IsotrussError as error:
+            self._node.warn(self._name, f'{self._name}: goal refused: {error}')
+            self._refusal = self._refuse(error)
+            return GoalResponse.REJECT if self._refusal is None else GoalResponse.ACCEPT
+        return GoalResponse.ACCEPT
 
     def _accept(self, handle: ServerGoalHandle) -> None:
+        ended = self._ended[_key(handle)] = Future()
+        if self._refusal is not None:
+            ended.set_result((Ending.ABORTED, self._stamp(self._refusal)))
+            handle.execute()
+            return
         if self.active:
             self._preempted()
-        self._handle, self._feedback_time = handle, -math.inf
-        self._ended[_key(handle)] = Future()
+        self._set_active(handle)
         handle.execute()
-        self._begin(handle.request)
+        self._begin(self._asked)
 
     def _cancel(self, handle: ServerGoalHandle) -> CancelResponse:
         if self._handle is None or handle != self._handle:
@@ -186,11 +203,6 @@ class SingleGoal:
         del self._ended[_key(handle)]
         getattr(handle, ending.value)()
         return result
-
-    def _note_client(self, message: GoalInfo) -> None:
-        goal = bytes(message.goal_id.uuid)
-        if not self.active or goal == _key(self._handle):
-            self._supervised = (goal, time.monotonic())
 
 
 def _key(handle: ServerGoalHandle) -> bytes:

@@ -1,19 +1,27 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Where the object and the modules are, as transforms on `/tf`."""
+"""Where object, contacts and modules are, as transforms on `/tf`."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+import math
 from typing import TYPE_CHECKING
 
 from geometry_msgs.msg import TransformStamped
-from isotruss_ros.nodes.conversions.messages import make_header, name_object_frame
+from isotruss_ros.nodes.conversions.messages import (
+    make_header,
+    name_aligned_frame,
+    name_contact_frame,
+    name_object_frame,
+)
 from isotruss_ros.nodes.framework.topics import EVENTS
 import numpy as np
 
 if TYPE_CHECKING:
-    from isotruss_ros.core import Configuration, Robot
+    from isotruss_ros.core import Configuration, Pose, Robot
+    from isotruss_ros.nodes.conversions.contact_messages import ContactFrame
     from isotruss_ros.nodes.framework.managed import ManagedNode
 
 try:
@@ -24,11 +32,12 @@ except ModuleNotFoundError:  # every ROS installation has it, but there are no w
 
 class TransformBroadcaster:
     """
-    Broadcasts the frames of the object and of the modules, relative to the robot's frame.
+    Broadcasts the frames of object, contacts and modules, relative to the robot's frame.
 
-    That of the object, which wrenches are about, has its origin at the object's centre and axes
-    parallel to those of the robot's frame. That of a module has its origin at the joint, and its
-    x axis along the connection rod. Without `tf2_msgs` nothing is broadcast, which the log states.
+    That of the object turns with it; the aligned one, which wrenches are about, has the same
+    origin and axes parallel to those of the robot's frame. That of a contact has its x axis along
+    the normal into the object, that of a module its origin at the joint and its x axis along the
+    connection rod. Without `tf2_msgs` nothing is broadcast, which the log states.
 
     :param node: publishes.
     :param robot: the robot.
@@ -37,44 +46,56 @@ class TransformBroadcaster:
     def __init__(self, node: ManagedNode, robot: Robot) -> None:
         self._robot = robot
         self._transforms = None
-        modules = (f'{robot.frame}_{name.replace("/", "_")}' for name in robot.module_names)
-        names = (name_object_frame(robot.frame), *modules)
+        own = (name_object_frame(robot.frame), name_aligned_frame(robot.frame))
+        self._names = (*own, *name_module_frames(robot))
         if TFMessage is None:
             node.get_logger().info(
-                f'tf2_msgs is not installed: {names[0]} and the modules are not on /tf'
+                f'tf2_msgs is not installed: {own[0]} and the modules are not on /tf'
             )
             return
         self._transforms = node.create_lifecycle_publisher(TFMessage, '/tf', EVENTS)
-        self._message = TFMessage(
-            transforms=[TransformStamped(child_frame_id=name) for name in names]
-        )
 
-    def broadcast(self, config: Configuration, center: tuple[float, float], time: float) -> None:
+    def broadcast(
+        self,
+        config: Configuration,
+        pose: Pose,
+        contacts: Mapping[str, ContactFrame],
+        time: float,
+    ) -> None:
         """
         Publish the transforms from the robot's frame.
 
         :param config: measured configuration of the robot.
-        :param center: of the object, robot frame [m].
+        :param pose: of the object, robot frame.
+        :param contacts: frames of the contacts by member.
         :param time: when both were measured.
         """
         if self._transforms is None:
             return
         topology, points = self._robot.topology, config.points
         joints = points[topology.joint]
-        half = 0.5 * np.angle(0.5 * (points[topology.b] + points[topology.c]) - joints)
-        origins = np.append(complex(*center), joints)
-        poses = np.stack(
-            [
-                origins.real,
-                origins.imag,
-                np.sin(np.append(0.0, half)),
-                np.cos(np.append(0.0, half)),
-            ],
-            axis=1,
-        )
-        header = make_header(time, self._robot.frame)
-        for stamped, (x, y, z, w) in zip(self._message.transforms, poses.tolist(), strict=True):
-            stamped.header = header
-            stamped.transform.translation.x, stamped.transform.translation.y = x, y
-            stamped.transform.rotation.z, stamped.transform.rotation.w = z, w
-        self._transforms.publish(self._message)
+        rods = 0.5 * (points[topology.b] + points[topology.c]) - joints
+        center, turn = complex(pose.x, pose.y), np.exp(1j * pose.angle)
+        touched = list(contacts.values())
+        origins = [center, center, *joints, *(contact.origin for contact in touched)]
+        directions = [turn, 1.0, *rods, *(contact.direction for contact in touched)]
+        frame = self._robot.frame
+        names = [*self._names, *(name_contact_frame(frame, member) for member in contacts)]
+        header, half = make_header(time, frame), 0.5 * np.angle(directions)
+        stamped = []
+        for name, origin, angle in zip(names, origins, half.tolist(), strict=True):
+            each = TransformStamped(header=header, child_frame_id=name)
+            move, rotation = each.transform.translation, each.transform.rotation
+            move.x, move.y = float(origin.real), float(origin.imag)
+            rotation.z, rotation.w = math.sin(angle), math.cos(angle)
+            stamped.append(each)
+        self._transforms.publish(TFMessage(transforms=stamped))
+
+
+def name_module_frames(robot: Robot) -> list[str]:
+    """
+    Return the names of the frames of the modules, in `Robot.module_names` order.
+
+    :param robot: the robot.
+    """
+    return [f'{robot.frame}_{name.replace("/", "_")}' for name in robot.module_names]

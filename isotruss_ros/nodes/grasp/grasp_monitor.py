@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 import time
+from typing import Any
 
 from isotruss_ros.core.contact.analyze_grasp import analyze_grasp
 from isotruss_ros.core.control.inputs import (
@@ -90,7 +91,7 @@ class GraspMonitor:
 
         :param now: time on the clock of the inputs [s].
         """
-        inputs = {'joint_states': self.rollers, 'object_pose': self.pose}
+        inputs: dict[str, Any] = {'joint_states': self.rollers, 'object_pose': self.pose}
         if self.wrench is not None:
             inputs['external_wrench'] = self.wrench
         try:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from isotruss_ros.core import IsotrussError, reachable_twists, Robot, TwistServo
 from isotruss_ros.core.control.inputs import StampedInput
 from isotruss_ros.core.errors import GraspError
@@ -14,7 +15,6 @@ from isotruss_ros.core.model.topology import check_roller_names
 from isotruss_ros.core.safety.roller_failure import FailureDetector
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.manipulation.sparse_messages import SparseMessages
-from std_msgs.msg import String
 
 NAME = 'failed_rollers'
 SERVICE = 'reset_failed_rollers'
@@ -35,7 +35,9 @@ class FailedRollers:
         self._detector: FailureDetector | None = None
         #: Why the rollers that the topic names are not known; None if they are.
         self._unknown: str | None = None
-        SparseMessages(node, String, NAME, self._receive, self._report_missing, every=True)
+        SparseMessages(
+            node, DiagnosticArray, NAME, self._receive, self._report_missing, every=True
+        )
         node.offer(SERVICE, self._reset)
 
     def select_named(self, robot: Robot) -> frozenset[str]:
@@ -71,14 +73,15 @@ class FailedRollers:
             detector.failed = self._detector.failed & frozenset(robot.roller_names)
         self._detector = detector
 
-    def _receive(self, messages: list[String]) -> None:
-        named = frozenset(part.strip() for part in messages[-1].data.split(',')) - {''}
+    def _receive(self, messages: list[DiagnosticArray]) -> None:
+        works = (DiagnosticStatus.OK, DiagnosticStatus.WARN)
+        named = frozenset(each.name for each in messages[-1].status if each.level not in works)
         if named != self._named or self._unknown is not None:
             self._named, self._unknown = named, None
             self._changed()
 
     def _report_missing(self, why: str) -> None:
-        self._unknown = f'{why}: publish which rollers have failed again, an empty string for none'
+        self._unknown = f'{why}: publish which rollers have failed again, no status for none'
         self._changed()
 
     def _reset(self) -> str:

@@ -75,16 +75,24 @@ class Manipulation(ManagedNode):
             period=1.0 / values.rate,
             timeout=values.command_timeout,
         )
+        self.prepare(self._servo)
         self._trajectory = TrajectoryFollowing(self, self._servo)
         self._commands = RollerCommands(self, len(self.robot.roller_names))
         inputs = self.inputs = Inputs(self, self.robot, self._servo)
         stamped = values.use_stamped_twist
         kind, read = (TwistStamped, self._read_stamped_twist) if stamped else (Twist, read_twist)
-        self._twists = inputs.keep(kind, 'cmd_vel', read, 'twist', 'twist')
+        self._twists = inputs.keep(kind, 'cmd_vel', read, 'twist', 'twist', stops=True)
         inputs.keep_joint_states()
         inputs.keep_object_pose()
-        inputs.keep_tube_pressures()
+        inputs.keep_tube_pressures(lambda: self.values.ambient_pressure)
         self.create_timer(TYPE_CHECK_PERIOD, self._check_twist_type)
+
+    def prepare(self, servo: TwistServo) -> None:
+        """
+        Add limits and barriers of one's own, for a subclass to override; parameters keep them.
+
+        :param servo: of the node, new whenever it is configured.
+        """
 
     def activate(self) -> None:
         """Start the cycle."""
@@ -178,7 +186,7 @@ class Manipulation(ManagedNode):
     def _check(self, new: dict[str, Value]) -> None:
         """Check grip, rollers and mode."""
         common.check_grip(self.robot, new)
-        failed = set(new.get('failed_rollers', ())) - {''}
+        failed = set(new.get('failed_rollers', ())) - {''}  # type: ignore[arg-type]
         check_roller_names('parameter failed_rollers', failed, self.robot.roller_names)
         mode, joint = (new.get(name, getattr(self.values, name)) for name in ('mode', 'joint'))
         if mode not in MODES:

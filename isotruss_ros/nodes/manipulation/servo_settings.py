@@ -44,6 +44,7 @@ BOUNDS = ShapeBounds()
 SPECS = (
     common.FRICTION,
     common.PRESSURE_TIMEOUT,
+    common.AMBIENT_PRESSURE,
     Spec(
         'squeeze_force',
         0.0,
@@ -141,7 +142,7 @@ def apply_settings(servo: TwistServo, values: Parameters, described: ConvexObjec
     servo.timeout = values.command_timeout
     servo.slide_along_limits = values.slide_along_limits
     bounds = ShapeBounds(values.min_rigidity, values.min_clearance, values.min_object_clearance)
-    servo.guard = ShapeGuard(servo.robot, bounds)
+    servo.guard = ShapeGuard(servo.robot, bounds, servo.guard.own)
     time = values.failure_time or math.inf  # 0 means never
     if servo.detector is None:
         criterion = FailureCriterion(time=time)

@@ -5,8 +5,8 @@
 Roller trajectories by topic and by action: followed in place of twists, one at a time.
 
 Topic and action are those of ros2_control's joint_trajectory_controller. The package control_msgs
-has the type of its action; where it is not installed only our own type is offered, which has the
-same fields.
+has the type of its action; where it is not installed only our own type is offered, which means the
+same.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from __future__ import annotations
 from dataclasses import replace
 import importlib
 import importlib.util
+from typing import Any
 
 from isotruss_msgs.action import FollowRollerTrajectory
 from isotruss_ros.core import IsotrussError, Status, TwistServo
@@ -21,11 +22,9 @@ from isotruss_ros.core.control.decision import Decision
 from isotruss_ros.core.control.inputs import require_fresh, StampedInput
 from isotruss_ros.core.control.roller_trajectory import RollerTrajectoryServo
 from isotruss_ros.core.manipulation.status import RollerCommand
-from isotruss_ros.nodes.conversions.messages import MessageError, read_stamp
-from isotruss_ros.nodes.conversions.path_messages import (
-    read_roller_trajectory,
-    to_roller_feedback,
-)
+from isotruss_ros.nodes.conversions.messages import MessageError
+from isotruss_ros.nodes.conversions.path_messages import to_roller_feedback
+from isotruss_ros.nodes.conversions.trajectory_goals import read_roller_goal, RollerGoal
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.single_goal import Ending, SingleGoal
 from isotruss_ros.nodes.manipulation.sparse_messages import SparseMessages
@@ -37,6 +36,8 @@ ACTION = 'follow_roller_trajectory'
 STANDARD_ACTION = 'joint_trajectory_controller/follow_joint_trajectory'
 REPLACED = 'a newer trajectory was received'
 Result = FollowRollerTrajectory.Result
+#: Of all that ends a trajectory on its way.
+VIOLATED = Result.PATH_TOLERANCE_VIOLATED
 
 
 class TrajectoryFollowing:
@@ -54,7 +55,6 @@ class TrajectoryFollowing:
         self._node, self._servo = node, servo
         self._follower = RollerTrajectoryServo(servo.robot, servo.timeout)
         self._outcome: tuple[Status, str] | None = None
-        self._accepted = False
         self._goals = [self._offer(kind, name) for kind, name in _offered_actions()]
 
     @property
@@ -89,9 +89,10 @@ class TrajectoryFollowing:
         self._follower.rollers, self._follower.timeout = self._servo.rollers, self._servo.timeout
         step = self._follower.decide(now)
         if step.failure:
-            self._end(Status.HALT_TRAJECTORY, f'trajectory aborted: {step.failure}')
+            code = Result.GOAL_TOLERANCE_VIOLATED if step.at_goal else VIOLATED
+            self._end(Status.HALT_TRAJECTORY, f'trajectory aborted: {step.failure}', code)
         elif step.ended:
-            self._end(Status.ARRIVED, 'the rollers have arrived')
+            self._end(Status.ARRIVED, 'the rollers have arrived', Result.SUCCESSFUL)
         speeds = self._servo.command(step.speeds, now)
         self._publish_feedback()
         status, message = self._outcome or (Status.FOLLOWING_TRAJECTORY, '')
@@ -112,59 +113,80 @@ class TrajectoryFollowing:
         if not self.busy:
             return False
         self._follower.end()
-        self._end(Status.HALT_TRAJECTORY, f'trajectory aborted: {why}')
+        self._end(Status.HALT_TRAJECTORY, f'trajectory aborted: {why}', VIOLATED)
         return True
 
     def _receive(self, messages: list[JointTrajectory]) -> None:
-        if messages[-1].points:
-            self._begin(messages[-1])
-        else:
+        message = messages[-1]
+        if not message.points:
             self.abort('an empty trajectory was received')
+            return
+        self._end_goals(REPLACED)
+        try:
+            self._begin(self._read(FollowRollerTrajectory.Goal(trajectory=message)))
+        except IsotrussError as error:
+            self._follower.end()
+            self._end(Status.HALT_TRAJECTORY, f'trajectory rejected: {error}', VIOLATED)
 
     def _report_missing(self, why: str) -> None:
         """Stop: what was lost may have been a trajectory in place of this one, or its end."""
         if not self.abort(f'{why}: publish again what is to be followed'):
             self._node.get_logger().warning(f'{why}: if it was a trajectory, publish it again')
 
-    def _begin(self, message: JointTrajectory, goal: SingleGoal | None = None) -> None:
-        """Follow a trajectory from now on, or report why not."""
-        self._end_goals(REPLACED, spared=goal)
-        self._accepted = False
-        now, start, servo = self._node.now(), read_stamp(message.header), self._servo
-        self._follower.rollers, self._follower.timeout = servo.rollers, servo.timeout
-        try:
-            if servo.stopped is not None:
-                raise MessageError(servo.stopped[1])
-            if start:  # zero means at once
-                require_fresh(now, servo.timeout, trajectory=StampedInput(None, start))
-            trajectory = read_roller_trajectory(message, servo.robot)
-            self._follower.begin(trajectory, now)
-        except IsotrussError as error:
-            self._follower.end()
-            self._end(Status.HALT_TRAJECTORY, f'trajectory rejected: {error}')
-            return
-        self._outcome, self._accepted = None, True
-        self._node.get_logger().info(f'following a trajectory of {trajectory.duration:.1f} s')
+    def _read(self, goal: Any) -> RollerGoal:
+        """Return what a goal asks for; raise why it cannot be followed."""
+        servo, follower, now = self._servo, self._follower, self._node.now()
+        if servo.stopped is not None:
+            raise MessageError(servo.stopped[1])
+        follower.rollers, follower.timeout = servo.rollers, servo.timeout
+        (rollers,) = require_fresh(now, servo.timeout, joint_states=servo.rollers)
+        here = rollers.value.positions
+        asked = read_roller_goal(goal, servo.robot, here, now, servo.timeout)
+        follower.check_start(asked.trajectory, now)
+        return asked
 
-    def _offer(self, kind: type, name: str) -> SingleGoal:
+    def _begin(self, asked: RollerGoal) -> None:
+        """Follow a trajectory that was read just now."""
+        now, (trajectory, start, _) = self._node.now(), asked
+        self._follower.begin(trajectory, now, start, asked.tolerances)
+        self._outcome = None
+        when = '' if start is None else f', in {start - now:.1f} s'
+        words = f'following a trajectory of {trajectory.duration:.1f} s{when}'
+        self._node.get_logger().info(words)
+
+    def _offer(self, kind: Any, name: str) -> SingleGoal:
         """Offer an action; its goals are trajectories like those of the topic."""
+
+        def refuse(error: IsotrussError) -> Any:
+            code = getattr(error, 'code', Result.INVALID_GOAL)
+            # Clients of the standard expect a rejection where it has no code.
+            if code == Result.INVALID_GOAL and kind is not FollowRollerTrajectory:
+                return None
+            return kind.Result(error_code=code, error_string=f'trajectory rejected: {error}')
+
         goal = SingleGoal(
             self._node,
             kind,
             name,
-            lambda request: self._begin(request.trajectory, goal),
+            self._read,
+            refuse,
+            lambda asked: self._take_over(goal, asked),
             self._cancel,
             preempted=lambda: self._end_goals(REPLACED),
             supervised=True,
         )
         return goal
 
+    def _take_over(self, goal: SingleGoal, asked: RollerGoal) -> None:
+        """Follow the trajectory of a goal in place of any other."""
+        self._end_goals(REPLACED, spared=goal)
+        self._begin(asked)
+
     def _cancel(self) -> None:
         self._follower.end()
         # No fault: without a twist the rollers are halted as ever.
-        self._end(
-            Status.HALT_NO_TWIST, 'trajectory cancelled by the client', ending=Ending.CANCELED
-        )
+        words = 'trajectory cancelled by the client'
+        self._end(Status.HALT_NO_TWIST, words, VIOLATED, Ending.CANCELED)
 
     def _publish_feedback(self) -> None:
         """Publish where the rollers are and should be, to the client of the goal."""
@@ -179,23 +201,23 @@ class TrajectoryFollowing:
             )
         )
 
-    def _end(self, status: Status, message: str, ending: Ending = Ending.ABORTED) -> None:
+    def _end(
+        self, status: Status, message: str, code: int, ending: Ending = Ending.ABORTED
+    ) -> None:
+        """Report how the trajectory ended, and end the goal that it came by."""
         self._outcome = (status, message)
         if status is Status.HALT_TRAJECTORY:
             self._node.get_logger().warning(message)
         else:
             self._node.get_logger().info(message)
-        if status is Status.ARRIVED:
-            self._end_goals(message, Ending.SUCCEEDED, Result.SUCCESSFUL)
-        else:
-            failed = Result.PATH_TOLERANCE_VIOLATED if self._accepted else Result.INVALID_GOAL
-            self._end_goals(message, ending, failed)
+        arrived = code == Result.SUCCESSFUL
+        self._end_goals(message, Ending.SUCCEEDED if arrived else ending, code)
 
     def _end_goals(
         self,
         text: str,
         ending: Ending = Ending.ABORTED,
-        code: int = Result.PATH_TOLERANCE_VIOLATED,
+        code: int = VIOLATED,
         spared: SingleGoal | None = None,
     ) -> None:
         """End the goal whose trajectory is over, if it came by an action."""

@@ -20,11 +20,11 @@ from uuid import uuid4
 from action_msgs.msg import GoalInfo, GoalStatus
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.nodes.conversions.messages import request_parameters
+from isotruss_ros.nodes.framework.supervision import ServerWatch
 from rclpy.action import ActionClient
 from rclpy.action.client import ClientGoalHandle
 from rclpy.client import Client
 from rclpy.node import Node
-from rclpy.publisher import Publisher
 from rclpy.task import Future
 
 #: Ticks after which a request without an answer is sent again: rmw_fastrtps sends no answer to a
@@ -76,17 +76,25 @@ class ActionStep:
 
     The server may be killed and started again under a goal, unnoticed by DDS for seconds. So the
     result is requested again and again: a server that was started again does not know the goal.
+    One that sends no feedback for a while has ended, or hangs.
 
     :param node: has the client, until it is destroyed.
     :param kind: type of the action.
     :param name: relative name of the action.
-    :param supervision: of `supervised_goal`: tells the server in every tick that the goal still
-        has a client.
+    :param beat: called in every tick: publishes that the goal still has a client.
+    :param silence: returns for how long the server may send no feedback [s].
     """
 
-    def __init__(self, node: Node, kind: type, name: str, supervision: Publisher) -> None:
+    def __init__(
+        self,
+        node: Node,
+        kind: type,
+        name: str,
+        beat: Callable[[GoalInfo], None],
+        silence: Callable[[], float],
+    ) -> None:
         self._client, self._name = ActionClient(node, kind, name), name
-        self._supervision = supervision
+        self._beat, self._silence = beat, silence
 
     def run(
         self,
@@ -112,14 +120,17 @@ class ActionStep:
         info.goal_id.uuid = list(uuid4().bytes)
         unknown = ClientGoalHandle(self._client, GoalInfo().goal_id, None)
         yield from self._request_result(unknown, info)
-        made = 0.0
+        made, server = 0.0, ServerWatch(self._name, self._silence())
 
         def note(message: Any) -> None:
             nonlocal made
             made = progress(message.feedback)
+            server.note()
 
         def check() -> float:
             fault = find_fault()
+            if fault is None and (loss := server.find_loss()) is not None:
+                raise StepError(Outcome.STOPPED, loss)
             if fault is not None:
                 raise CancelledError from fault
             return made
@@ -168,7 +179,7 @@ class ActionStep:
         """Tell the server, if there is one, that the goal has a client."""
         if not self._client.server_is_ready():
             raise StepError(missing, f'no node offers the action {self._name}')
-        self._supervision.publish(info)
+        self._beat(info)
 
 
 def _cancel_goal(sent: Any) -> None:

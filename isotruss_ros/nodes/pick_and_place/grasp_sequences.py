@@ -11,7 +11,6 @@ import math
 import time
 from typing import Any
 
-from action_msgs.msg import GoalInfo
 from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.action import (
     FollowObjectPath,
@@ -38,13 +37,11 @@ from isotruss_ros.nodes.conversions.messages import (
     read_pose,
     to_pose_message,
 )
-from isotruss_ros.nodes.conversions.object_messages import to_object_message
 from isotruss_ros.nodes.conversions.path_messages import read_duration, to_trajectory_message
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.sensors import TrackedShape
-from isotruss_ros.nodes.framework.single_goal import SUPERVISION
-from isotruss_ros.nodes.framework.topics import RELIABLE
+from isotruss_ros.nodes.framework.supervision import create_heartbeat, SHORTEST_SILENCE
 from isotruss_ros.nodes.pick_and_place.action_steps import (
     ActionStep,
     Outcome,
@@ -52,6 +49,7 @@ from isotruss_ros.nodes.pick_and_place.action_steps import (
     StepError,
     Steps,
 )
+from isotruss_ros.nodes.pick_and_place.sequence_goals import to_search_goal
 from nav_msgs.msg import Path
 import numpy as np
 from rcl_interfaces.srv import SetParameters
@@ -62,6 +60,8 @@ IN_PLACE = 1e-3
 CONFIRMATION_TIME = 5.0
 #: Inputs that are late may come within this time, before anything moves [s].
 INPUT_TIME = 1.0
+#: A planner that is busy sends no feedback for longer than nodes that move something may [s].
+PLANNER_SILENCE = 5.0
 PICK, PLACE, MOVE = PickObject.Feedback, PlaceObject.Feedback, MoveObject.Feedback
 
 
@@ -84,18 +84,26 @@ class GraspSequences(TrackedShape):
         self.grasp: Input = None
         self._described = common.read_described(node.values)
         # Before the actions: who has discovered their clients has discovered it, too.
-        alive = node.create_lifecycle_publisher(GoalInfo, SUPERVISION, RELIABLE)
-        self._planner = ActionStep(node, PlanGrasp, 'plan_grasp', alive)
-        self._trajectories = ActionStep(
-            node, FollowRollerTrajectory, 'follow_roller_trajectory', alive
+        alive = create_heartbeat(node)
+        self._planner = ActionStep(node, PlanGrasp, 'plan_grasp', alive, lambda: PLANNER_SILENCE)
+        self._trajectories, self._object = (
+            ActionStep(node, kind, name, alive, lambda: max(self.timeout, SHORTEST_SILENCE))
+            for kind, name in (
+                (FollowRollerTrajectory, 'follow_roller_trajectory'),
+                (FollowObjectPath, 'follow_object_path'),
+            )
         )
-        self._object = ActionStep(node, FollowObjectPath, 'follow_object_path', alive)
         self._parameters = node.create_client(SetParameters, 'manipulation/set_parameters')
         self._thread = ThreadPoolExecutor(max_workers=1)
 
     def close(self) -> None:
         """End the thread."""
         self._thread.shutdown(wait=False, cancel_futures=True)
+
+    def here(self) -> Pose:
+        """Return where the object was measured last; the origin before."""
+        known = isinstance(self.pose, StampedInput)
+        return self.pose.value if known else Pose(0.0, 0.0, 0.0)
 
     def measured_pose(self) -> PoseStamped | None:
         """Return where the object was measured last; None before."""
@@ -174,21 +182,7 @@ class GraspSequences(TrackedShape):
 
     def _plan_grasp(self, goal: PickObject.Goal, lay: PoseStamped) -> Steps:
         """Let the planner search for the best grasp of the object where it lies; return it."""
-        values = self._node.values
-        wanted = PlanGrasp.Goal(
-            object_pose=lay,
-            friction=values.friction,
-            module=goal.module,
-            members=goal.members,
-            squeeze=goal.squeeze,
-            min_slip_margin=goal.min_slip_margin,
-            time_limit=goal.time_limit,
-            count=1,
-        )
-        if self._described is None:
-            wanted.object_diameter = values.object_diameter
-        else:
-            wanted.object = to_object_message(self._described)
+        wanted = to_search_goal(goal, lay, self._node.values, self._described)
         plan = yield from self._planner.run(wanted)
         if plan.code != PlanGrasp.Result.FOUND:
             raise _plan_error(plan)
@@ -205,7 +199,7 @@ class GraspSequences(TrackedShape):
         """
         self.stage = PLACE.PLANNING
         state = yield from self._await_held(Outcome.NOT_READY)
-        pose = self.pose.value
+        pose = self.pose.value  # type: ignore[union-attr]
         config = self.configuration(self._node.now())
         body = common.read_body(self._node.values).moved_to(pose)
         planned: Future[Release] = self._thread.submit(
@@ -227,7 +221,7 @@ class GraspSequences(TrackedShape):
         yield from self._drive(trajectory, apart, PLACE.OPENING, PLACE.BACKING_OFF)
         self.stage = PLACE.CONFIRMING
         yield from self._confirm(False)
-        now: Pose = self.pose.value
+        now: Pose = self.pose.value  # type: ignore[union-attr]
         moved = float(np.hypot(now.x - pose.x, now.y - pose.y))
         return PlaceObject.Result(
             message=f'free, {1e3 * moved:.3g} mm from where it was held', displacement=moved
@@ -316,7 +310,7 @@ class GraspSequences(TrackedShape):
                     self.timeout,
                     joint_states=self.rollers,
                     object_pose=self.pose,
-                    **{name: find() for name, find in inputs.items()},
+                    **{name: find() for name, find in inputs.items()},  # type: ignore[arg-type]
                 )
             except InputError:
                 if time.monotonic() - begun > INPUT_TIME:

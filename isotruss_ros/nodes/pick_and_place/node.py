@@ -18,7 +18,7 @@ from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.sensors import Inputs
-from isotruss_ros.nodes.framework.single_goal import SingleGoal
+from isotruss_ros.nodes.framework.single_goal import BusyError, SingleGoal
 from isotruss_ros.nodes.pick_and_place.action_steps import (
     CancelledError,
     Outcome,
@@ -26,6 +26,7 @@ from isotruss_ros.nodes.pick_and_place.action_steps import (
     Steps,
 )
 from isotruss_ros.nodes.pick_and_place.grasp_sequences import GraspSequences
+from isotruss_ros.nodes.pick_and_place.sequence_goals import check_move, check_pick, check_place
 
 SPECS = (*common.OBJECT_SPECS, common.COMMAND_TIMEOUT)
 #: A sequence is taken on this often [s].
@@ -33,7 +34,7 @@ PERIOD = 0.02
 
 
 class PickAndPlace(ManagedNode):
-    """Execute one goal at a time, and reject others meanwhile."""
+    """Execute one goal at a time, and refuse others meanwhile."""
 
     node_name = 'pick_and_place'
     specs = SPECS
@@ -41,6 +42,7 @@ class PickAndPlace(ManagedNode):
     _sequences: GraspSequences | None = None
     _course: Steps | None = None
     _cancelling = False
+    _began = 0.0
 
     def configure(self) -> None:
         """Create clients and subscriptions, and offer the actions."""
@@ -50,10 +52,22 @@ class PickAndPlace(ManagedNode):
         self.inputs.keep_object_pose()
         self.inputs.keep(GraspState, 'grasp/state', lambda state: state, 'grasp')
         # There while the node is inactive too, so that a goal that ends then gets its result.
+        robot, values = self.robot, self.values
+        described = common.read_described(values)
         self._actions = [
-            self._offer(PickObject, 'pick_object', sequences.pick),
-            self._offer(PlaceObject, 'place_object', sequences.place),
-            self._offer(MoveObject, 'move_object', sequences.move),
+            self._offer(
+                PickObject,
+                'pick_object',
+                lambda goal: check_pick(goal, robot, values, described),
+                sequences.pick,
+            ),
+            self._offer(PlaceObject, 'place_object', check_place, sequences.place),
+            self._offer(
+                MoveObject,
+                'move_object',
+                lambda goal: check_move(goal, robot, sequences.here()),
+                sequences.move,
+            ),
         ]
 
     def activate(self) -> None:
@@ -84,20 +98,42 @@ class PickAndPlace(ManagedNode):
         """Apply the timeout."""
         self._sequences.timeout = self.values.command_timeout
 
-    def _offer(self, kind: type, name: str, sequence: Callable[[Any], Steps]) -> SingleGoal:
+    def _offer(
+        self,
+        kind: Any,
+        name: str,
+        check: Callable[[Any], None],
+        sequence: Callable[[Any], Steps],
+    ) -> SingleGoal:
+        """Offer an action whose goals are checked, and carried out by a sequence."""
+
+        def read(goal: Any) -> Any:
+            if (running := self._goal) is not None:
+                raise BusyError(
+                    f'{running.kind.__name__} is carried out, for '
+                    f'{self.now() - self._began:.0f} s now: cancel it, or wait for its end'
+                )
+            check(goal)
+            return goal
+
+        def refuse(error: IsotrussError) -> Any:
+            busy = isinstance(error, BusyError)
+            outcome = Outcome.NOT_READY if busy else Outcome.BAD_GOAL
+            return kind.Result(code=outcome, message=str(error))
+
         def begin(goal: Any) -> None:
             self._course, self._cancelling = sequence(goal), False
+            self._began = self.now()
             self.diagnostics.set_status(DiagnosticStatus.OK, name)
 
-        return SingleGoal(
-            self, kind, name, begin, self._request_cancel, ready=lambda: self._goal is None
-        )
+        return SingleGoal(self, kind, name, read, refuse, begin, self._request_cancel)
 
     def _request_cancel(self) -> None:
         self._cancelling = True
 
     def _tick(self) -> None:
         """Take the sequence on; end the goal where it has ended."""
+        self.inputs.settle()
         self._sequences.track()
         course = self._course
         if course is None:

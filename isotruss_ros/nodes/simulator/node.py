@@ -168,7 +168,7 @@ class Simulator(ManagedNode):
         values, body = self.values, self._body.moved_to(pose)
         if values.plant == KINEMATIC:
             return RigidObject(body, values.friction)
-        self._elastic = ElasticObject(
+        self._elastic = ElasticObject(  # type: ignore[assignment]
             body,
             values.friction if body.friction is None else body.friction,
             values.stiffness_scale,
@@ -206,12 +206,14 @@ class Simulator(ManagedNode):
         if self._driven is not None:
             self._driven.place_object(pose)
             return
-        self._simulated.replace_object(self._put_object(pose))
+        self._simulated.replace_object(self._put_object(pose))  # type: ignore[union-attr]
         self._simulated.advance(0.0)
 
     def _receive_wrench(self, message: WrenchStamped) -> None:
         try:
-            wrench = read_external_wrench(message, self.robot.frame)
+            wrench = read_external_wrench(
+                message, self.robot.frame, self._simulated.object_pose.angle
+            )
             if self._driven is not None:
                 self._driven.plant.pull(wrench)
             elif self._elastic is not None:  # no force moves an object fixed in the grasp frame
@@ -256,7 +258,7 @@ class Simulator(ManagedNode):
         count = len(self.robot.topology.joint_names)
         if self._driven is not None:
             return self._driven.plant.nodes[:count]
-        config = self._simulated.config
+        config = self._simulated.config  # type: ignore[union-attr]
         joints = config.nodes[:count]
         if self._elastic is not None:
             joints = self._elastic.joints(config)

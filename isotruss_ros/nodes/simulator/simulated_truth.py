@@ -7,18 +7,22 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PoseStamped, WrenchStamped
 from isotruss_ros.core import Pose, Robot
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.nodes.conversions.contact_messages import to_contact_wrench
 from isotruss_ros.nodes.conversions.marker_messages import to_joint_markers
-from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message
+from isotruss_ros.nodes.conversions.messages import (
+    make_header,
+    to_pose_message,
+)
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import FixedSpec, ParameterError
-from isotruss_ros.nodes.framework.topics import RELIABLE
+from isotruss_ros.nodes.framework.topics import EVENTS, RELIABLE
 from rclpy.time import Time
 from rosgraph_msgs.msg import Clock as ClockMessage
-from sensor_msgs.msg import JointState, MultiDOFJointState
+from sensor_msgs.msg import MultiDOFJointState
 
 CLOCK_SPEED = FixedSpec(
     'clock_speed',
@@ -41,7 +45,7 @@ class SimulatedTruth:
         make = node.create_lifecycle_publisher
         self._pose = make(PoseStamped, 'truth/object_pose', RELIABLE)
         self._joints = make(MultiDOFJointState, 'truth/joint_markers', RELIABLE)
-        self._forces = make(JointState, 'truth/contact_forces', RELIABLE)
+        self._forces = make(WrenchStamped, 'truth/contact_forces', EVENTS)
 
     def publish(
         self,
@@ -67,10 +71,8 @@ class SimulatedTruth:
             markers.header = header
             self._joints.publish(markers)
         if self._forces.get_subscription_count():
-            found = forces()
-            self._forces.publish(
-                JointState(header=header, name=list(found), effort=list(found.values()))
-            )
+            for member, force in forces().items():
+                self._forces.publish(to_contact_wrench(self._robot.frame, member, now, force))
 
 
 class ClockSource:

@@ -19,7 +19,7 @@ from isotruss_ros.nodes.conversions.grasp_messages import to_wrench_message
 from isotruss_ros.nodes.conversions.messages import (
     make_header,
     MessageError,
-    name_object_frame,
+    name_aligned_frame,
     request_parameters,
     to_twist_message,
 )
@@ -205,7 +205,7 @@ class Viewer(StoppableNode):
         if name == OBJECT:
             return picture.pose
         place = picture.robot.node_names.index(name)
-        return Pose(*picture.config.nodes[place].tolist(), 0.0)
+        return Pose(*picture.config.nodes[place].tolist(), 0.0)  # type: ignore[call-arg]
 
     def _give_up(self, position: tuple[float, float] | None, now: float) -> None:
         control = self._controls.control
@@ -239,7 +239,7 @@ class Viewer(StoppableNode):
         wrench = self._controls.control.wrench
         if wrench == ZERO and not self._pulling:
             return
-        header = make_header(self.now(), name_object_frame(self.picture.robot.frame))
+        header = make_header(self.now(), name_aligned_frame(self.picture.robot.frame))
         self._wrenches.publish(WrenchStamped(header=header, wrench=to_wrench_message(wrench)))
         # Once one was published it goes on: an old one is not relied on.
         self._pulling = True
@@ -259,7 +259,7 @@ class Viewer(StoppableNode):
         elif name == PLACE:
             self._goals.send(PLACE)
         elif name == PLANT:
-            self._simulator.restart(value)
+            self._simulator.restart(value)  # type: ignore[arg-type]
         elif name == RESET:
             self._simulator.restart()
             # A slip or a loss is past with it: the manipulation waits for a client to say so.
@@ -267,9 +267,9 @@ class Viewer(StoppableNode):
         else:
             parameter, nodes = SETTINGS[name]
             if name == 'squeeze':
-                self._squeeze = value
+                self._squeeze = value  # type: ignore[assignment]
             if name == 'diameter':
-                self.picture.diameter = value
+                self.picture.diameter = value  # type: ignore[assignment]
             for node in nodes:
                 self._send_parameters(node, {parameter: value})
 

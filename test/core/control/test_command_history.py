@@ -4,13 +4,7 @@
 """What was sent is added up as by a sum over every moment, back to when nothing is known."""
 
 from hypothesis import given
-from isotruss_ros.core.control.inputs import (
-    CommandHistory,
-    limit_stamps,
-    RejectedInput,
-    StampedInput,
-    Timeline,
-)
+from isotruss_ros.core.control.inputs import CommandHistory, Timeline
 import numpy as np
 import pytest
 import robots
@@ -50,14 +44,6 @@ def test_where_nothing_was_sent_speeds_count_that_were_measured():
     assert sent.travel(1.0, 3.0, measured) == pytest.approx(measured)
     assert sent.travel(0.0, 1.0, measured) == pytest.approx(measured)
     assert not sent.travel(2.0, 3.0, measured).any()
-
-
-def test_stamps_are_at_most_the_present():
-    """Those a little ahead; what is farther ahead is wrong, and what is old stays so."""
-    ahead, near, old = (StampedInput('it', time) for time in (7.02, 7.005, 6.9))
-    rejected = RejectedInput('no number')
-    given = (ahead, near, old, rejected, None)
-    assert limit_stamps(7.0, *given) == (ahead, StampedInput('it', 7.0), old, rejected, None)
 
 
 @pytest.mark.parametrize('now', [9.9, 10.9])

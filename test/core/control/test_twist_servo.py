@@ -144,18 +144,6 @@ def test_an_input_is_good_until_the_timeout(name):
     assert made.decide(NOW).command.status is Status.OK
 
 
-@pytest.mark.parametrize('name', INPUTS)
-def test_an_input_from_ahead_ages_from_when_it_is_first_seen(name):
-    """Clocks differ; what falls silent stops the rollers in time all the same."""
-    good = getattr(servo(), name)
-    made = servo(**{name: good._replace(time=NOW + 0.0099)})
-    assert made.decide(NOW).command.status is Status.OK
-    for now, moves in ((NOW + 0.199, True), (NOW + 0.201, False)):
-        for other in set(INPUTS) - {name}:
-            setattr(made, other, getattr(made, other)._replace(time=now))
-        assert (made.decide(now).command.scale == 1.0) == moves
-
-
 def test_halts_without_a_grasp_and_where_no_configuration_is():
     assert (
         servo(pose=StampedInput(Pose(5.0, 5.0, 0.0), NOW)).decide(NOW).command.status

@@ -235,3 +235,11 @@ def test_a_rolling_grasp_ends_where_it_does_wherever_it_is_expected(change):
     moved = roll_grip(ahead, config)
     assert moved.state.unknowns == pytest.approx(expected, rel=1e-7, abs=1e-9)
     assert moved.motion[1] == pytest.approx(expected - grasp.state.unknowns, rel=1e-5, abs=1e-8)
+
+
+def test_more_than_three_members_are_named_as_what_it_does_not_settle(monkeypatch):
+    monkeypatch.setattr(attach_grip_module, 'MOST', 2)
+    settled = settle_grasp(HOME, ConvexObject.disc((0.0, -0.8267), 0.65), FRICTION)
+    assert settled.hold is HoldStatus.OTHER_CONTACT
+    assert not settled.held
+    assert 'another member' in settled.reason

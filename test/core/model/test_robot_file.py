@@ -480,5 +480,5 @@ def test_section_of_tubes_with_different_pressures_needs_its_own():
     document['tube']['pressure'] = {'south': 2e4, 'east': 3e4, 'north': 3e4}
     assert "tube.stiffness: key 'pressure' is missing" in complaint_about(document)
     document['tube']['stiffness']['pressure'] = 3e4
-    model = tube_stiffness(robots.load(document).description)
+    model = tube_stiffness(robots.load(document).description).model
     assert model.section_stiffness([1.0], 3e4).shear == pytest.approx([1.9e3])

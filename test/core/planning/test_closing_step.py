@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import closings
 from isotruss_ros.core import ConvexObject
-from isotruss_ros.core.errors import ConfigurationError
+from isotruss_ros.core.errors import ConfigurationError, SolverError
 from isotruss_ros.core.manipulation.limits import MemberLengthLimit
 from isotruss_ros.core.planning import closing_step
 from isotruss_ros.core.planning.closing import evaluate_state
@@ -154,3 +154,23 @@ def test_a_step_is_halved_until_it_leads_where_it_may(seed, monkeypatch):
             assert closing.tally.evaluations == 5
             assert blocked[0] == expected[0]
             assert blocked[1] == pytest.approx(expected[1], abs=1e-3)
+
+
+def test_a_step_without_a_solution_is_an_error(monkeypatch):
+    config, (closing, _), _ = tasks(0)
+    place, targets = (
+        evaluate_state(config, closing.body),
+        np.full(len(closing.members), STANDOFF),
+    )
+    monkeypatch.setattr(closing_step, 'solve_qp', lambda problem: None)
+    with pytest.raises(SolverError, match='no step of the rollers keeps the bounds'):
+        solve_step(place, closing, targets, 1.0)
+
+
+@pytest.mark.parametrize('seed', range(40))
+def test_who_stands_still_is_not_blocked_wherever_that_is(seed, monkeypatch):
+    config, closing, _ = crowded(seed)
+    still = np.zeros(len(config.roller_positions))
+    monkeypatch.setattr(closing_step, 'solve_step', lambda *_: still)
+    place, targets = evaluate_state(config, closing.body), np.full(len(closing.members), STANDOFF)
+    assert take_closing_step(place, closing, targets, 1.0)[1] == 1.0

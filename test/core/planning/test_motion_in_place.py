@@ -143,3 +143,18 @@ def test_what_is_beyond_a_bound_ends_the_motion(monkeypatch):
         assert ended(grasp, force, closing)[0] == ('held', 0.0, 1.0)
     monkeypatch.setattr(Configuration, 'moved_to', fail)
     assert ended(grasp, force, closing)[0] == ('rigidity', 0.0, 0.15)
+
+
+@pytest.mark.parametrize('share', [0.2, 0.3])
+def test_what_rollers_cannot_bring_back_goes_along_a_little(share, monkeypatch):
+    closing, grasp = pair()
+    monkeypatch.setattr(motion_in_place, 'SLOW', -1.0)  # as if all ways were long
+    x, y, angle = grasp.pose
+    tube = HOME.robot.description.tube_diameter
+    closing = replace(closing, body=grasp.body.moved_to((x + share * tube, y, angle)))
+    if share < 0.25:
+        assert squeeze_in_place(grasp, grasp.squeeze, closing) is grasp
+    else:
+        bound = pytest.approx(0.25 * tube)
+        said, _ = ended(grasp, grasp.squeeze, closing)
+        assert said == ('in_place', pytest.approx(share * tube), bound)

@@ -12,19 +12,6 @@ import numpy as np
 import pytest
 
 
-@pytest.mark.parametrize(
-    ('values', 'free'),
-    [
-        ({}, True),
-        ({'min_margin': 0.1}, False),
-        ({'min_margin': 0.1, 'squeeze': 5.0}, True),
-        ({'min_margin': 0.1, 'min_slip_margin': 0.05}, True),
-    ],
-)
-def test_the_ground_holds_the_object_where_only_the_closure_margin_counts(values, free):
-    assert GraspRequirements(**values).object_is_free == free
-
-
 def fast(forces, used):
     """Return what an analysis would say of members that press with some forces [N]."""
     return SimpleNamespace(

@@ -18,7 +18,7 @@ WALKS = {
     2: (600, Status.SLIDING),
     17: (600, Status.SLIDING),
     # Its commands at 20 Hz go to and fro beside the bound for seconds.
-    30: (280, Status.SLOWED_SELF_COLLISION),
+    30: (280, Status.ACCELERATING),
 }
 
 

@@ -5,10 +5,22 @@
 
 from dataclasses import dataclass, replace
 
-from isotruss_ros.core import deform, load_robot
+from isotruss_ros.core import (
+    ConvexObject,
+    deform,
+    grasp_gradient,
+    GraspRequirements,
+    Grip,
+    load_robot,
+    plan_grasps,
+    settle_grasp,
+    tangent_center,
+)
+from isotruss_ros.core.control.state_estimator import StateEstimator
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.statics import tube_stiffness
 from isotruss_ros.core.statics.section import broadcast_members, SectionStiffness
+import numpy as np
 import pytest
 
 ROBOT = load_robot('nine_member')
@@ -70,3 +82,17 @@ def test_what_it_says_of_a_member_is_what_the_frame_has(listed):
     assert long == pytest.approx(0.25 * short)
     soft = robot_with(model='softer', flexural=3.0, exponent=2.0)
     assert abs(moved(soft)).max() > abs(moved(robot)).max()
+
+
+def test_a_grasp_by_it_has_a_gradient_and_is_planned_and_estimated(listed):
+    robot = robot_with(model='softer', flexural=30.0, exponent=0.5)
+    body = ConvexObject.disc(tangent_center(robot.home, 'north/Z', 0.3, 0.02), 0.3)
+    gradient = grasp_gradient(settle_grasp(robot.home, body, 0.8))
+    assert (gradient.normal_forces[:, gradient.parameters.rollers] != 0.0).any()
+    free = ConvexObject.disc(tangent_center(robot.home, 'north/Z', 0.3, -0.1), 0.3)
+    assert plan_grasps(robot.home, free, GraspRequirements(count=1, friction=0.8))
+    estimator = StateEstimator(robot)
+    estimator.grip = Grip.at_module(robot, 'north/Z', body, 0.8)
+    estimator.take_encoders(0.0, np.zeros(len(robot.roller_names)))
+    estimator.take_pose(0.0, body.pose, np.array([1e-3, 1e-3, 0.01]))
+    assert np.isfinite(estimator.estimate().squeeze)

@@ -1,0 +1,165 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+`python -m isotruss_ros.cli.sweep`: search for grasps over robots and objects, as CSV.
+
+Each pair is a task of a Dask cluster, of two workers or more, on this machine or on several. Needs
+`distributed`, the extra `sweep` of this package; no ROS.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Sequence
+import contextlib
+import csv
+import itertools
+from pathlib import Path
+import sys
+from typing import Any, TypeAlias
+
+from distributed import as_completed, Client, LocalCluster
+from isotruss_ros.cli.plan_options import add_requirements, add_search, requirements
+from isotruss_ros.core import ConvexObject, GraspRequirements, IsotrussError, plan_grasps
+from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.model.description import RobotDescription
+from isotruss_ros.core.model.robot_file import read_robot_file
+from isotruss_ros.core.planning.describe_plan import export_figures
+from isotruss_ros.core.planning.violations import export_violation
+from isotruss_ros.core.planning.workers import core_count
+from rich.console import Console
+from rich.progress import Progress
+
+COLUMNS = (
+    *('robot', 'object', 'name', 'x', 'y', 'diameter', 'found', 'module', 'members', 'score'),
+    *('squeeze', 'slip_margin', 'closure_margin', 'required_friction', 'max_contact_force'),
+    *('total_force', 'utilisation', 'travel', 'rigidity', 'roller_positions'),
+    *('violated_requirement', 'violation_value', 'violation_bound', 'evaluations', 'error'),
+)
+#: Numbers of robot and object, and both.
+Pair: TypeAlias = tuple[tuple[int, int], RobotDescription, ConvexObject]
+
+
+def evaluate(pair: Pair, needs: GraspRequirements, seed: int) -> dict[str, Any]:
+    """
+    Return the best grasp of one object by one robot, as a row of the table.
+
+    :param pair: numbers of robot and object, and both.
+    :param needs: what a grasp must fulfil.
+    :param seed: of the search.
+    """
+    (robot, item), description, body = pair
+    row = dict(robot=robot, object=item, name=description.name, diameter=2.0 * body.arm)
+    row |= dict(zip('xy', body.pose[:2], strict=True)) | {'found': 0, 'error': ''}
+    try:
+        plan = plan_grasps(Robot(description).home, body, needs, seed)
+    except IsotrussError as error:
+        return row | {'error': str(error)}  # one robot that cannot work ends no sweep
+    row |= {'found': len(plan.grasps), 'evaluations': plan.evaluations}
+    found = export_figures(plan.grasps[0]) if plan.grasps else {}
+    return row | export_violation(plan.closest_violation) | found
+
+
+def sweep(
+    client: Client,
+    robots: Sequence[RobotDescription],
+    objects: Sequence[ConvexObject],
+    needs: GraspRequirements,
+    seed: int = 0,
+) -> Iterator[dict[str, Any]]:
+    """
+    Yield a row for each pair of robot and object, as they come.
+
+    :param client: of the cluster; its workers have this package, and one thread each.
+    :param robots: descriptions of the robots.
+    :param objects: the objects.
+    :param needs: what a grasp must fulfil.
+    :param seed: of every search.
+    """
+    pairs = [
+        ((i, j), robots[i], objects[j])
+        for i, j in itertools.product(range(len(robots)), range(len(objects)))
+    ]
+    futures = client.map(evaluate, pairs, needs=needs, seed=seed, pure=False)
+    try:
+        for _, row in as_completed(futures, with_results=True):
+            yield row
+    finally:
+        client.cancel(futures)
+
+
+def read_objects(path: Path) -> list[ConvexObject]:
+    """
+    Read discs, one a row, from a CSV file with the columns x, y and diameter [m].
+
+    :param path: path of the CSV file.
+    :raises IsotrussError: names the file, the row and what would be right.
+    """
+    with path.open(encoding='utf-8', newline='') as file:
+        rows = list(csv.DictReader(file))
+    found = []
+    for number, row in enumerate(rows, 2):
+        try:
+            x, y, diameter = (float(row[name]) for name in ('x', 'y', 'diameter'))
+            found.append(ConvexObject.disc((x, y), diameter))
+        except (KeyError, TypeError, ValueError) as error:
+            raise IsotrussError(
+                f'{path}: row {number}: {error}; must have numbers x, y, diameter'
+            ) from error
+    if not found:
+        raise IsotrussError(f'{path}: no objects below the header')
+    return found
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """
+    Sweep, write each row as it comes, and return the exit code.
+
+    :param arguments: of the command line; those of the process if None.
+    """
+    parser = argparse.ArgumentParser(prog='python -m isotruss_ros.cli.sweep', description=__doc__)
+    parser.add_argument('robots', nargs='+', help='presets or robot files')
+    parser.add_argument('--objects', type=Path, required=True, help='CSV file: x,y,diameter [m]')
+    parser.add_argument('--output', type=Path, required=True, help='CSV file to write')
+    add_requirements(parser)
+    add_search(parser).add_argument(
+        '--scheduler', metavar='ADDRESS', help='of a Dask cluster; one on this machine if left out'
+    )
+    options = parser.parse_args(arguments)
+    try:
+        _run(options)
+    except (IsotrussError, OSError, UnicodeDecodeError, csv.Error) as error:
+        print(f'sweep: {error}', file=sys.stderr)
+        return 2
+    return 0
+
+
+def _run(options: argparse.Namespace) -> None:
+    robots = [read_robot_file(name) for name in options.robots]
+    objects, needs = read_objects(options.objects), requirements(options)
+    count, found = len(robots) * len(objects), 0
+    with contextlib.ExitStack() as stack:
+        file = stack.enter_context(options.output.open('w', encoding='utf-8', newline=''))
+        address = options.scheduler or stack.enter_context(
+            LocalCluster(
+                n_workers=options.workers or core_count(),
+                threads_per_worker=1,
+                dashboard_address=None,
+            )
+        )
+        client = stack.enter_context(Client(address))
+        table = csv.DictWriter(file, COLUMNS)
+        table.writeheader()
+        rows = sweep(client, robots, objects, needs, options.seed)
+        bar = stack.enter_context(Progress(console=Console(stderr=True), transient=True))
+        for row in bar.track(rows, total=count, description='sweeping'):
+            lists = {key: ' '.join(map(str, v)) for key, v in row.items() if isinstance(v, list)}
+            table.writerow(row | lists)
+            file.flush()  # what is there when it ends early is whole
+            found += row['found'] > 0
+    print(f'{count} pairs: {found} grasped')
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,71 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Joint states that come in parts, such as of several broadcasters, merged by roller."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from isotruss_ros.core.control.inputs import RejectedInput, RollerState, StampedInput, Timeline
+import numpy as np
+
+
+class RollerParts:
+    """
+    The last readings of each roller, from messages that name some of them or all.
+
+    The merged state is that of the roller that was read longest ago: the others are interpolated
+    back to that time, so that all have one age.
+
+    :param names: of the rollers.
+    """
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self._names = names
+        #: Of each roller, position [m] + 1j speed [m/s].
+        self._readings = [Timeline() for _ in names]
+
+    def clear(self) -> None:
+        """Drop all readings."""
+        for readings in self._readings:
+            readings.clear()
+
+    def take(self, part: Mapping[int, tuple[float, float]], time: float, now: float) -> None:
+        """
+        Take a message in; a reading that a later one of the roller has overtaken does not count.
+
+        :param part: position [m] and speed [m/s] by number of the roller.
+        :param time: of the readings, not after now [s].
+        :param now: time on the same clock [s]; readings from after it are dropped, since the clock
+            was set back.
+        """
+        for number, (position, speed) in part.items():
+            readings = self._readings[number]
+            if readings and readings.last[0] > now:
+                readings.clear()
+            if not readings or time >= readings.last[0]:
+                readings.add(time, complex(position, speed))
+
+    def merged(self) -> StampedInput | RejectedInput:
+        """Return the `RollerState` of all rollers; a rejection where some were never read."""
+        readings = self._readings
+        missing = [n for n, known in zip(self._names, readings, strict=True) if not known]
+        if missing:
+            return RejectedInput(
+                f'joint states: rollers {", ".join(missing)} are missing; must name '
+                f'{", ".join(self._names)}, in one message or in parts'
+            )
+        times = [known.last[0] for known in readings]
+        time, newest = min(times), max(times)
+        values = np.array([known.at(time) for known in readings])
+        for known in readings:
+            known.discard_before(time)
+        behind = None
+        if time < newest:
+            oldest = self._names[times.index(time)]
+            words = (
+                f'joint states: roller {oldest} was read {newest - time:.3f} s before the others'
+            )
+            behind = RejectedInput(words, 'STALE')
+        return StampedInput(RollerState(values.real, values.imag), time, behind)

@@ -1,0 +1,88 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Actuators and sensors of an exported model, by the names of rollers, joints and objects.
+
+A roller is a slide joint of its name, whose position is its travel. The rest length of member m
+changes by phi_i - phi_j of the rollers at its ends: each elastic slide q of it, of the share s of
+the length, becomes a fixed tendon of the same stiffness, of the length q - s (phi_i - phi_j).
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+
+from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.numerics.arrays import Indices
+
+#: Mass of what a roller moves beside the tubes [kg]: invented, as those of the bodies.
+ROLLER_MASS = 0.1
+#: Stiffness of a drive that holds its position [N/m] and its damping [N s/m]: the tubes give, with
+#: 1e4 to 1e5 N/m, not it.
+DRIVE_STIFFNESS, DRIVE_DAMPING = 1e6, 1e3
+#: A roller travels no farther [m].
+LONGEST_TRAVEL = 100.0
+#: Attributes of a slide that its tendon takes over.
+MOVED = ('stiffness', 'damping')
+
+
+def add_actuation(root: ET.Element, robot: Robot, objects: int, segments: Indices) -> None:
+    """
+    Add a joint, an actuator and sensors for each roller, and sensors for joints and objects.
+
+    :param root: model of the robot at home, see `export_mjcf`.
+    :param robot: the robot.
+    :param objects: number of objects in the model.
+    :param segments: (m,) numbers of segments of the members.
+    """
+    world, tendon = root.find('worldbody'), root.find('tendon')
+    actuators = ET.SubElement(root, 'actuator')
+    sensors = ET.SubElement(root, 'sensor')
+    for name in robot.roller_names:
+        body = ET.SubElement(world, 'body', name=f'{name}:roller')
+        ET.SubElement(
+            body, 'inertial', pos='0 0 0', mass=f'{ROLLER_MASS:g}', diaginertia='1e-3 1e-3 1e-3'
+        )
+        ET.SubElement(body, 'joint', name=name, type='slide', axis='1 0 0')
+        ET.SubElement(
+            actuators,
+            'intvelocity',
+            name=name,
+            joint=name,
+            kp=f'{DRIVE_STIFFNESS:g}',
+            kv=f'{DRIVE_DAMPING:g}',
+            actrange=f'-{LONGEST_TRAVEL:g} {LONGEST_TRAVEL:g}',
+            ctrlrange=f'-{robot.description.max_speed:g} {robot.description.max_speed:g}',
+        )
+        ET.SubElement(sensors, 'jointpos', name=name, joint=name)
+        ET.SubElement(sensors, 'jointvel', name=f'{name}:velocity', joint=name)
+    _couple(root, tendon, robot, segments)
+    for body in (*robot.topology.joint_names, *(f'object{n}' for n in range(objects))):
+        ET.SubElement(sensors, 'framepos', name=body, objtype='xbody', objname=body)
+    for number in range(objects):
+        body = f'object{number}'
+        turn = {'name': f'{body}:orientation', 'objtype': 'xbody', 'objname': body}
+        ET.SubElement(sensors, 'framequat', **turn)
+
+
+def _couple(root: ET.Element, tendon: ET.Element, robot: Robot, segments: Indices) -> None:
+    """Let the rest lengths of the members follow the rollers."""
+    topology = robot.topology
+    joints = {joint.get('name'): joint for joint in root.iter('joint')}
+    for i, name in enumerate(topology.module_names):
+        count = int(segments[i])
+        for piece in range(1, count + 2):
+            slide = joints[f'{name}:x{piece}']
+            moved = {key: slide.attrib.pop(key) for key in MOVED}
+            fixed = ET.SubElement(
+                tendon, 'fixed', name=slide.get('name'), springlength='0', **moved
+            )
+            ET.SubElement(fixed, 'joint', joint=slide.get('name'), coef='1')
+            share = (0.5 if piece in (1, count + 1) else 1.0) / count
+            for roller, change in zip(
+                robot.roller_names, topology.incidence[i].tolist(), strict=True
+            ):
+                if change:
+                    coef = f'{-share * change:.12g}'
+                    ET.SubElement(fixed, 'joint', joint=roller, coef=coef)

@@ -1,0 +1,62 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Contact forces of members as wrenches in contact frames."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from geometry_msgs.msg import WrenchStamped
+from isotruss_ros.core import Robot
+from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
+from isotruss_ros.nodes.conversions.messages import make_header, name_contact_frame
+
+
+class ContactFrame(NamedTuple):
+    """
+    Where a member presses on the object, in the robot's frame.
+
+    :ivar origin: centre of pressure, x + iy [m].
+    :ivar direction: unit normal into the object, x + iy: the x axis.
+    """
+
+    origin: complex
+    direction: complex
+
+
+def find_contact_frames(analysis: GraspAnalysis, robot: Robot) -> dict[str, ContactFrame]:
+    """
+    Return the frames of contacts by member.
+
+    :param analysis: of the grasp.
+    :param robot: whose members they are.
+    """
+    frames = {}
+    forces = analysis.normal_forces
+    points = analysis.points @ (1.0, 1.0j)
+    inward = -analysis.normals @ (1.0, 1.0j)
+    for number in sorted(set(analysis.members[forces > 0.0].tolist())):
+        mine = forces * (analysis.members == number)
+        push = complex(mine @ inward)
+        if push:
+            origin = complex(mine @ points) / float(mine.sum())
+            frames[robot.member_names[number]] = ContactFrame(origin, push / abs(push))
+    return frames
+
+
+def to_contact_wrench(
+    frame: str, member: str, when: float, normal: float, friction: float = 0.0
+) -> WrenchStamped:
+    """
+    Return the force of a member on the object, in its contact frame.
+
+    :param frame: the robot's frame.
+    :param member: name of the member.
+    :param when: time of the force [s].
+    :param normal: with which it presses [N]: `force.x`.
+    :param friction: on the object, counter-clockwise around it [N]: `-force.y`.
+    """
+    message = WrenchStamped(header=make_header(when, name_contact_frame(frame, member)))
+    message.wrench.force.x, message.wrench.force.y = normal, -friction
+    return message

@@ -1,0 +1,226 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What the nodes make of stamps, of joint states in parts, and of frames that move."""
+
+from geometry_msgs.msg import PoseStamped, TransformStamped
+from isotruss_msgs.msg import StateEstimate
+from isotruss_ros.core import Pose, Status
+from isotruss_ros.core.control.inputs import CLOCK_SKEW
+from isotruss_ros.nodes.bring_up.preflight import Preflight
+from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message
+from isotruss_ros.nodes.framework import robot_frame
+from isotruss_ros.nodes.state_estimator import StateEstimatorNode
+from manual_world import world
+import numpy as np
+from probe import CENTER, maker, manipulation, N, ROBOT
+import pytest
+
+NAMES = list(ROBOT.roller_names)
+estimator = maker(StateEstimatorNode)
+
+
+def codes(w):
+    """Return all statuses since the first one that was OK."""
+    told = [message.code for _, message in w.probe.seen['status']]
+    return set(told[told.index(Status.OK) :])
+
+
+def others(w):
+    """Publish the inputs besides the joint states."""
+    w.probe.send_pose()
+    w.probe.send_twist()
+
+
+# Joint states in parts
+
+
+def test_joint_states_of_other_joints_are_no_input():
+    with world(manipulation()) as w:
+
+        def send():
+            w.probe.send_all()
+            w.probe.send_joints(name=['gripper'], position=[0.1])
+
+        w.until_code(Status.OK, send)
+        w.spin(1.0, send)
+        assert codes(w) == {Status.OK}
+
+
+def test_joint_states_of_two_broadcasters_are_one_input():
+    with world(manipulation()) as w:
+
+        def send():
+            others(w)
+            for names in (NAMES[:3], NAMES[3:]):
+                w.probe.send_joints(name=names, position=[0.0] * 3)
+
+        w.until_code(Status.OK, send)
+        w.spin(1.0, send)
+        assert codes(w) == {Status.OK}
+
+
+def test_a_broadcaster_that_falls_silent_stops_the_rollers_and_its_rollers_are_named():
+    with world(manipulation()) as w:
+        w.until_code(Status.OK, w.probe.send_all)
+
+        def half():
+            others(w)
+            w.probe.send_joints(name=NAMES[:3], position=[0.0] * 3)
+
+        status = w.until_code(Status.HALT_STALE_JOINT_STATES, half)
+        assert f'roller {NAMES[3]} was read 0.' in status.message
+
+
+# Stamps
+
+
+def test_a_joint_state_from_ahead_ages_from_when_it_is_received():
+    with world(manipulation()) as w:
+        w.until_code(Status.OK, w.probe.send_all)
+        w.probe.send_joints(age=-0.99 * CLOCK_SKEW)
+        w.deliver()
+        sent = w.now
+        w.until_code(Status.HALT_STALE_JOINT_STATES, lambda: others(w))
+        assert w.now - sent < 0.2 + 0.02
+
+
+@pytest.mark.parametrize('ahead', [0.05, 2.0, 3600.0])
+def test_a_stamp_from_the_future_costs_one_cycle(ahead):
+    with world(manipulation()) as w:
+        w.until_code(Status.OK, w.probe.send_all)
+        w.probe.send_joints(age=-ahead)
+        w.until_code(Status.HALT_INVALID_JOINT_STATES, lambda: None)
+        sent = w.now
+        w.until_code(Status.OK, w.probe.send_all)
+        assert w.now - sent < 0.03
+
+
+@pytest.mark.parametrize('age', [-2.0, -3600.0, 3600.0])
+def test_an_estimate_goes_on_after_joint_states_of_another_time(age):
+    with world(estimator()) as w:
+        w.probe.listen(StateEstimate, 'estimate', 'state_estimate')
+        w.spin(0.3, w.probe.send_joints)
+        w.probe.send_joints(age=age, position=[0.5] * N)
+        w.spin(0.1, w.probe.send_joints)
+        last = w.probe.last('estimate')
+        assert np.abs(last.travel).max() < 1e-6
+        assert w.probe.past(0.0) - last.header.stamp.sec - 1e-9 * last.header.stamp.nanosec < 0.05
+
+
+def test_encoders_whose_clock_was_set_back_end_the_estimate_with_the_reason():
+    with world(estimator()) as w:
+        w.probe.listen(StateEstimate, 'estimate', 'state_estimate')
+        w.spin(0.3, w.probe.send_joints)
+        w.spin(0.5, lambda: w.probe.send_joints(age=3600.0))
+        told = len(w.probe.seen['estimate'])
+        w.spin(1.0, lambda: w.probe.send_joints(age=3600.0))
+        assert len(w.probe.seen['estimate']) == told
+        assert 'joint states: 3600.0' in w.report('state_estimator').message
+
+
+@pytest.mark.parametrize('age', [-2.0, 3600.0])
+def test_a_rejected_pose_is_a_doubt_of_the_estimate(age):
+    with world(estimator()) as w:
+
+        def send():
+            w.probe.send_joints()
+            w.probe.send_pose(age=age)
+
+        w.spin(1.5, send)
+        assert 'object pose: ' in w.report('state_estimator').message
+
+
+@pytest.mark.parametrize('age', [100.0, -2.0])
+def test_an_estimate_of_another_time_is_not_added_to_the_encoders(age):
+    with world(manipulation()) as w:
+        estimates = w.probe.create_publisher(StateEstimate, 'state_estimate', 1)
+        w.until_code(Status.OK, w.probe.send_all)
+        message = StateEstimate(roller_names=NAMES, offsets=[0.02] * N)
+        message.header = make_header(w.probe.past(age), 'truss')
+        estimates.publish(message)
+        w.spin(0.1, w.probe.send_all)
+        assert not np.any(w.nodes[1]._servo.rollers.value.offsets)
+
+
+@pytest.mark.parametrize(('ahead', 'right'), [(0.002, True), (0.02, False)])
+def test_preflight_and_manipulation_allow_the_same_skew(ahead, right, capsys):
+    with world(lambda: Preflight()) as w, pytest.raises(Exception, match='faults'):
+        w.spin(5.0, lambda: w.probe.send_joints(age=-ahead))
+    said = capsys.readouterr().out
+    assert ('ok    encoders' in said) is right
+    assert ('FAULT encoders: joint states: stamped 0.02' in said) is not right
+
+
+# Frames that move
+
+
+class Transforms:
+    """Transforms that come so long after their stamps, at 30 Hz; a fake, as tf2 has no wheels."""
+
+    def __init__(self, clock, late):
+        self._clock, self._late = clock, late
+
+    def lookup_transform(self, _target, _source, time):
+        period = 1.0 / 30.0
+        newest = (self._clock() - self._late) // period * period
+        if 1e-9 * time.nanoseconds > newest:
+            raise robot_frame.NO_TRANSFORM[0]('extrapolation into the future')
+        return TransformStamped()
+
+
+def send_in_camera(w, frame='camera', x=CENTER[0]):
+    """Publish all inputs, the pose of the object in another frame."""
+    w.probe.send_joints()
+    w.probe.send_twist((0.0, 0.0, 0.0))
+    pose = to_pose_message(Pose(x, CENTER[1], 0.3))
+    header = make_header(w.probe.past(0.0), frame)
+    w.probe.object_poses.publish(PoseStamped(header=header, pose=pose))
+
+
+@pytest.fixture
+def moving_frame(monkeypatch):
+    """Return what makes a world whose node hears transforms that are late [s]."""
+
+    def make(late, *makers):
+        place = {}
+        read = lambda: place['world'].probe.past(0.0)  # noqa: E731
+        monkeypatch.setattr(robot_frame, 'Buffer', lambda: Transforms(read, late))
+        monkeypatch.setattr(robot_frame, 'TransformListener', lambda *m: m, raising=False)
+        monkeypatch.setattr(robot_frame, 'NO_TRANSFORM', (LookupError, ValueError))
+        made = world(*makers)
+
+        class Entered:
+            def __enter__(self):
+                place['world'] = made.__enter__()
+                return place['world']
+
+            def __exit__(self, *error):
+                return made.__exit__(*error)
+
+        return Entered()
+
+    return make
+
+
+@pytest.mark.parametrize('late', [0.005, 0.03, 0.1])
+def test_a_pose_waits_for_its_transform(late, moving_frame):
+    with moving_frame(late, manipulation()) as w:
+        w.until_code(Status.IDLE, lambda: send_in_camera(w))
+        w.spin(1.5, lambda: send_in_camera(w))
+        told = [message.code for _, message in w.probe.seen['status']]
+        assert set(told[told.index(Status.IDLE) :]) == {Status.IDLE}
+
+
+def test_a_pose_waits_no_longer_than_the_timeout(moving_frame):
+    with moving_frame(5.0, manipulation()) as w:
+        status = w.until_code(Status.HALT_INVALID_OBJECT_POSE, lambda: send_in_camera(w))
+        assert 'extrapolation into the future' in status.message
+
+
+def test_rejected_poses_do_not_erase_good_ones():
+    with world(manipulation()) as w:
+        w.until_code(Status.OK, w.probe.send_all)
+        w.spin(1.0, lambda: (w.probe.send_all(), send_in_camera(w, 'elsewhere')))
+        told = {message.code for _, message in w.probe.seen['status'][-50:]}
+        assert told <= {Status.OK, Status.IDLE}
