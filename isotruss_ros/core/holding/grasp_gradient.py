@@ -26,9 +26,9 @@ from isotruss_ros.core.numerics.records import Record
 import numpy as np
 
 #: Wrench of differences along a response, as a share of the squeeze [-].
-STEP = 3e-4
+STEP = 3e-3
 #: Values that differ by less than this share are equally large.
-TIE = 1e-7
+TIE = 1e-5
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -131,13 +131,15 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
     are computed where slip margin or stiffness are asked for.
 
     :param settled: where the object rests.
-    :raises GraspError: the equilibrium is indifferent.
+    :raises GraspError: the equilibrium is indifferent, or that of the paper model.
     """
     grip = settled.equilibrium
     if grip is None:
         return _lost_gradient(settled)
     if grip.response is None:
         raise GraspError('an indifferent equilibrium has no derivatives')
+    if grip.tubes.paper_model:
+        raise GraspError('the paper model has no derivatives; must be that of bent tubes')
     parameters = GraspParameters.of(grip.config)
     chosen = np.eye(parameters.size, parameters.size + 3)
     tubes = LoadedTubes(grip, chosen, parameters)

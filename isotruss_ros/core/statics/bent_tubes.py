@@ -327,7 +327,12 @@ class BentTubes:
         return self._changes[0][..., :count] @ loads.reshape(count, -1) / self.share
 
     def displacements(self, loads: Array, places: Array) -> Array:
-        """Return the displacements (n, 3) of the nodes, see `displace`."""
+        """
+        Return the displacements (n, 3) of the nodes, as far as they are linear about the state.
+
+        :param loads: (k, 3) at the places.
+        :param places: (k,) from the members' starts [m].
+        """
         return self.displace(loads, places).displacements / self.share
 
     def state(self, loads: Array, places: Array) -> tuple[CutFrame, FrameState]:
