@@ -136,7 +136,7 @@ def shape(edges: tuple[float, float]) -> Shape:
     sunk = np.array([-each.displacements[top, 1] for each in path.tangents])
     forces = np.array(path.factors)
     used = [
-        find_utilisation(structure, frame, frame.state(tangent, force * loads))[0].max()
+        find_utilisation(structure, frame, frame.state(tangent, force * loads)).used.max()
         for tangent, force in zip(path.tangents, path.factors, strict=True)
     ]
     onset = float(np.interp(1.0, used, sunk)), float(np.interp(1.0, used, forces))

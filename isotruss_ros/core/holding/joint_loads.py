@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from isotruss_ros.core.holding.held_grip import HeldGrip
-from isotruss_ros.core.holding.loaded_frame import displace_nodes, held_joints
+from isotruss_ros.core.holding.loaded_frame import held_joints
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
@@ -76,19 +76,14 @@ def joint_compliance(grip: HeldGrip) -> tuple[Array, Array]:
     :param grip: how it holds an object.
     :return: (2j, 2j) by forces on joints where nothing is held [m/N]; and `by_contacts`.
     """
-    frame = grip.statics.compliance.structure.frame
-    count = len(grip.config.robot.topology.joint_names)
-    # A force on a joint is one on the end of a member that is there.
-    ends = np.concatenate([frame.members.start, frame.members.end])
-    side, member = np.divmod(np.unique(ends, return_index=True)[1][:count], len(frame.length))
-    own, turn = np.arange(count), frame.turn[member]
-    loads = np.zeros((count, 6, count, 2))
-    for axis in range(2):
-        loads[own, :, own, axis] = turn[own, :, 3 * side + axis]
-    own_moved = frame.displacements(member, loads.reshape(6 * count, 2 * count))
+    bent, joints = grip.statics.bent, len(grip.config.robot.topology.joint_names)
+    loads = np.zeros((len(bent.frame.points), 3, joints, 2))
+    own = np.arange(joints)
+    loads[own, 0, own, 0] = loads[own, 1, own, 1] = 1.0 / grip.tubes.stiffness_scale
+    moved, _ = bent.tangent.respond(loads.reshape(-1, 2 * joints))
     size = 3 * len(grip.anchors)
-    moved = displace_nodes(grip, np.eye(size).reshape(-1, 3, size))
+    by_contacts = bent.node_changes(np.eye(size).reshape(-1, 3, size))
     return (
-        own_moved[:count, :2].reshape(2 * count, -1) / grip.tubes.stiffness_scale,
-        moved[:count, :2].reshape(2 * count, -1),
+        moved.reshape(-1, 3, 2 * joints)[:joints, :2].reshape(2 * joints, -1),
+        by_contacts[:joints, :2].reshape(2 * joints, -1),
     )

@@ -114,7 +114,7 @@ def _judge(found: HeldGrip, given: Pose, friction: float) -> tuple[HoldStatus, s
         return HoldStatus.SLIPS, f'{HoldStatus.SLIPS.value}: {need}'
     if found.response is None or not found.response.stable:
         return HoldStatus.UNSTABLE, HoldStatus.UNSTABLE.value
-    used = found.sections.utilisation
+    used = found.sections.used
     worst = int(used.argmax())
     if used[worst] > 1.0:
         bears = f'{robot.member_names[worst]} bears {used[worst]:.3g} of its wrinkling moment'

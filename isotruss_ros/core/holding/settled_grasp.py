@@ -122,7 +122,7 @@ class SettledGrasp(
 
         Above 1 a tube wrinkles, and all numbers are outside of the model.
         """
-        return self._named(lambda grip: grip.sections.utilisation, every=True)
+        return self._named(lambda grip: grip.sections.used, every=True)
 
     @property
     def utilisation_places(self) -> dict[str, float]:

@@ -92,7 +92,7 @@ def _judge(grasp: HeldGrip, closing: Closing, needs: GraspRequirements) -> Close
     moved = pose_difference(grasp.pose, closing.body.pose) * (1.0, 1.0, grasp.arm)
     body = closing.body if np.abs(moved).max() < SAME_PLACE else grasp.body
     analysis = analyze_grasp(grasp.config, body, needs.friction, needs.external_wrench)
-    loads = needs.find_loads(analysis, grasp.normal_forces, grasp.sections.utilisation)
+    loads = needs.find_loads(analysis, grasp.normal_forces, grasp.sections.used)
     margin = None
     if needs.squeeze is None or _reached(grasp, needs.squeeze):
         with closing.tally.recording():

@@ -82,6 +82,6 @@ class UsageLimits:
 
     def _take(self, grasp: HeldGrip) -> None:
         """Take in which member is nearest to its wrinkling moment, and how near."""
-        used = grasp.sections.utilisation
+        used = grasp.sections.used
         self._member = f'member {grasp.config.robot.member_names[int(used.argmax())]}'
         self._used = min(float(used.max()), FOLDED)

@@ -98,8 +98,8 @@ class BeamColumns:
         :param longer: (k,) l - l0 [m].
         :param turns: (k, 2) of the ends against the chord [rad].
         :param known: (k,) N about which they are linearised; that at which the energy is
-            stationary if None. Where displacements err by little, N of stiff members errs by
-            much: Newton's method is quicker in N, too.
+            stationary if None. Short steps of stiff members make N err by much, so that Newton's
+            method is quicker in N, too.
         """
         by_power = (self.rotary @ turns[:, :, None])[..., 0]
         straight, first, second = by_power
@@ -119,6 +119,33 @@ class BeamColumns:
             missing = (longer + 0.5 * bowed) / give - pull
             pull, moments = pull + missing, moments + slope * missing[:, None]
         return EndForces(pull, moments, stiffness, stressed)
+
+
+def evaluate_rates(
+    values: tuple[Array, ...],
+    pins: tuple[Flags, Flags],
+    changes: Array,
+    turns: Array,
+    chord: Array,
+) -> Array:
+    """
+    Return how the forces (N, M1, M2) of members change while their ends stay, (k, 3).
+
+    Derivatives along the imaginary axis, which have no rounding of differences.
+
+    :param values: (k,) each: l0 [m], EA [N], EI [N m^2], GA [N].
+    :param pins: (k,) whether starts, and ends, transmit no moment.
+    :param changes: (4, k) of these values.
+    :param turns: (k, 2) of the ends against the chord [rad].
+    :param chord: (k,) l - l0 [m].
+    """
+    moved = [value + 1j * STEP * change for value, change in zip(values, changes, strict=True)]
+    found = BeamColumns(*moved, *pins).evaluate(chord - 1j * STEP * changes[0], turns)
+    return np.column_stack([found.pull, found.moments]).imag / STEP
+
+
+#: Of a derivative along the imaginary axis.
+STEP = 1e-30
 
 
 def _reciprocal(constant: Array, first: Array, second: Array) -> Array:

@@ -23,7 +23,12 @@ from isotruss_ros.core.numerics.factorization import (
     factorize,
     factorize_with_condition,
 )
-from isotruss_ros.core.statics.beam_column import BeamColumns, chord_stiffness, EndForces
+from isotruss_ros.core.statics.beam_column import (
+    BeamColumns,
+    chord_stiffness,
+    EndForces,
+    evaluate_rates,
+)
 from isotruss_ros.core.statics.frame_pattern import (
     FramePattern,
     LinearRows,
@@ -85,27 +90,43 @@ class Tangent:
     :ivar axis: (k,) directions of the chords.
     :ivar length: (k,) of the chords [m].
     :ivar forces: of the members.
+    :ivar turn: (k, 6, 6) turn displacements of the plane into those along the chords.
+    :ivar stretched: (k,) l - l0 [m], and (k, 2) turns of the ends against the chords [rad].
     :ivar carried: (3 n,) loads and reactions that these displacements take [N], [N m].
     :ivar gaps: (c,) of the constraints.
     :ivar stiffness: (k, 6, 6) of the members along and across their chords.
-    :ivar matrix: that of (4), scaled.
-    :ivar factor: of the matrix.
-    :ivar scale: (f + c,) of its rows and columns.
-    :ivar solved: (f,) the displacements that are unknowns.
     """
 
     displacements: Array
     multipliers: Array
     axis: Points
     length: Array
+    turn: Array
+    stretched: tuple[Array, Array]
     forces: EndForces
     carried: Array
     gaps: Array
     stiffness: Array
-    matrix: Array | csc_matrix
-    factor: Factor
-    scale: Array
-    solved: Indices
+    _frame: Frame
+    _rows: tuple[Array, Array]  # entries of the constraints, and what their turning adds
+
+    @cached_property
+    def system(self) -> tuple[Array | csc_matrix, Array]:
+        """Return the matrix of (4), scaled, and the scaling (f + c,) of its rows and columns."""
+        matrices = self.turn.transpose(0, 2, 1) @ self.stiffness @ self.turn
+        return self._frame._assemble(matrices, *self._rows)
+
+    @cached_property
+    def factor(self) -> Factor:
+        """
+        Return the factor of the matrix.
+
+        :raises StructureError: the structure has no stiffness in its bent shape.
+        """
+        try:
+            return factorize(self.system[0].copy())
+        except np.linalg.LinAlgError as error:
+            raise StructureError('the structure has no stiffness in its bent shape') from error
 
     def respond(self, loads: Array, gaps: Array | float = 0.0) -> tuple[Array, Array]:
         """
@@ -114,12 +135,12 @@ class Tangent:
         :param loads: (3 n, p) [N], [N m].
         :param gaps: (c, p) that the constraints are to open by.
         """
-        free = len(self.solved)
-        right = np.zeros((len(self.scale), loads.shape[1]))
-        right[:free], right[free:] = loads[self.solved], gaps
-        found = self.scale[:, None] * self.factor.solve(self.scale[:, None] * right)
+        solved, scale = self._frame._pattern.solved, self.system[1][:, None]
+        free, right = len(solved), np.zeros((len(scale), loads.shape[1]))
+        right[:free], right[free:] = loads[solved], gaps
+        found = scale * self.factor.solve(scale * right)
         moved = np.zeros_like(loads)
-        moved[self.solved] = found[:free]
+        moved[solved] = found[:free]
         return moved, found[free:]
 
     @property
@@ -182,16 +203,20 @@ class Frame:
 
         :raises StructureError: the frame is a mechanism; names the nodes that move.
         """
-        return self.tangent(
-            np.zeros((len(self.points), 3)), np.zeros(self.rows.count), checked=True
-        )
+        tangent = self.tangent(np.zeros((len(self.points), 3)), np.zeros(self.rows.count))
+        matrix, scale = tangent.system
+        factor, condition = factorize_with_condition(matrix)
+        if factor is None or not condition < MAX_CONDITION:
+            moving = ', '.join(self._what_moves(matrix, scale))
+            raise StructureError(
+                f'the structure is a mechanism: {moving} can move without resistance; '
+                'support it or connect it'
+            )
+        tangent.__dict__['factor'] = factor
+        return tangent
 
     def tangent(
-        self,
-        displacements: Array,
-        multipliers: Array,
-        pull: Array | None = None,
-        checked: bool = False,
+        self, displacements: Array, multipliers: Array, pull: Array | None = None
     ) -> Tangent:
         """
         Linearise the frame about displacements.
@@ -199,8 +224,6 @@ class Frame:
         :param displacements: (n, 3) ux, uy [m], theta [rad].
         :param multipliers: (c,) of the constraints.
         :param pull: (k,) axial forces N, see `BeamColumns.evaluate`; those there if None [N].
-        :param checked: whether to look for a mechanism.
-        :raises StructureError: the frame is a mechanism there.
         """
         pattern, rows = self._pattern, self.rows
         ends = displacements.ravel()[pattern.places]
@@ -210,12 +233,11 @@ class Frame:
         axis = self.axis * span / length
         # Of the two lengths, without the rounding of their difference.
         longer = (2.0 * self.length * apart.real + np.abs(apart) ** 2) / (length + self.length)
-        forces = self._columns.evaluate(longer, ends[:, 2::3] - np.angle(span)[:, None], pull)
+        stretched = longer, ends[:, 2::3] - np.angle(span)[:, None]
+        forces = self._columns.evaluate(*stretched, pull)
         local = chord_stiffness(length, forces)
         turn = directions(axis)
-        matrices = turn.transpose(0, 2, 1) @ local @ turn
         values, gaps, pairs = rows.linearize(self.points, displacements, multipliers)
-        matrix, scale = self._assemble(matrices, values, pairs)
         across = forces.moments.sum(axis=1) / length
         pushed = np.zeros((len(length), 6))
         pushed[:, 3], pushed[:, 4], pushed[:, 2::3] = forces.pull, -across, forces.moments
@@ -224,20 +246,19 @@ class Frame:
         carried = np.bincount(
             pattern.places.ravel(), pushed.ravel(), minlength=len(self._held)
         ) + np.bincount(rows.column, values * multipliers[rows.row], minlength=len(self._held))
-        factor = self._factorize(matrix, scale, checked)
         return Tangent(
             displacements,
             multipliers,
             axis,
             length,
+            turn,
+            stretched,
             forces,
             carried,
             gaps,
             local,
-            matrix,
-            factor,
-            scale,
-            pattern.solved,
+            self,
+            (values, pairs),
         )
 
     def _assemble(
@@ -270,22 +291,6 @@ class Frame:
             return flat.reshape(size, size), scale
         places = pattern.matrix_rows, pattern.matrix_columns
         return coo_matrix((entries, places), shape=(size, size)).tocsc(), scale
-
-    def _factorize(self, matrix: Array | csc_matrix, scale: Array, checked: bool) -> Factor:
-        """Return the factor of the matrix of (4)."""
-        if not checked:
-            try:
-                return factorize(matrix.copy())
-            except np.linalg.LinAlgError as error:
-                raise StructureError('the structure has no stiffness in its bent shape') from error
-        factor, condition = factorize_with_condition(matrix)
-        if factor is None or not condition < MAX_CONDITION:
-            moving = ', '.join(self._what_moves(matrix, scale))
-            raise StructureError(
-                f'the structure is a mechanism: {moving} can move without resistance; '
-                'support it or connect it'
-            )
-        return factor
 
     def _what_moves(self, matrix: Array | csc_matrix, scale: Array) -> list[str]:
         """Return the nodes that take part in motions which nothing resists."""
@@ -352,7 +357,7 @@ class Frame:
             # What ends elsewhere than the linear response tends to is another branch.
             elif not np.abs(displacements - origin)[:, :2].max() <= growth * reach:
                 return None
-            pull = self._pull_after(tangent, step[:, 0])
+            pull = self.pulls(tangent, step.reshape(-1, 3, 1))[:, 0]
             with np.errstate(over='ignore', invalid='ignore', divide='ignore'):
                 tangent = self.tangent(
                     displacements, tangent.multipliers + multipliers[:, 0], pull
@@ -361,13 +366,140 @@ class Frame:
                 return tangent
         return None
 
-    def _pull_after(self, tangent: Tangent, step: Array) -> Array:
-        """Return the axial forces (k,) of the members after a step (3 n,) of the nodes [N]."""
-        turn, length = directions(tangent.axis), tangent.length
-        ends = (turn @ step[self._pattern.places][:, :, None])[..., 0]
-        turned = (ends[:, 4] - ends[:, 1]) / length
-        moved = np.stack([ends[:, 3] - ends[:, 0], ends[:, 2] - turned, ends[:, 5] - turned], 1)
-        return tangent.forces.pull + (tangent.forces.stiffness[:, 0] * moved).sum(axis=1)
+    def places(self, parts: Indices) -> Indices:
+        """
+        Return the places (p, 6) of the displacements of members' ends among all.
+
+        :param parts: (p,) which members.
+        """
+        return self._pattern.places[parts]
+
+    def force_rates(self, tangent: Tangent, parts: Indices, changes: Array) -> Array:
+        """
+        Return how (N, M1, M2) of members change as their nodes stay where they are, (p, 3, c).
+
+        :param tangent: the state.
+        :param parts: (p,) which members.
+        :param changes: (4, p, c) of their rest lengths [m], EA [N], EI [N m^2] and GA [N].
+        """
+        own, count = self.members, changes.shape[2]
+        each = parts.repeat(count)
+        values = self.length[each], own.axial[each], own.flexural[each], own.shear[each]
+        pins = own.pinned_start[each], own.pinned_end[each]
+        longer, turns = tangent.stretched
+        found = evaluate_rates(values, pins, changes.reshape(4, -1), turns[each], longer[each])
+        return found.reshape(len(parts), count, 3).swapaxes(1, 2)
+
+    def nodal_forces(self, tangent: Tangent, parts: Indices, rates: Array) -> Array:
+        """
+        Return what the ends of members carry more, in the plane, (p, 6, c).
+
+        :param tangent: the state.
+        :param parts: (p,) which members.
+        :param rates: (p, 3, c) of their N, M1 and M2.
+        """
+        pull, first, second = rates.swapaxes(0, 1)
+        across = (first + second) / tangent.length[parts, None]
+        ends = np.stack([-pull, across, first, pull, -across, second], axis=1)
+        return tangent.turn[parts].swapaxes(1, 2) @ ends
+
+    def slopes(self, tangent: Tangent, parts: Indices, end: Indices) -> Array:
+        """
+        Return the inclinations of bent centre lines at ends of members, (p,) [rad].
+
+        Of the section, less what the force across shears it by: (t - Q/GA) / (1 + N/GA) against
+        the chord.
+
+        :param tangent: the state.
+        :param parts: (p,) which members.
+        :param end: (p,) 1 for their starts, 2 for their ends.
+        """
+        turned, skew, softness, _ = self._shear(tangent, parts, end)
+        return turned + skew / softness
+
+    def slope_rates(
+        self,
+        tangent: Tangent,
+        parts: Indices,
+        end: Indices,
+        rates: Array,
+        shear_rates: Array | float,
+    ) -> Array:
+        """
+        Return how `slopes` change with (N, M1, M2) and GA, the nodes where they are, (p, c).
+
+        :param tangent: the state.
+        :param parts: (p,) which members.
+        :param end: see `slopes`.
+        :param rates: (p, 3, c) of N, M1 and M2.
+        :param shear_rates: (p, c) of GA, as a share.
+        """
+        _, skew, softness, shear = (x[:, None] for x in self._shear(tangent, parts, end))
+        across = tangent.forces.moments[parts].sum(axis=1)[:, None] / tangent.length[parts, None]
+        change = (rates[:, 1] + rates[:, 2]) / tangent.length[parts, None] - across * shear_rates
+        pulled = rates[:, 0] - tangent.forces.pull[parts, None] * shear_rates
+        return -(change + skew / softness * pulled) / shear / softness
+
+    def pulls(self, tangent: Tangent, moved: Array) -> Array:
+        """
+        Return the axial forces N of all members as nodes have moved, (k, c) [N].
+
+        :param tangent: the state before.
+        :param moved: (n, 3, c) by which the nodes move.
+        """
+        every = np.arange(len(self.length))
+        return tangent.forces.pull[:, None] + self.force_changes(tangent, every, moved)[:, 0]
+
+    def force_changes(self, tangent: Tangent, parts: Indices, moved: Array) -> Array:
+        """
+        Return how (N, M1, M2) of members change as the nodes move, (p, 3, c).
+
+        :param tangent: the state.
+        :param parts: (p,) which members.
+        :param moved: (n, 3, c) of all nodes.
+        """
+        return tangent.forces.stiffness[parts] @ self._chord_changes(tangent, parts, moved)[0]
+
+    def _chord_changes(
+        self, tangent: Tangent, parts: Indices, moved: Array
+    ) -> tuple[Array, Array]:
+        """Return changes of (l, t1, t2) of members (p, 3, c), and turns of the chords (p, c)."""
+        ends = tangent.turn[parts] @ moved.reshape(-1, moved.shape[2])[self.places(parts)]
+        longer = ends[:, 3] - ends[:, 0]
+        turned = (ends[:, 4] - ends[:, 1]) / tangent.length[parts, None]
+        turns = np.stack([longer, ends[:, 2] - turned, ends[:, 5] - turned], axis=1)
+        return turns, turned
+
+    def slope_changes(self, tangent: Tangent, parts: Indices, end: Indices, moved: Array) -> Array:
+        """
+        Return how `slopes` change as the nodes move, (p, c).
+
+        :param tangent: the state.
+        :param parts: (p,) which members.
+        :param end: see `slopes`.
+        :param moved: (n, 3, c) of all nodes.
+        """
+        turns, turned = self._chord_changes(tangent, parts, moved)
+        longer, length = turns[:, 0], tangent.length[parts, None]
+        forces = tangent.forces.stiffness[parts] @ turns
+        _, skew, softness, shear = self._shear(tangent, parts, end)
+        across = tangent.forces.moments[parts].sum(axis=1)[:, None] / length
+        change = (forces[:, 1] + forces[:, 2] - across * longer) / length
+        skewed = (skew / softness)[:, None]
+        slope = (
+            turns[np.arange(len(parts)), end] - (change + skewed * forces[:, 0]) / shear[:, None]
+        )
+        return turned + slope / softness[:, None]
+
+    def _shear(
+        self, tangent: Tangent, parts: Indices, end: int
+    ) -> tuple[Array, Array, Array, Array]:
+        """Return turn of the chord, t - Q/GA, 1 + N/GA and GA of members, (p,) each."""
+        shear, forces = self.members.shear[parts], tangent.forces
+        turned = np.angle(tangent.axis[parts] * self.axis[parts].conj())
+        across = forces.moments[parts].sum(axis=1) / tangent.length[parts]
+        skew = tangent.stretched[1][parts, end - 1] - across / shear
+        return turned, skew, 1.0 + forces.pull[parts] / shear, shear
 
     def is_stable(self, tangent: Tangent) -> bool:
         """
@@ -375,7 +507,7 @@ class Frame:
 
         :param tangent: there.
         """
-        return count_negative_pivots(tangent.matrix, self.rows.count) == self.rows.count
+        return count_negative_pivots(tangent.system[0], self.rows.count) == self.rows.count
 
     def state(self, tangent: Tangent, loads: Array) -> FrameState:
         """

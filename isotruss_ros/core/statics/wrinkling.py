@@ -104,46 +104,87 @@ def load_sections(
     return SectionLoads(ahead * moment, larger, used[last], places[last])
 
 
-def find_utilisation(structure: Structure, frame: Frame, state: FrameState) -> tuple[Array, Array]:
+class Utilisation(NamedTuple):
     """
-    Return how near to wrinkling loads bring the members of a robot, and where they are nearest.
+    How near to wrinkling loads bring the m members of a robot.
+
+    :ivar used: (m,) largest |M| / M_w of each, infinite where compression takes all of the pull.
+    :ivar place: (m,) where along the member that is, from its start [m].
+    :ivar piece: (m,) the member of the frame that it is on.
+    :ivar kind: (m,) 0 at its start, 1 at its end, 2 inside.
+    """
+
+    used: Array
+    place: Array
+    piece: Indices
+    kind: Indices
+
+
+def find_utilisation(structure: Structure, frame: Frame, state: FrameState) -> Utilisation:
+    """
+    Return how near to wrinkling loads bring the members of a robot.
 
     Between loads the moment of a compressed piece is part of a sine, which may peak inside.
 
     :param structure: of the robot.
     :param frame: its frame, cut where tubes bear loads.
     :param state: the response to the loads.
-    :return: (m,) largest |M| / M_w of each member, infinite where compression alone takes all of
-        the pull; and (m,) its distance from the member's start [m].
     """
     config = structure.config
     topology, radius = config.robot.topology, 0.5 * config.robot.description.tube_diameter
-    first = structure.pieces[0, 0]
-    pieces = np.flatnonzero(frame.whole >= first)
-    member = structure.owners.ravel()[frame.whole[pieces] - first]
-    length, flexural, shear = frame.length[pieces], *(x[pieces] for x in frame.members[3:5])
-    ends, pull = state.end_forces[pieces], state.bowing[pieces]
-    begin, end = -ends[:, 2], ends[:, 5]
-    # M = begin cos(k x) + sine sin(k x); without compression the ends bear most.
-    wave = np.sqrt(np.maximum(-pull, 0.0) / flexural / (1.0 + pull / shear))
-    turned = np.maximum(wave * length, TINY)
-    sine = (end - begin * np.cos(turned)) / np.sin(turned)
-    crest = np.arctan2(sine, begin) % np.pi
-    inside = np.where((wave > 0.0) & (crest < turned), crest / turned * length, 0.0)
-    peak = np.where(inside > 0.0, np.hypot(begin, sine), np.abs(begin))
-    moments = np.concatenate([begin, end, peak])
+    pieces, member = tube_pieces(structure, frame)
+    ends = state.end_forces[pieces]
+    wall = np.pi * radius**2 * np.array(structure.pressures)[topology.tube[member]]
+    used, inside = use_sections(
+        np.stack([-ends[:, 2], ends[:, 5], ends[:, 3] + wall, state.bowing[pieces]]),
+        np.stack([frame.length[pieces], *(each[pieces] for each in frame.members[3:5])]),
+        radius,
+    )
     start = config.points[topology.b[member]]
     along = (config.points[topology.c[topology.following[member]]] - start).conj()
     along /= np.abs(along)
     origin = ((frame.points[frame.members.start[pieces]] - start) * along).real
     ahead = (frame.axis[pieces] * along).real
-    places = np.concatenate([origin, origin + ahead * length, origin + ahead * inside])
-    wall = np.pi * radius**2 * np.array(structure.pressures)[topology.tube[member]]
-    left = np.concatenate([wall - ends[:, 0], wall + ends[:, 3], wall + ends[:, 3]])
-    used = np.full(len(moments), np.inf)
-    np.divide(2.0 * np.abs(moments), radius * left, out=used, where=left > 0.0)
-    last = find_most_used(used, np.tile(member, 3))
-    return used[last], places[last]
+    places = origin + ahead * np.stack([np.zeros(len(pieces)), frame.length[pieces], inside])
+    last = find_most_used(used.ravel(), np.tile(member, 3))
+    kind, piece = np.divmod(last, len(pieces))
+    return Utilisation(used.ravel()[last], places.ravel()[last], pieces[piece], kind)
+
+
+def tube_pieces(structure: Structure, frame: Frame) -> tuple[Indices, Indices]:
+    """
+    Return the members of a cut frame that are tubes, and the members of the robot they are on.
+
+    :param structure: of the robot.
+    :param frame: its frame, cut where tubes bear loads.
+    """
+    first = structure.pieces[0, 0]
+    pieces = np.flatnonzero(frame.whole >= first)
+    return pieces, structure.owners.ravel()[frame.whole[pieces] - first]
+
+
+def use_sections(loads: Array, sections: Array, radius: float) -> tuple[Array, Array]:
+    """
+    Return |M| / M_w of pieces at their starts, ends and inside (3, ...), and where the last is.
+
+    :param loads: (4, ...) moments of the sections at start and end [N m], pull of the wall [N],
+        and pull that changes the moment inside [N].
+    :param sections: (3, ...) length [m], EI [N m^2] and GA [N].
+    :param radius: of the tubes [m].
+    """
+    begin, end, left, pull = loads
+    length, flexural, shear = sections
+    # M = begin cos(k x) + sine sin(k x); without compression the ends bear most.
+    wave = np.sqrt(np.maximum(-pull, 0.0) / flexural / (1.0 + pull / shear))
+    turned = np.maximum(wave * length, TINY)
+    sine = (end - begin * np.cos(turned)) / np.sin(turned)
+    crest = np.arctan2(sine, begin) % np.pi
+    within = (wave > 0.0) & (crest < turned)
+    peak = np.where(within, np.hypot(begin, sine), 0.0)
+    moments = np.abs(np.stack([begin, end, peak]))
+    used = np.full(moments.shape, np.inf)
+    np.divide(2.0 * moments, radius * left, out=used, where=left > 0.0)
+    return used, np.where(within, crest / turned * length, 0.0)
 
 
 def find_most_used(used: Array, member: Indices) -> Indices:

@@ -9,7 +9,7 @@ from comparison.wedge import pressed_into
 from isotruss_ros.core import analyze_grasp, ConvexObject, load_robot, Polygon, tangent_center
 from isotruss_ros.core.contact.deformed_shape import deformed_lines, force_lines, region_lines
 from isotruss_ros.core.kinematics.depths import member_lines
-from isotruss_ros.core.statics.member_compliance import MemberCompliance
+from isotruss_ros.core.statics.bent_tubes import BentTubes
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
@@ -65,12 +65,12 @@ def test_lines_bend_as_members_give(config, share):
     straight = member_lines(config)
     unloaded = deformed_lines(grasp(config, -0.01))
     for other, line in enumerate(deformed_lines(analysis)):
-        members = MemberCompliance(structure, [number, other])
-        axis, local = members.axis[1], force * members.axis[0].conj()
         for point, before in zip(line, unloaded[other], strict=True):
             at = np.array([place, abs(before - straight[other, 0])])
-            found = members.at(at).respond(np.array([[local.real, local.imag, 0.0], [0.0] * 3]))
-            moved = axis * complex(found[1, 0], found[1, 1])
+            bent = BentTubes(structure, np.array([number, other]), at, linear=True)
+            local = force * bent.axis[0].conj()
+            found = bent.respond(np.array([[local.real, local.imag, 0.0], [0.0] * 3]), at)
+            moved = bent.axis[1] * complex(found[1, 0], found[1, 1])
             assert point - before == pytest.approx(moved, rel=1e-6, abs=1e-11)
 
 
