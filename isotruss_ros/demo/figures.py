@@ -41,7 +41,7 @@ def draw_panels(
     diameter: float,
     records: Sequence[PhaseRecord],
     path: Path,
-    flattening: bool = True,
+    paper_model: bool = False,
 ) -> None:
     """
     Write a picture of all phases; the grasp magnified in a corner where there is one.
@@ -50,7 +50,7 @@ def draw_panels(
     :param diameter: of the object [m].
     :param records: of the phases.
     :param path: of the picture.
-    :param flattening: whether the tubes flatten where they are touched.
+    :param paper_model: see `analyze_grasp`.
     """
     stops: list[tuple[str, Snapshot, Wrench | None]] = []
     for record in records:
@@ -77,7 +77,7 @@ def draw_panels(
         _draw_path(axes, [snap for snap in travelled if snap.time <= snapshot.time])
         draw_object(axes, pose, diameter)
         cylinder = ConvexObject.disc(pose[:2], diameter)
-        analysis = analyze_grasp(configs[i], cylinder, flattening=flattening)
+        analysis = analyze_grasp(configs[i], cylinder, paper_model=paper_model)
         draw_forces(axes, cylinder, analysis, ARROW_SCALE)
         if pull is not None:
             _draw_pull(axes, pose, pull)

@@ -13,18 +13,21 @@ of the answer lie there alone, and close enough.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from isotruss_ros.core.contact.contact import estimate_contact
 from isotruss_ros.core.contact.contact_points import (
     ContactPoints,
     ContactState,
     find_contact_points,
+    points_on_members,
 )
 from isotruss_ros.core.contact.flattening import Flattening
 from isotruss_ros.core.contact.grasp_analysis import SolvedContact
 from isotruss_ros.core.contact.surfaces import Surface
+from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.numerics.arrays import Array, Flags, Points
+from isotruss_ros.core.statics.bent_tubes import BentTubes, FOLLOWED_MOTION, straight_tubes
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 
@@ -38,6 +41,11 @@ LENGTH_SPREAD = 0.02
 #: Regions are found in so many steps, or points are placed wherever tubes are within reach.
 MAX_STEPS = 3
 EVERYWHERE = np.array([-np.inf, np.inf])
+#: Points of one region are no farther apart than this; tubes are cut anew where a region has moved
+#: by more than that [m].
+ONE_REGION, SAME_CUT = 0.03, 0.02
+#: Tubes are linearised anew so often in one analysis.
+MAX_BENDS = 8
 
 #: Solves (8) at points that meet a surface; to begin with forces and normals if there are any.
 ContactSolver = Callable[..., ContactState]
@@ -84,6 +92,7 @@ def refine_contact(
         touches = budget is None or _touched(found.spans).any()
         if not len(found.points.points) or not touches:
             return search.find(spacing, None, solver)
+    found = search.bend(found)
     # Whatever the search began with, the answer is the same.
     within = _within(found.points, found.spans + search.room)
     return found._replace(kept=np.flatnonzero(within))
@@ -148,7 +157,8 @@ class _Search:
         division = _division(regions, self.spacing, self.budget)
         within = limited & _touched(regions)
         windows = np.where(within, regions + SEARCH * self.room, EVERYWHERE)
-        solved = self.find(self.spacing / division, windows, begin)
+        bent = bend_tubes(self.structure, before.points, before.contact)
+        solved = self.find(self.spacing / division, windows, begin, bent)
         found = solved.spans
         # A member whose contact has left its window may be touched elsewhere.
         inside = ((found + self.room - windows) * self.room <= 0.0).all()
@@ -161,14 +171,57 @@ class _Search:
         distance: float,
         windows: Array | None,
         solve: ContactSolver,
+        bent: BentTubes | None = None,
     ) -> SolvedContact:
         """Place points so far apart, and solve with what such points can tell of the surface."""
         points = find_contact_points(
-            self.structure, self.surface, distance, self.flattening, windows
+            self.structure, self.surface, distance, self.flattening, windows, bent
         )
-        contact = solve(points, self.surface.resolved(distance))
+        return self._measure(points, solve(points, self.surface.resolved(distance)))
+
+    def _measure(self, points: ContactPoints, contact: ContactState) -> SolvedContact:
         count = len(self.structure.config.robot.member_names)
         return measure_contact(points, contact, count)
+
+    def bend(self, found: SolvedContact) -> SolvedContact:
+        """Solve at the same points until the tubes are linearised where they are."""
+        for _ in range(MAX_BENDS):
+            points, contact = found.points, found.contact
+            if points.distance(contact.push) <= FOLLOWED_MOTION:
+                return found
+            points = points.about(bend_tubes(self.structure, points, contact))
+            surface = self.surface.resolved(points.spacing)
+            contact = self.solver(points, surface, contact.forces, contact.normals)
+            found = self._measure(points, contact)
+        raise SolverError(
+            f'the bent tubes did not settle in {MAX_BENDS} steps; the object is pressed in too '
+            'deeply'
+        )
+
+
+def bend_tubes(structure: Structure, points: ContactPoints, contact: ContactState) -> BentTubes:
+    """
+    Return the tubes linearised about where contact forces bend them, cut where these act.
+
+    :param structure: the frame of the robot from now on.
+    :param points: points that the object could touch.
+    :param contact: where it does, and with what force.
+    """
+    touching = np.flatnonzero(contact.forces > 0.0)
+    if not len(touching):
+        return straight_tubes(structure)
+    member, place = points.member[touching], points.place[touching]
+    apart = (np.diff(member) != 0) | (np.diff(place) > ONE_REGION)
+    region = np.append(0, np.cumsum(apart))
+    forces = contact.forces[touching]
+    cuts = np.bincount(region, forces * place) / np.bincount(region, forces)
+    members, known = member[np.searchsorted(region, np.arange(len(cuts)))], points.bent
+    if np.array_equal(known.members, members) and np.abs(known.places - cuts).max() < SAME_CUT:
+        before = points.displace(contact.push)
+        return BentTubes(structure, members, known.places, before=before)
+    straight = BentTubes(structure, members, cuts)
+    there = points_on_members(straight, member, place, points.spacing)
+    return replace(straight, before=there.displace(contact.push[touching]))
 
 
 def _touched(regions: Array) -> Flags:

@@ -146,7 +146,7 @@ def _find_rest(
     body, contacts = statics.body, statics.contacts
     closure = rest(statics, body)
     found, motion = None, None
-    if before is not None and _is_like(before, statics):
+    if before is not None and before.tubes[:2] == tubes[:2] and _is_like(before, statics):
         travel = config.roller_positions - before.config.roller_positions
         found = _solve_nearby(before, travel, statics, wrench, closure)
         if found is not None:

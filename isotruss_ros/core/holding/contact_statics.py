@@ -46,9 +46,8 @@ from scipy.linalg import lapack
 #: Forces balance to this share of the squeeze, contact points touch to this length [m].
 FORCE_TOLERANCE, LENGTH_TOLERANCE = 1e-10, 1e-11
 MAX_STEPS = 40
-#: Tubes are linearised anew until no node moves by more than this [m]; where a motion is
-#: followed, until none moves by more than that, which leaves less than 1e-8 m.
-SETTLED_MOTION, FOLLOWED_MOTION = 1e-9, 3e-5
+#: Tubes are linearised anew until no node moves by more than this [m].
+SETTLED_MOTION = 1e-9
 MAX_BENDS = 8
 #: In one step contacts and object move at most this share of the object's size ...
 MAX_MOVE = 0.5

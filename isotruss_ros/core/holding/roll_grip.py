@@ -22,7 +22,6 @@ from isotruss_ros.core.holding.contact_forces import PressedContacts
 from isotruss_ros.core.holding.contact_statics import (
     Closure,
     ContactStatics,
-    FOLLOWED_MOTION,
     SOFTNESS,
     unwrapped,
 )
@@ -34,7 +33,7 @@ from isotruss_ros.core.model.contact_patch import LEAST_FACE
 from isotruss_ros.core.model.convex_object import segment_gaps
 from isotruss_ros.core.model.shapes import Face
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
-from isotruss_ros.core.statics.bent_tubes import BentTubes
+from isotruss_ros.core.statics.bent_tubes import BentTubes, FOLLOWED_MOTION
 from isotruss_ros.core.statics.section import Pressure
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np

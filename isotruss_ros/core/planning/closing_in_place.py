@@ -91,7 +91,13 @@ def _judge(grasp: HeldGrip, closing: Closing, needs: GraspRequirements) -> Close
     closing.tally.analyses += 1
     moved = pose_difference(grasp.pose, closing.body.pose) * (1.0, 1.0, grasp.arm)
     body = closing.body if np.abs(moved).max() < SAME_PLACE else grasp.body
-    analysis = analyze_grasp(grasp.config, body, needs.friction, needs.external_wrench)
+    analysis = analyze_grasp(
+        grasp.config,
+        body,
+        needs.friction,
+        needs.external_wrench,
+        paper_model=needs.paper_model,
+    )
     loads = needs.find_loads(analysis, grasp.normal_forces, grasp.sections.used)
     margin = None
     if needs.squeeze is None or _reached(grasp, needs.squeeze):

@@ -10,6 +10,8 @@ from typing import NamedTuple
 
 from isotruss_ros.core.errors import ConfigurationError, GraspError, SolverError
 from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.build_statics import AS_MODELLED
+from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, LEFT_MARGIN, NotHeldError
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -40,7 +42,11 @@ class Foresight(NamedTuple):
 
 @single_threaded
 def foresee_grip(
-    config: Configuration, body: ConvexObject, friction: float, poses: Array
+    config: Configuration,
+    body: ConvexObject,
+    friction: float,
+    poses: Array,
+    tubes: TubeModel = AS_MODELLED,
 ) -> Foresight | None:
     """
     Carry an object along a path in the model, see `foresee_path`.
@@ -49,12 +55,13 @@ def foresee_grip(
     :param body: the object, where it is held.
     :param friction: coefficient between tubes and object.
     :param poses: see `foresee_path`.
+    :param tubes: what is assumed of the tubes.
     :return: None where no members hold the object: what they push has no slip margin.
     :raises IsotrussError: see `foresee_path`.
     """
     (friction,) = finite_array([friction], 1, 'friction', GraspError).tolist()
     try:
-        held = attach_grip(config, body)
+        held = attach_grip(config, body, tubes=tubes)
     except NotHeldError:
         return None
     if held.hold(friction) is not HoldStatus.HELD:

@@ -17,13 +17,16 @@ from typing import NamedTuple
 
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.statics.cut_frame import CutFrame
-from isotruss_ros.core.statics.frame import FrameState, Tangent
+from isotruss_ros.core.statics.frame import Frame, FrameState, Tangent
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 
 #: The paper's model is the bent one under so small a share of the loads [-]: a third of it leaves
 #: rounding of 1e-9, three times of it as much of what is not linear.
 LINEAR_SHARE = 1e-6
+#: Tubes are linearised anew until no node moves by more than this [m], which leaves less than
+#: 1e-8 m.
+FOLLOWED_MOTION = 3e-5
 #: Places are no nearer to the ends of their piece of tube than this [m].
 SHORTEST_PART = 1e-3
 
@@ -56,6 +59,15 @@ class PlaceChanges(NamedTuple):
     nodes: Array
     inclined: Array
     forces: Array
+
+
+def straight_tubes(structure: Structure) -> BentTubes:
+    """
+    Return the tubes of a robot without loads, cut nowhere.
+
+    :param structure: the robot's frame.
+    """
+    return BentTubes(structure, np.zeros(0, dtype=np.intp), np.zeros(0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,17 +114,34 @@ class BentTubes:
         return (end - self.start) / self.length
 
     @cached_property
-    def _cut(self) -> tuple[CutFrame, Array, Array]:
+    def _cut(self) -> tuple[Frame, Array, Array]:
         """Return the frame, (k,) which way its pieces run, and where it is cut [m]."""
         frame = self.structure.frame
+        if not len(self.members):
+            return frame, self.places, self.places
         pieces, within, ahead = self.structure.locate(self.members, self.places)
         inside = np.clip(within, SHORTEST_PART, frame.length[pieces] - SHORTEST_PART)
         return CutFrame(frame, pieces, inside), ahead, self.places + ahead * (inside - within)
 
     @property
-    def frame(self) -> CutFrame:
+    def is_straight(self) -> bool:
+        """Return whether they are linearised without loads."""
+        return self.before is None
+
+    @property
+    def frame(self) -> Frame:
         """Return the frame, cut at the places."""
         return self._cut[0]
+
+    def locate(self, members: Indices, places: Array) -> tuple[Indices, Array, Array]:
+        """
+        Return the members of the cut frame that places are on, see `Structure.locate`.
+
+        :param members: (c,) numbers of the members.
+        :param places: (c,) distances from the members' starts [m].
+        """
+        piece, within, ahead = self.structure.locate(members, places)
+        return *self.frame.locate(piece, within), ahead
 
     @cached_property
     def share(self) -> float:
@@ -159,9 +188,9 @@ class BentTubes:
         if self.before is None:
             return carried, inclined, np.zeros((2 * count, 3))
         parts, end = self._parts
-        changes = np.zeros((4, 2 * count, 1))
-        changes[0, :count, 0], changes[0, count:, 0] = self._cut[1], -self._cut[1]
-        rates = frame.force_rates(tangent, parts, changes)
+        # The part before a place becomes longer as this moves, the one behind it shorter.
+        ways = np.append(self._cut[1], -self._cut[1])[:, None, None]
+        rates = tangent.forces.rates[parts, :, None] * ways
         np.add.at(
             carried,
             (frame.places(parts), np.tile(np.arange(count), 2)[:, None]),
@@ -335,7 +364,7 @@ class BentTubes:
         """
         return self.displace(loads, places).displacements / self.share
 
-    def state(self, loads: Array, places: Array) -> tuple[CutFrame, FrameState]:
+    def state(self, loads: Array, places: Array) -> tuple[Frame, FrameState]:
         """
         Return the frame cut at places, and its state there.
 

@@ -16,9 +16,6 @@ class CutFrame(Frame):
 
     The members themselves become their first parts; the others are the last members.
 
-    :ivar nodes: (c,) the nodes at the points.
-    :ivar before: (c,) the parts that end at the points.
-    :ivar behind: (c,) the parts that begin there.
     :param frame: to be cut.
     :param piece: (c,) numbers of the members with points inside.
     :param within: (c,) distances of these from the members' starts [m].
@@ -27,7 +24,6 @@ class CutFrame(Frame):
     def __init__(self, frame: Frame, piece: Indices, within: Array) -> None:
         order = np.lexsort((within, piece))
         cut = frame._pattern.cut(frame.members, frame._held, piece, order)
-        self.nodes, self.before, self.behind = cut.nodes, cut.before, cut.behind
         sections = (each[cut.whole] for each in frame.members[2:5])
         members = cut.members._replace(
             **dict(zip(('axial', 'flexural', 'shear'), sections, strict=True))
@@ -40,5 +36,21 @@ class CutFrame(Frame):
             [*frame._names, *map(str, cut.nodes)],
             frame.rows,
             cut.pattern,
+            rated=True,
         )
+        self.nodes, self.before, self.behind = cut.nodes, cut.before, cut.behind
         self.whole = cut.whole
+        self._piece, self._within = piece, within
+
+    def locate(self, piece: Indices, within: Array) -> tuple[Indices, Array]:
+        """
+        Return the parts of members that points are on, and distances (c,) from their starts [m].
+
+        :param piece: (c,) numbers of the members of the frame that was cut.
+        :param within: (c,) distances from their starts [m].
+        """
+        part, begin = piece.copy(), np.zeros(len(piece))
+        for i in np.argsort(self._within).tolist():
+            beyond = (piece == self._piece[i]) & (within > self._within[i])
+            part[beyond], begin[beyond] = self.behind[i], self._within[i]
+        return part, within - begin

@@ -11,8 +11,9 @@ which `bend` finds the equilibrium of the bent frame.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
+from typing import NamedTuple
 
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.kinematics.constraints import DENSE_UP_TO
@@ -80,6 +81,22 @@ class FrameState:
     bowing: Array
 
 
+class EndResponse(NamedTuple):
+    """
+    The response of a linearised frame to unit loads on the ends of k members.
+
+    The last column is that without loads: what the state takes is not there any more.
+
+    :ivar moved: (3 n, 6 k + 1) displacements of all nodes.
+    :ivar multipliers: (c, 6 k + 1) of the constraints.
+    :ivar ends: (6 k, 6 k + 1) along and across the chord and by rotation at start and end of each.
+    """
+
+    moved: Array
+    multipliers: Array
+    ends: Array
+
+
 @dataclass(frozen=True, eq=False)
 class Tangent:
     """
@@ -109,6 +126,7 @@ class Tangent:
     stiffness: Array
     _frame: Frame
     _rows: tuple[Array, Array]  # entries of the constraints, and what their turning adds
+    _kept: dict[bytes, EndResponse] = field(default_factory=dict, repr=False)
 
     @cached_property
     def system(self) -> tuple[Array | csc_matrix, Array]:
@@ -143,6 +161,28 @@ class Tangent:
         moved[solved] = found[:free]
         return moved, found[free:]
 
+    def under_end_loads(self, members: Indices) -> EndResponse:
+        """
+        Return how the frame answers to unit loads on the ends of members; kept.
+
+        :param members: (k,) which of the members.
+        """
+        key = members.tobytes()
+        if key not in self._kept:
+            frame = self._frame
+            size, turn = 6 * len(members), self.turn[members]
+            places = frame.places(members).ravel()
+            loads = np.zeros((len(self.carried), size + 1))
+            columns = np.arange(size).reshape(-1, 1, 6).repeat(6, axis=1).reshape(size, 6)
+            loads[places[:, None], columns] = turn.transpose(0, 2, 1).reshape(size, 6)
+            loads[:, size] = -self.carried
+            gaps = np.zeros((len(self.gaps), size + 1))
+            gaps[:, size] = -self.gaps
+            moved, multipliers = self.respond(loads, gaps)
+            ends = (turn @ moved[places].reshape(len(members), 6, size + 1)).reshape(size, -1)
+            self._kept[key] = EndResponse(moved, multipliers, ends)
+        return self._kept[key]
+
     @property
     def end_forces(self) -> Array:
         """Return the forces of the nodes on the members, see `FrameState`."""
@@ -163,6 +203,9 @@ class Frame:
     :ivar rows: constraints on the displacements.
     :ivar whole: (k,) of which members of the frame that was cut these are parts.
     :ivar beams: of the members between their ends, what `Beams` takes.
+    :ivar nodes: (c,) the nodes at which another frame was cut to become this one.
+    :ivar before: (c,) the members that end at these.
+    :ivar behind: (c,) the members that begin there.
     :ivar turn: (k, 6, 6) turn displacements of the plane into those along them.
     :param points: (n,) nodes x + iy [m].
     :param members: what connects them.
@@ -170,6 +213,7 @@ class Frame:
     :param names: (n,) names of the nodes, for messages.
     :param rows: constraints on the displacements: linear ones, or on turns of spans.
     :param pattern: of a frame with the same connections and supports; made if None.
+    :param rated: see `BeamColumns`.
     """
 
     def __init__(
@@ -180,6 +224,7 @@ class Frame:
         names: Sequence[str],
         rows: LinearRows | TurnRows = NO_ROWS,
         pattern: FramePattern | None = None,
+        rated: bool = False,
     ) -> None:
         self.points = points
         self.members = members
@@ -191,10 +236,10 @@ class Frame:
         self.axis = span / length
         self.turn = directions(self.axis)
         self.beams = length, *members[2:6]
-        self._columns = BeamColumns(length, *members[2:])
-        self._loaded: dict[bytes, tuple[Array, Array]] = {}
+        self._columns = BeamColumns(length, *members[2:], rated=rated)
         self._pattern = pattern or FramePattern(members, held, rows)
         self.whole = np.arange(len(length))
+        self.nodes = self.before = self.behind = np.zeros(0, dtype=np.intp)
 
     @cached_property
     def rest(self) -> Tangent:
@@ -366,6 +411,15 @@ class Frame:
                 return tangent
         return None
 
+    def locate(self, piece: Indices, within: Array) -> tuple[Indices, Array]:
+        """
+        Return the members that points are on, and distances (c,) from their starts [m].
+
+        :param piece: (c,) numbers of the members of the frame before it was cut.
+        :param within: (c,) distances from their starts [m].
+        """
+        return piece, within
+
     def places(self, parts: Indices) -> Indices:
         """
         Return the places (p, 6) of the displacements of members' ends among all.
@@ -527,58 +581,6 @@ class Frame:
     def _reactions(self, missing: Array) -> Array:
         """Return what the supports do (n, 3), of what is missing to the balance (3 n,)."""
         return np.where(self._held, missing, 0.0).reshape(-1, 3)
-
-    def compliance(self, members: Indices) -> Array:
-        """
-        Return the displacements of the ends of members under unit loads on these ends; kept.
-
-        :param members: (k,) which of the members.
-        :return: (6 k, 6 k), along and across the member and by rotation at start and end of each;
-            symmetric.
-        :raises StructureError: see `solve`.
-        """
-        return self._under_end_loads(members)[1]
-
-    def _under_end_loads(self, members: Indices) -> tuple[Array, Array]:
-        """Return all displacements (3 n, 6 k), and what `compliance` returns; both kept."""
-        key = members.tobytes()
-        if key in self._loaded:
-            return self._loaded[key]
-        size, turn = 6 * len(members), self.turn[members]
-        places = self._pattern.places[members].ravel()
-        loads = np.zeros((len(self._held), size))
-        columns = np.arange(size).reshape(-1, 1, 6).repeat(6, axis=1).reshape(size, 6)
-        loads[places[:, None], columns] = turn.transpose(0, 2, 1).reshape(size, 6)
-        found = self.rest.respond(loads)[0] if size else loads
-        ends = (turn @ found[places].reshape(len(members), 6, size)).reshape(size, size)
-        self._loaded[key] = found, ends
-        return found, ends
-
-    def displacements(self, members: Indices, loads: Array) -> Array:
-        """
-        Return the displacements of all nodes where members carry loads inside, (n, 3, c).
-
-        :param members: (p,) which of them do.
-        :param loads: (6 p, c) on their ends, in their frames, that move these as the loads do, for
-            each of c cases [N], [N m].
-        :raises StructureError: see `solve`.
-        """
-        return (self._under_end_loads(members)[0] @ loads).reshape(-1, 3, loads.shape[1])
-
-    def end_forces(self, members: Indices, loads: Array) -> Array:
-        """
-        Return the forces of the nodes on all members, some of which carry loads inside.
-
-        :param members: (p,) which of them do.
-        :param loads: (p, 6) on their ends, in their frames, that move these as the loads do [N],
-            [N m].
-        :return: (k, 6), see `FrameState`.
-        :raises StructureError: see `solve`.
-        """
-        moved = self._under_end_loads(members)[0] @ loads.ravel()
-        forces = self._end_forces(moved[self._pattern.places])
-        np.subtract.at(forces, members, loads)
-        return forces
 
     @property
     def _local(self) -> Array:

@@ -15,6 +15,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+from isotruss_ros.core.statics.bent_tubes import BentTubes
 from isotruss_ros.core.statics.frame import Frame, FrameState
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
@@ -53,54 +54,46 @@ def wrinkling_moment(pressure: float, radius: float) -> float:
 
 
 def load_sections(
-    structure: Structure,
+    tubes: BentTubes,
     end_forces: Array,
     member: Indices,
     place: Array,
     local: Points,
-    couples: Array,
+    bow: Array | float = 0.0,
 ) -> SectionLoads:
     """
     Return moments and compressions of the tubes, and how near to wrinkling they bring them.
 
-    Moments are piecewise linear between the loads, and are largest at one of them or at an end
-    of a piece of tube.
+    Of pieces that bear loads inside, moments are largest at one of these or at an end.
 
-    :param structure: the frame of the robot.
-    :param end_forces: (k, 6) on all members of the frame, see `FrameState.end_forces`.
+    :param tubes: of the robot.
+    :param end_forces: (k, 6) on all members of their frame, see `FrameState.end_forces`.
     :param member: (c,) the members of the robot that the loads act on.
     :param place: (c,) distance from that member's start [m].
     :param local: (c,) the forces along + i across these members [N].
-    :param couples: (c,) with them, counter-clockwise [N m].
+    :param bow: (c,) distance of the bent centre lines from the chords of their pieces [m].
     """
-    config, frame = structure.config, structure.frame
-    topology, file = config.robot.topology, config.robot.description
-    m, radius = topology.n_modules, 0.5 * file.tube_diameter
-    piece, within, ahead = structure.locate(member, place)
+    piece, within, ahead = tubes.locate(member, place)
     along, across = ahead * local.real, ahead * local.imag
     # At each load: all that acts on the piece between its start and there.
     apart = within[:, None] - within
     before = (piece[:, None] == piece) & (apart > 0.0)
     there = end_forces[piece]
-    moment = there[:, 1] * within - there[:, 2] - before @ couples
-    moment += np.where(before, apart, 0.0) @ across
     compression = there[:, 0] + before @ along
-    # At the ends of all pieces, of the moments the sizes alone.
-    pieces, owners = structure.pieces.ravel(), structure.owners.ravel()
-    ends, length = end_forces[pieces], frame.length[pieces]
-    ring, whole = file.module.guide_ring_distance, config.member_lengths[topology.previous]
-    starts = np.concatenate([np.zeros(m), whole, np.full(m, ring)])
-    stops = starts + np.repeat([1.0, -1.0, 1.0], m) * length
-    moments = np.concatenate([moment, moment - couples, ends[:, 2], ends[:, 5]])
-    left = np.concatenate([-compression, -compression - along, -ends[:, 0], ends[:, 3]])
-    members = np.concatenate([member, member, owners, owners])
-    pressure = np.array(structure.pressures)[topology.tube]
-    left += (pressure * (np.pi * radius**2))[members]
-    used = np.full(len(moments), np.inf)
-    np.divide(np.abs(moments), 0.5 * radius * left, out=used, where=left > 0.0)
-    places = np.concatenate([place, place, starts, stops])
-    last = find_most_used(used, members)
+    moment = there[:, 1] * within - there[:, 2] - compression * bow
+    moment += np.where(before, apart, 0.0) @ across
     larger = np.maximum(compression, compression + along)
+    pulls = np.zeros(len(end_forces))
+    if not tubes.is_straight:
+        pulls = tubes.tangent.forces.pull.copy()
+        pulls[piece] = 0.0
+    _, members, used, places = _use_pieces(tubes.structure, tubes.frame, end_forces, pulls)
+    left = _wall_pull(tubes.structure, member) - larger
+    inside = np.full(len(moment), np.inf)
+    radius = 0.5 * tubes.structure.config.robot.description.tube_diameter
+    np.divide(np.abs(moment), 0.5 * radius * left, out=inside, where=left > 0.0)
+    used, places = np.append(used, inside), np.append(places, place)
+    last = find_most_used(used, np.append(np.tile(members, 3), member))
     return SectionLoads(ahead * moment, larger, used[last], places[last])
 
 
@@ -130,15 +123,27 @@ def find_utilisation(structure: Structure, frame: Frame, state: FrameState) -> U
     :param frame: its frame, cut where tubes bear loads.
     :param state: the response to the loads.
     """
-    config = structure.config
-    topology, radius = config.robot.topology, 0.5 * config.robot.description.tube_diameter
-    pieces, member = tube_pieces(structure, frame)
-    ends = state.end_forces[pieces]
-    wall = np.pi * radius**2 * np.array(structure.pressures)[topology.tube[member]]
+    pieces, member, used, places = _use_pieces(structure, frame, state.end_forces, state.bowing)
+    last = find_most_used(used.ravel(), np.tile(member, 3))
+    kind, piece = np.divmod(last, len(pieces))
+    return Utilisation(used.ravel()[last], places.ravel()[last], pieces[piece], kind)
+
+
+def _use_pieces(
+    structure: Structure, frame: Frame, end_forces: Array, pulls: Array
+) -> tuple[Indices, Indices, Array, Array]:
+    """
+    Return the pieces of tube, their members, |M| / M_w (3, p) and the places of these.
+
+    At the starts, the ends and inside, where pulls (k,) change the moment.
+    """
+    config, (pieces, member) = structure.config, tube_pieces(structure, frame)
+    ends, topology = end_forces[pieces], config.robot.topology
+    begun, ended = (_wall_pull(structure, member) + pull for pull in (-ends[:, 0], ends[:, 3]))
     used, inside = use_sections(
-        np.stack([-ends[:, 2], ends[:, 5], ends[:, 3] + wall, state.bowing[pieces]]),
+        (-ends[:, 2], ends[:, 5], np.stack([begun, ended, ended]), pulls[pieces]),
         np.stack([frame.length[pieces], *(each[pieces] for each in frame.members[3:5])]),
-        radius,
+        0.5 * config.robot.description.tube_diameter,
     )
     start = config.points[topology.b[member]]
     along = (config.points[topology.c[topology.following[member]]] - start).conj()
@@ -146,9 +151,14 @@ def find_utilisation(structure: Structure, frame: Frame, state: FrameState) -> U
     origin = ((frame.points[frame.members.start[pieces]] - start) * along).real
     ahead = (frame.axis[pieces] * along).real
     places = origin + ahead * np.stack([np.zeros(len(pieces)), frame.length[pieces], inside])
-    last = find_most_used(used.ravel(), np.tile(member, 3))
-    kind, piece = np.divmod(last, len(pieces))
-    return Utilisation(used.ravel()[last], places.ravel()[last], pieces[piece], kind)
+    return pieces, member, used, places
+
+
+def _wall_pull(structure: Structure, member: Indices) -> Array:
+    """Return the pull of the walls of members (c,) without axial force, p pi R^2 [N]."""
+    robot = structure.config.robot
+    area = 0.25 * np.pi * robot.description.tube_diameter**2
+    return area * np.array(structure.pressures)[robot.topology.tube[member]]
 
 
 def tube_pieces(structure: Structure, frame: Frame) -> tuple[Indices, Indices]:
@@ -163,12 +173,14 @@ def tube_pieces(structure: Structure, frame: Frame) -> tuple[Indices, Indices]:
     return pieces, structure.owners.ravel()[frame.whole[pieces] - first]
 
 
-def use_sections(loads: Array, sections: Array, radius: float) -> tuple[Array, Array]:
+def use_sections(
+    loads: Array | tuple[Array, ...], sections: Array, radius: float
+) -> tuple[Array, Array]:
     """
     Return |M| / M_w of pieces at their starts, ends and inside (3, ...), and where the last is.
 
-    :param loads: (4, ...) moments of the sections at start and end [N m], pull of the wall [N],
-        and pull that changes the moment inside [N].
+    :param loads: moments of the sections at start and end [N m], pull of the wall [N], at these
+        three places or everywhere, and pull that changes the moment inside [N]; (...) each.
     :param sections: (3, ...) length [m], EI [N m^2] and GA [N].
     :param radius: of the tubes [m].
     """

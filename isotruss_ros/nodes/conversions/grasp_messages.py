@@ -75,14 +75,14 @@ def to_wrench_message(wrench: Sequence[float]) -> Wrench:
 
 
 def read_query(
-    request: AnalyzeGrasp.Request, spacing: float, flattening: bool = True
+    request: AnalyzeGrasp.Request, spacing: float, paper_model: bool = False
 ) -> GraspQuery:
     """
     Return the query of a request; the analysis checks the other values.
 
     :param request: of the service `analyze_grasp`.
     :param spacing: of the contact points along the tubes [m].
-    :param flattening: whether the tubes flatten where they are touched.
+    :param paper_model: see `analyze_grasp`.
     :raises MessageError: no object, two of them, or one that is not usable.
     """
     body = _read_described(request)
@@ -91,7 +91,7 @@ def read_query(
     wrench = _planar(request.external_wrench)
     rollers = tuple(request.roller_positions)
     friction = request.friction if body.friction is None else body.friction
-    return GraspQuery(rollers, body, friction, wrench, spacing, flattening)
+    return GraspQuery(rollers, body, friction, wrench, spacing, paper_model)
 
 
 def _read_described(request: AnalyzeGrasp.Request) -> ConvexObject | None:

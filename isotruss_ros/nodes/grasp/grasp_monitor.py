@@ -156,7 +156,7 @@ def _analyze(
             query.external_wrench,
             pressure=query.pressures,
             spacing=query.spacing,
-            flattening=query.flattening,
+            paper_model=query.paper_model,
             previous=None if last is None else last.analysis,
         )
         settled = settle_grasp(
@@ -166,6 +166,7 @@ def _analyze(
             query.external_wrench,
             pressure=query.pressures,
             previous=None if last is None else last.settled,
+            paper_model=query.paper_model,
         )
     except IsotrussError as error:
         code = next(code for kind, code in ERRORS if isinstance(error, kind))

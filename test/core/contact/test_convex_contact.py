@@ -160,7 +160,7 @@ def test_any_shape_at_any_depth_has_an_answer(seed, depth, flattening):
     shape = random_shape(generator, generator.uniform(0.05, 0.3))
     module = HOME.robot.module_names[generator.integers(9)]
     held = pressed_into(HOME, module, shape, generator.uniform(-3.0, 3.0), depth)
-    analysis = analyze_grasp(HOME, held, flattening=flattening)
+    analysis = analyze_grasp(HOME, held, paper_model=not flattening)
     assert analysis.normal_forces.min(initial=0.0) >= 0.0
     assert analysis.gaps.min(initial=0.0) >= -GAP_TOLERANCE
     stiffness = np.linalg.eigvalsh(analysis.stiffness)

@@ -21,7 +21,7 @@ DIAMETER = 0.3
 def grasp(config, squeeze, module='north/Z'):
     """Return the analysis of an object pressed into the corner of a module."""
     cylinder = ConvexObject.disc(tangent_center(config, module, DIAMETER, squeeze), DIAMETER)
-    return analyze_grasp(config, cylinder, flattening=False)
+    return analyze_grasp(config, cylinder, paper_model=True)
 
 
 def distance(points, lines):
@@ -94,7 +94,7 @@ def test_arrows_end_on_the_object_and_add_up_to_what_acts_on_it(config):
 @pytest.mark.parametrize('flattening', [True, False])
 def test_regions_are_on_the_object_and_as_long_as_the_contact(config, flattening):
     cylinder = ConvexObject.disc(tangent_center(config, 'north/Z', DIAMETER, 0.01), DIAMETER)
-    analysis = analyze_grasp(config, cylinder, flattening=flattening)
+    analysis = analyze_grasp(config, cylinder, paper_model=not flattening)
     regions = region_lines(config, cylinder, analysis)
     assert len(regions) == len(analysis.contact_lengths) == 2
     for region, length in zip(regions, analysis.contact_lengths.values(), strict=True):

@@ -35,7 +35,7 @@ OTHERS = {'rollers': 5e-5, 'place': 5e-5, 'friction': 1e-3, 'wrench': 5e-3, 'sti
 
 def settle(case, chosen):
     """Return a random grasp with other parameters; None without an equilibrium."""
-    tubes = TubeModel(chosen.scale, not case.flattening, chosen.pressures)
+    tubes = TubeModel(chosen.scale, case.paper_model, chosen.pressures)
     members = numbers(case.members)
     try:
         found = attach_grip(chosen.config, chosen.body, members, chosen.wrench, tubes)
@@ -82,7 +82,7 @@ def error(number, sizes):
     """Return the largest error of the gradient of a random grasp; None if there is none."""
     case = RandomGrasp(number)
     grasp = settle(case, case.chosen)
-    if grasp is None or grasp.equilibrium is None or not case.flattening:
+    if grasp is None or grasp.equilibrium is None or case.paper_model:
         return None
     gradient = grasp_gradient(grasp)
     step = case.step(gradient.parameters, sizes)

@@ -367,7 +367,7 @@ def test_without_friction_members_press_as_in_the_analysis(shape, flattening, bo
     body = place_between(HOME, LOOP, shape, indentation=0.014).body
     grip = attach_grip(HOME, body, numbers(LOOP), tubes=TubeModel(paper_model=not flattening))
     assert np.abs(grip.friction_forces).max() < 1e-6
-    analysis = analyze_grasp(HOME, grip.body, 0.5, flattening=flattening)
+    analysis = analyze_grasp(HOME, grip.body, 0.5, paper_model=not flattening)
     expected = [analysis.contact_forces[name] for name in LOOP]
     assert grip.normal_forces == pytest.approx(expected, rel=bound)
 

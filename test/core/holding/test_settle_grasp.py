@@ -66,7 +66,7 @@ def test_a_narrow_wedge_holds_and_statics_gives_the_friction():
 )
 def test_where_friction_has_nothing_to_do_it_is_the_analysis(degrees, squeeze, flattening, share):
     config, cylinder = gripped(degrees, squeeze=squeeze)
-    analysis = analyze_grasp(config, cylinder, FRICTION, flattening=flattening)
+    analysis = analyze_grasp(config, cylinder, FRICTION, paper_model=not flattening)
     wrench = -analysis.normal_wrench
     tubes = TubeModel(paper_model=not flattening)
     state = attach_grip(config, cylinder, None, wrench, tubes).state
