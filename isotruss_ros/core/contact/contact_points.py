@@ -106,13 +106,14 @@ class ContactPoints:
         ways = np.append(pushed, 1.0)
         return response.moved @ ways, response.multipliers @ ways
 
-    def displace(self, push: Points) -> Displaced:
+    def displace(self, push: Points, share: float = 1.0) -> Displaced:
         """
         Return where the frame is under forces on the points, as far as it is linear.
 
         :param push: (c,) x + iy [N].
+        :param share: of the way there [-].
         """
-        moved, multipliers = self._move(push)
+        moved, multipliers = (share * each for each in self._move(push))
         tangent, moved = self.bent.tangent, moved.reshape(-1, 3)
         return Displaced(
             tangent.displacements + moved,

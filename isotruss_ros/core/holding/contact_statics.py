@@ -38,7 +38,7 @@ from isotruss_ros.core.holding.contact_forces import (
 )
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, Points
-from isotruss_ros.core.statics.bent_tubes import BentTubes
+from isotruss_ros.core.statics.bent_tubes import BentTubes, SETTLED_MOTION
 from isotruss_ros.core.statics.section import Pressure
 import numpy as np
 from scipy.linalg import lapack
@@ -46,8 +46,6 @@ from scipy.linalg import lapack
 #: Forces balance to this share of the squeeze, contact points touch to this length [m].
 FORCE_TOLERANCE, LENGTH_TOLERANCE = 1e-10, 1e-11
 MAX_STEPS = 40
-#: Tubes are linearised anew until no node moves by more than this [m].
-SETTLED_MOTION = 1e-9
 MAX_BENDS = 8
 #: In one step contacts and object move at most this share of the object's size ...
 MAX_MOVE = 0.5

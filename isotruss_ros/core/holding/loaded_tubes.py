@@ -8,10 +8,10 @@ from __future__ import annotations
 import functools
 from typing import NamedTuple
 
-from isotruss_ros.core.holding.contact_statics import SETTLED_MOTION
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.arrays import Array, Points
+from isotruss_ros.core.statics.bent_tubes import SETTLED_MOTION
 from isotruss_ros.core.statics.frame_rates import section_rates
 from isotruss_ros.core.statics.wrinkling import find_utilisation, use_sections
 import numpy as np

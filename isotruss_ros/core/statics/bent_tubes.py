@@ -11,7 +11,7 @@ beside them do no more than move it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -24,9 +24,9 @@ import numpy as np
 #: The paper's model is the bent one under so small a share of the loads [-]: a third of it leaves
 #: rounding of 1e-9, three times of it as much of what is not linear.
 LINEAR_SHARE = 1e-6
-#: Tubes are linearised anew until no node moves by more than this [m], which leaves less than
-#: 1e-8 m.
-FOLLOWED_MOTION = 3e-5
+#: Tubes are linearised anew until no node moves by more than this [m]; where a motion is
+#: followed, until none moves by more than that, which leaves less than 1e-8 m.
+SETTLED_MOTION, FOLLOWED_MOTION = 3e-6, 3e-5
 #: Places are no nearer to the ends of their piece of tube than this [m].
 SHORTEST_PART = 1e-3
 
@@ -122,6 +122,18 @@ class BentTubes:
         pieces, within, ahead = self.structure.locate(self.members, self.places)
         inside = np.clip(within, SHORTEST_PART, frame.length[pieces] - SHORTEST_PART)
         return CutFrame(frame, pieces, inside), ahead, self.places + ahead * (inside - within)
+
+    def bent_to(self, before: Displaced, others: BentTubes) -> BentTubes:
+        """
+        Return tubes linearised about another state, with this frame where they are cut alike.
+
+        :param before: the state.
+        :param others: the tubes, with the places where they are cut.
+        """
+        found = replace(others, before=before)
+        if others.structure is self.structure and np.array_equal(others.places, self.places):
+            found.__dict__['_cut'] = self._cut
+        return found
 
     @property
     def is_straight(self) -> bool:

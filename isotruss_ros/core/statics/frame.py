@@ -179,8 +179,8 @@ class Tangent:
             gaps = np.zeros((len(self.gaps), size + 1))
             gaps[:, size] = -self.gaps
             moved, multipliers = self.respond(loads, gaps)
-            ends = (turn @ moved[places].reshape(len(members), 6, size + 1)).reshape(size, -1)
-            self._kept[key] = EndResponse(moved, multipliers, ends)
+            ends = turn @ moved[places].reshape(len(members), 6, size + 1)
+            self._kept[key] = EndResponse(moved, multipliers, ends.reshape(size, size + 1))
         return self._kept[key]
 
     @property

@@ -9,7 +9,7 @@ from comparison.wedge import pressed_into
 from isotruss_ros.core import analyze_grasp, ConvexObject, load_robot, Polygon, tangent_center
 from isotruss_ros.core.contact.deformed_shape import deformed_lines, force_lines, region_lines
 from isotruss_ros.core.kinematics.depths import member_lines
-from isotruss_ros.core.statics.bent_tubes import BentTubes
+from isotruss_ros.core.statics.bent_tubes import BentTubes, straight_tubes
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
@@ -61,11 +61,13 @@ def test_lines_bend_as_members_give(config, share):
         members=np.array([number]),
         places=np.array([place]),
         structure=structure,
+        solved=SimpleNamespace(points=SimpleNamespace(bent=straight_tubes(structure))),
     )
     straight = member_lines(config)
     unloaded = deformed_lines(grasp(config, -0.01))
     for other, line in enumerate(deformed_lines(analysis)):
-        for point, before in zip(line, unloaded[other], strict=True):
+        # Without the ends of pieces: there members give as 1 mm beside them.
+        for point, before in zip(line[2:-2], unloaded[other, 2:-2], strict=True):
             at = np.array([place, abs(before - straight[other, 0])])
             bent = BentTubes(structure, np.array([number, other]), at, linear=True)
             local = force * bent.axis[0].conj()
