@@ -37,7 +37,7 @@ class ContactPoints:
     :ivar pieces: (p,) the pieces of tube, by their numbers in the frame.
     :ivar piece: (c,) which of the p pieces each is on.
     :ivar spacing: length of tube that each stands for [m].
-    :ivar axis: (c,) direction of the bent member there.
+    :ivar axis: (c,) direction of the bent member there, across its section.
     :ivar inside: (2, c, c) compliance within pieces, along and across the tube [m/N].
     :ivar spread: (2, c, 6 p) displacements along and across the tube by those of the pieces' ends.
     :ivar ends: (6 p, 6 p) compliance of the pieces' ends, in the frames of the pieces [m/N].
@@ -287,15 +287,15 @@ def points_on_members(
     ends = np.zeros((len(parts), 6))
     ends[:, 3] = tangent.stretched[0][parts]
     ends[:, 2::3] = tangent.stretched[1][parts]
-    along, across, inclined = np.einsum('csi,ci->sc', shapes, ends[which])
+    along, across, turned = np.einsum('csi,ci->sc', shapes, ends[which])
     first = frame.members.start[parts]
     begin = frame.points[first] + tangent.displacements[first] @ (1.0, 1j, 0.0)
     points = begin[which] + tangent.axis[part] * (within + along + 1j * across)
-    lean = ahead * np.exp(1j * inclined)
+    lean = ahead * np.exp(1j * turned)
     axis = tangent.axis[part] * lean
-    turned = (shapes[:, 0] + 1j * shapes[:, 1]) * lean.conj()[:, None]
+    rows = (shapes[:, 0] + 1j * shapes[:, 1]) * lean.conj()[:, None]
     spread = np.zeros((2, count, len(parts), 6))
-    spread[:, np.arange(count), which] = turned.real, turned.imag
+    spread[:, np.arange(count), which] = rows.real, rows.imag
     spread = spread.reshape(2, count, 6 * len(parts))
     response = tangent.under_end_loads(parts).ends
     left = spread @ response[:, -1]

@@ -22,6 +22,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
+from isotruss_ros.core.statics.bent_tubes import BentTubes
 from isotruss_ros.core.statics.wrinkling import find_utilisation, Utilisation
 import numpy as np
 from scipy.linalg import lapack
@@ -223,6 +224,21 @@ class HeldGrip:
         """Return how near to wrinkling the forces of the object bring the tubes."""
         bent, state = self.statics.bent, self.state
         return find_utilisation(bent.structure, *bent.state(state.loads, state.feet))
+
+    @functools.cached_property
+    def nonlinearity(self) -> float:
+        """Return how much more bent tubes press than linear ones, as a share, to first order."""
+        bent, (loads, feet) = self.statics.bent, (self.state.loads, self.state.feet)
+        if bent.linear:
+            return 0.0
+        straight = BentTubes(bent.structure, bent.members, feet, bent.stiffness)
+        moved = straight.respond(loads, feet) - bent.respond(loads, feet)
+        # What linear tubes leave open, closed by forces and motions.
+        right = np.zeros(self.state.places.size)
+        right[: moved.size] = -moved.ravel()
+        _, _, change, singular = lapack.dgesv(self.state.jacobian, right)
+        more = float(change[self.state.places.normal].sum())
+        return 0.0 if singular else -more / float(self.state.normal_forces.sum())
 
     @property
     def pulling_end(self) -> int | None:

@@ -130,6 +130,11 @@ class SettledGrasp(
         return self._named(lambda grip: grip.sections.place, every=True)
 
     @property
+    def nonlinearity(self) -> float:
+        """Return how much more bent tubes press than linear ones, see `GraspAnalysis`."""
+        return 0.0 if self.equilibrium is None else self.equilibrium.nonlinearity
+
+    @property
     def stiffness(self) -> Array:
         """
         Return the wrench (fx, fy, m) that a displacement (dx, dy, dtheta) of the object takes.

@@ -58,16 +58,13 @@ class Beams:
 
         :param beam: (c,) which of the beams each point is on.
         :param place: (c,) distance from its start [m].
-        :return: the shape functions (c, 3, 6): along and across the beam, and the inclination of
-            its centre line, by (ux, uy, theta) at start and end; and the compliance (2, c, c)
+        :return: the shape functions (c, 3, 6): along and across the beam, and the rotation of its
+            sections, by (ux, uy, theta) at start and end; and the compliance (2, c, c)
             along the beams, and across them, under unit forces at points while the ends are held
             [m/N], zero between beams.
         """
         series = self.series
-        terms = (series[:, :, :2] @ self.by_ends[:, None])[beam]
-        inclined = np.zeros_like(terms[:, :, :1])
-        inclined[:, :3, 0] = terms[:, 1:, 1] * np.arange(1.0, 4.0)[:, None]
-        shapes = sum_series(np.concatenate([terms, inclined], axis=2), place)
+        shapes = sum_series((series[:, :, :3] @ self.by_ends[:, None])[beam], place)
         behind = sum_series(series[beam, :, :3, 3:5], self.length[beam] - place)
         # Without the jump a load moves the end, which is moved back; z jumps where it acts.
         apart, first = np.maximum(place[:, None] - place, 0.0), series[beam, 1]
