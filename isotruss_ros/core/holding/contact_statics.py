@@ -96,8 +96,6 @@ class ContactStatics:
         its start), -1 on the left.
     :ivar indentation: depths (k,) of the dents in the skin [m] for normal forces (k,) [N], and
         their derivatives [m/N].
-    :ivar given: (k, 3) what loads elsewhere move the members by at the contacts, along and across
-        [m], and incline them by [-]; one number for all.
     """
 
     bent: BentTubes
@@ -106,7 +104,6 @@ class ContactStatics:
     tube_radius: float
     sides: Array
     indentation: Indentation
-    given: Array | float = 0.0
 
     @functools.cached_property
     def places(self) -> Places:
@@ -198,7 +195,7 @@ class ContactStatics:
 
         gaps = back * (self.bent.start - center) - arms + feet - skin * local
         touch = residual[: 3 * count].reshape(count, 3)
-        touch += self.given + self.bent.given + self.bent.rates @ feet
+        touch += self.bent.given + self.bent.rates @ feet
         touch[:, 0] += gaps.real
         touch[:, 1] += gaps.imag
         touch[:, 2] -= unknowns[places.inclinations]
