@@ -114,12 +114,14 @@ class ContactPoints:
         :param share: of the way there [-].
         """
         moved, multipliers = (share * each for each in self._move(push))
-        tangent, moved = self.bent.tangent, moved.reshape(-1, 3)
+        tangent, frame, moved = self.bent.tangent, self.bent.frame, moved.reshape(-1, 3)
+        every = np.arange(len(frame.length))
+        changes, _ = frame.force_changes(tangent, every, moved[..., None])
         return Displaced(
             tangent.displacements + moved,
             tangent.multipliers + multipliers,
             np.zeros((len(self.bent.places), 3)),
-            self.bent.frame.pulls(tangent, moved[..., None])[:, 0],
+            tangent.forces.pull + changes[:, 0, 0],
         )
 
     def distance(self, push: Points) -> float:

@@ -120,6 +120,14 @@ class ContactStatics:
         """Return the normals of the tubes as long as they are straight, from the object (k,)."""
         return self._aside * self.bent.axis
 
+    def loads(self, unknowns: Array) -> Array:
+        """
+        Return the loads on the tubes, (k, 3) forces along and across [N] and moments [N m].
+
+        :param unknowns: see `ContactForces`.
+        """
+        return self._push(unknowns).loads
+
     def load_rates(self, unknowns: Array, change: Array) -> Array:
         """
         Return how the loads on the tubes change with the unknowns, (k, 3, c).

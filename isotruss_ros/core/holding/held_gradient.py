@@ -13,6 +13,7 @@ from isotruss_ros.core.holding.loaded_frame import held_joints
 from isotruss_ros.core.holding.loaded_tubes import GraspParameters, LoadedTubes
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
+from isotruss_ros.core.statics.bent_tubes import FOLLOWED_MOTION
 import numpy as np
 
 
@@ -59,7 +60,7 @@ def held_gradient(grip: HeldGrip) -> HeldGradient:
     chosen[parameters.rollers, :rollers] = np.eye(rollers)
     chosen[parameters.wrench, rollers:stiffness] = np.diag([1.0, 1.0, grip.arm])
     chosen[parameters.stiffness, stiffness] = 1.0
-    tubes = LoadedTubes(grip, chosen, parameters)
+    tubes = LoadedTubes(grip, chosen, parameters, reach=FOLLOWED_MOTION)
     left = tubes.equation_rates()
     # What stays as contacts roll, see `stick`: normals turn with the members.
     rolling = statics.rolling_rows(state.unknowns, state.normals)

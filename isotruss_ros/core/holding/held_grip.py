@@ -223,7 +223,8 @@ class HeldGrip:
     def sections(self) -> Utilisation:
         """Return how near to wrinkling the forces of the object bring the tubes."""
         bent, state = self.statics.bent, self.state
-        return find_utilisation(bent.structure, *bent.state(state.loads, state.feet))
+        forces = bent.end_forces(state.loads, state.feet)
+        return find_utilisation(bent.structure, bent.frame, *forces)
 
     @functools.cached_property
     def nonlinearity(self) -> float:

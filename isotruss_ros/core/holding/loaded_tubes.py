@@ -105,6 +105,7 @@ class LoadedTubes:
     :param chosen: (n, p) how the parameters change in each column.
     :param parameters: which row of these is which.
     :param sections: as they were found before; found if None.
+    :param reach: tubes are linearised anew where nodes move by more than this [m].
     """
 
     def __init__(
@@ -113,11 +114,12 @@ class LoadedTubes:
         chosen: Array,
         parameters: GraspParameters,
         sections: Array | None = None,
+        reach: float = SETTLED_MOTION,
     ) -> None:
         self._grip, self._chosen, self._parameters = grip, chosen, parameters
         state, statics = grip.state, grip.statics
         bent = statics.bent
-        if bent.distance(state.loads, state.feet) > SETTLED_MOTION:
+        if bent.distance(state.loads, state.feet) > reach:
             bent = bent.update(state.loads, state.feet)
         self._bent = bent
         nodes = grip.config.node_jacobian.T.copy().view(np.complex128).T
@@ -223,7 +225,7 @@ class LoadedTubes:
         give = give / axis - contacts.feet
         slope = bent.inclination_changes(by_loads + by_places.nodes) + by_places.inclined
         slope += inclined - self.spins
-        changed = frame.force_changes(tangent, np.arange(len(frame.length)), nodes)
+        changed, _ = frame.force_changes(tangent, np.arange(len(frame.length)), nodes)
         share = bent.share
         return TubeRates(give / share, slope / share, nodes, changed + rates + by_places.forces)
 
@@ -246,13 +248,13 @@ class LoadedTubes:
         :param rates: of the tubes.
         """
         grip, bent, robot = self._grip, self._bent, self._grip.config.robot
-        frame, state = bent.state(grip.state.loads, grip.state.feet)
-        most = find_utilisation(bent.structure, frame, state)
+        frame, (forces, bowing) = bent.frame, bent.end_forces(grip.state.loads, grip.state.feet)
+        most = find_utilisation(bent.structure, frame, forces, bowing)
         radius = 0.5 * robot.description.tube_diameter
         tube, piece = robot.topology.tube, most.piece
         wall = np.pi * radius**2 * np.array(bent.structure.pressures)[tube]
-        ends, own = state.end_forces[piece], bent.frame.members
-        loads = np.stack([-ends[:, 2], ends[:, 5], ends[:, 3] + wall, state.bowing[piece]])
+        ends, own = forces[piece], frame.members
+        loads = np.stack([-ends[:, 2], ends[:, 5], ends[:, 3] + wall, bowing[piece]])
         scale = grip.tubes.stiffness_scale / bent.share
         pull, first, second = (scale * rates.forces[piece]).swapaxes(0, 1)
         pull, first, second = (

@@ -96,9 +96,10 @@ def roll_contacts(
     same = contacts is grip.contacts
     travel = travel_rates(config, contacts.members) @ config.roller_positions
     if same:  # with the same dents
-        known, structure = grip.state, structure_of(config, grip.tubes.pressure)
-        bent = grip.statics.bent.update(known.loads, known.feet, structure)
-        statics, start = replace(grip.statics, bent=bent), grip.ahead(moved)
+        start, structure = grip.ahead(moved), structure_of(config, grip.tubes.pressure)
+        loads, feet = grip.statics.loads(start), start[grip.state.places.feet]
+        bent = grip.statics.bent.update(loads, feet, structure)
+        statics = replace(grip.statics, bent=bent)
     else:
         normals = grip.body.turn * np.exp(1j * angles)
         statics = build_statics(config, grip.body, contacts, grip.tubes, normals)

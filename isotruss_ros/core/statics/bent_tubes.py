@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.statics.cut_frame import CutFrame
-from isotruss_ros.core.statics.frame import Frame, FrameState, Tangent
+from isotruss_ros.core.statics.frame import Frame, Tangent
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 
@@ -25,8 +25,8 @@ import numpy as np
 #: rounding of 1e-9, three times of it as much of what is not linear.
 LINEAR_SHARE = 1e-6
 #: Tubes are linearised anew until no node moves by more than this [m]; where a motion is
-#: followed, until none moves by more than that, which leaves less than 1e-8 m.
-SETTLED_MOTION, FOLLOWED_MOTION = 3e-6, 3e-5
+#: followed, until none moves by more than that, which leaves less than 1e-7 m.
+SETTLED_MOTION, FOLLOWED_MOTION = 3e-6, 1e-4
 #: Motions of places count that much less than those of nodes [-]: by the moments in tubes.
 PLACE_SHARE = 0.2
 #: Places are no nearer to the ends of their piece of tube than this [m].
@@ -317,9 +317,7 @@ class BentTubes:
         moved, nodes = self._displace(ways)
         displacements = tangent.displacements + moved
         multipliers = tangent.multipliers + self._changes[1] @ ways
-        pull = self.frame.pulls(tangent, nodes[..., None])[:, 0]
-        slid = np.tile(ways[-1 - len(places) : -1], 2)
-        np.add.at(pull, self._parts[0], self._place_rates[2][:, 0] * slid)
+        pull = tangent.forces.pull + self._force_changes(ways, nodes)[0][:, 0]
         return Displaced(displacements, multipliers, loads, pull)
 
     def update(self, loads: Array, places: Array, structure: Structure | None = None) -> BentTubes:
@@ -381,26 +379,29 @@ class BentTubes:
         """
         return self.displace(loads, places).displacements / self.share
 
-    def state(self, loads: Array, places: Array) -> tuple[Frame, FrameState]:
+    def end_forces(self, loads: Array, places: Array) -> tuple[Array, Array]:
         """
-        Return the frame cut at places, and its state there.
+        Return the forces of the nodes on all members, as far as they are linear about the state.
 
         :param loads: (k, 3) at the places.
         :param places: (k,) from the members' starts [m].
+        :return: (c, 6), see `FrameState`; and (c,) axial forces that change the moments inside.
         """
-        there = self.update(loads, places)
-        tangent, share = there.tangent, there.share
-        frame = there.frame
-        spread = there._spread(loads[..., None])[:, 0]
-        state = frame.state(tangent, spread.reshape(-1, 3))
-        scale = self.stiffness / share
-        return frame, FrameState(
-            state.displacements / share,
-            scale * state.reactions,
-            scale * state.end_forces,
-            scale * state.multipliers,
-            0.0 * state.bowing if self.linear else state.bowing,
-        )
+        tangent, ways = self.tangent, self._ways(loads, places)
+        changes, longer = self._force_changes(ways, self._displace(ways)[1])
+        pull = tangent.forces.pull + changes[:, 0]
+        first, second = (tangent.forces.moments + changes[:, 1:]).T
+        across = (first + second) / (tangent.length + longer)
+        ends = np.stack([-pull, across, first, pull, -across, second], axis=1)
+        return self.stiffness / self.share * ends, 0.0 * pull if self.linear else pull
+
+    def _force_changes(self, ways: Array, nodes: Array) -> tuple[Array, Array]:
+        """Return how N, M1 and M2 of the members change (c, 3), and their chords (c,)."""
+        every = np.arange(len(self.frame.length))
+        changes, longer = self.frame.force_changes(self.tangent, every, nodes[..., None])
+        changes, slid = changes[..., 0], np.tile(ways[-1 - len(self.axis) : -1], 2)
+        np.add.at(changes, self._parts[0], self._place_rates[2] * slid[:, None])
+        return changes, longer[:, 0]
 
     def section_changes(self, changes: Array) -> tuple[Array, Array, Array]:
         """

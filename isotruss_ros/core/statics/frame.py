@@ -206,7 +206,6 @@ class Frame:
     :ivar nodes: (c,) the nodes at which another frame was cut to become this one.
     :ivar before: (c,) the members that end at these.
     :ivar behind: (c,) the members that begin there.
-    :ivar turn: (k, 6, 6) turn displacements of the plane into those along them.
     :param points: (n,) nodes x + iy [m].
     :param members: what connects them.
     :param held: (n, 3) which of ux, uy, theta are held by supports.
@@ -234,12 +233,20 @@ class Frame:
         span = points[members.end] - points[members.start]
         self.length = length = np.abs(span)
         self.axis = span / length
-        self.turn = directions(self.axis)
         self.beams = length, *members[2:6]
-        self._columns = BeamColumns(length, *members[2:], rated=rated)
+        self._rated = rated
         self._pattern = pattern or FramePattern(members, held, rows)
         self.whole = np.arange(len(length))
         self.nodes = self.before = self.behind = np.zeros(0, dtype=np.intp)
+
+    @cached_property
+    def turn(self) -> Array:
+        """Return the matrices that turn displacements into those along members, (k, 6, 6)."""
+        return directions(self.axis)
+
+    @cached_property
+    def _columns(self) -> BeamColumns:
+        return BeamColumns(self.length, *self.members[2:], rated=self._rated)
 
     @cached_property
     def rest(self) -> Tangent:
@@ -391,7 +398,7 @@ class Frame:
         :raises StructureError: the frame is a mechanism.
         """
         tangent = self.rest if start is None else start
-        origin, reach = tangent.displacements, np.inf
+        origin, reach, every = tangent.displacements, np.inf, np.arange(len(self.length))
         for count in range(MAX_NEWTON_ITERATIONS):
             left = (loads.ravel() - tangent.carried)[:, None]
             step, multipliers = tangent.respond(left, -tangent.gaps[:, None])
@@ -402,7 +409,8 @@ class Frame:
             # What ends elsewhere than the linear response tends to is another branch.
             elif not np.abs(displacements - origin)[:, :2].max() <= growth * reach:
                 return None
-            pull = self.pulls(tangent, step.reshape(-1, 3, 1))[:, 0]
+            changes, _ = self.force_changes(tangent, every, step.reshape(-1, 3, 1))
+            pull = tangent.forces.pull + changes[:, 0, 0]
             with np.errstate(over='ignore', invalid='ignore', divide='ignore'):
                 tangent = self.tangent(
                     displacements, tangent.multipliers + multipliers[:, 0], pull
@@ -494,25 +502,16 @@ class Frame:
         pulled = rates[:, 0] - tangent.forces.pull[parts, None] * shear_rates
         return -(change + skew / softness * pulled) / shear / softness
 
-    def pulls(self, tangent: Tangent, moved: Array) -> Array:
+    def force_changes(self, tangent: Tangent, parts: Indices, moved: Array) -> tuple[Array, Array]:
         """
-        Return the axial forces N of all members as nodes have moved, (k, c) [N].
-
-        :param tangent: the state before.
-        :param moved: (n, 3, c) by which the nodes move.
-        """
-        every = np.arange(len(self.length))
-        return tangent.forces.pull[:, None] + self.force_changes(tangent, every, moved)[:, 0]
-
-    def force_changes(self, tangent: Tangent, parts: Indices, moved: Array) -> Array:
-        """
-        Return how (N, M1, M2) of members change as the nodes move, (p, 3, c).
+        Return how (N, M1, M2) of members change as the nodes move (p, 3, c), and chords (p, c).
 
         :param tangent: the state.
         :param parts: (p,) which members.
         :param moved: (n, 3, c) of all nodes.
         """
-        return tangent.forces.stiffness[parts] @ self._chord_changes(tangent, parts, moved)[0]
+        chords, _ = self._chord_changes(tangent, parts, moved)
+        return tangent.forces.stiffness[parts] @ chords, chords[:, 0]
 
     def _chord_changes(
         self, tangent: Tangent, parts: Indices, moved: Array

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.statics.bent_tubes import BentTubes
-from isotruss_ros.core.statics.frame import Frame, FrameState
+from isotruss_ros.core.statics.frame import Frame
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 
@@ -113,7 +113,9 @@ class Utilisation(NamedTuple):
     kind: Indices
 
 
-def find_utilisation(structure: Structure, frame: Frame, state: FrameState) -> Utilisation:
+def find_utilisation(
+    structure: Structure, frame: Frame, end_forces: Array, pulls: Array
+) -> Utilisation:
     """
     Return how near to wrinkling loads bring the members of a robot.
 
@@ -121,9 +123,10 @@ def find_utilisation(structure: Structure, frame: Frame, state: FrameState) -> U
 
     :param structure: of the robot.
     :param frame: its frame, cut where tubes bear loads.
-    :param state: the response to the loads.
+    :param end_forces: (k, 6) on its members, see `FrameState`.
+    :param pulls: (k,) axial forces that change the moments inside these [N].
     """
-    pieces, member, used, places = _use_pieces(structure, frame, state.end_forces, state.bowing)
+    pieces, member, used, places = _use_pieces(structure, frame, end_forces, pulls)
     last = find_most_used(used.ravel(), np.tile(member, 3))
     kind, piece = np.divmod(last, len(pieces))
     return Utilisation(used.ravel()[last], places.ravel()[last], pieces[piece], kind)
