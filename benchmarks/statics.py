@@ -59,18 +59,18 @@ def print_grasps() -> None:
     """Measure whole analyses of random states."""
     robot = core.load_robot('nine_member')
     rows: list[list[str]] = []
-    for model, flattening in (('flattening', True), ('round sections', False)):
+    for model, paper_model in (('bent', False), ("paper's model", True)):
         random = np.random.default_rng(1)
         cold, warm, contacts = [], [], []
         while len(cold) < STATES:
             config = robot.configuration(random.uniform(-0.15, 0.15, len(robot.roller_names)))
             cylinder = pressed(config, MODULE, random.uniform(*DEPTHS))
-            seconds, analysis = timed(partial(analyze, config, cylinder, flattening))
+            seconds, analysis = timed(partial(analyze, config, cylinder, paper_model))
             cold.append(seconds)
             contacts.append(len(analysis.points))
             x, y, angle = cylinder.pose
             moved = cylinder.moved_to((x + 1e-4, y - 1e-4, angle))
-            warm.append(timed(partial(analyze, config, moved, flattening, analysis))[0])
+            warm.append(timed(partial(analyze, config, moved, paper_model, analysis))[0])
         for name, times, target in (('cold', cold, COLD_TARGET), ('warm', warm, WARM_TARGET)):
             median, tail = np.percentile(times, [50.0, 99.0])
             verdict = 'pass' if median < target else 'FAIL'
@@ -106,18 +106,18 @@ def print_shapes() -> None:
                 continue  # a narrow corner of the robot has no room for it
     least = {name: float(np.median(values)) for name, values in times.items()}
     rows = [[name, f'{1e3 * t:.2f}', f'{t / least["disc"]:.2f}'] for name, t in least.items()]
-    print(f'\n{SHAPE_STATES} random states, cold, with flattening; ms')
+    print(f'\n{SHAPE_STATES} random states, cold; ms')
     print_table(['object', 'median', 'over the disc'], rows)
 
 
 def analyze(
     config: core.Configuration,
     cylinder: core.ConvexObject,
-    flattening: bool = True,
+    paper_model: bool = False,
     previous: GraspAnalysis | None = None,
 ) -> GraspAnalysis:
     """Analyse a grasp; the last two arguments by place."""
-    return core.analyze_grasp(config, cylinder, flattening=flattening, previous=previous)
+    return core.analyze_grasp(config, cylinder, paper_model=paper_model, previous=previous)
 
 
 def print_growth() -> None:

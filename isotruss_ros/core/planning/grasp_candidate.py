@@ -117,6 +117,7 @@ def _planned(
         max_contact_force=loads['max_contact_force'],
         total_force=loads['max_total_force'],
         utilisation=loads['max_utilisation'],
+        nonlinearity=analysis.nonlinearity,
         travel=travel,
         rigidity=min(shape_margins(config).rigidity for config in configs),
         path=path,

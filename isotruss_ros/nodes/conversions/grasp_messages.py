@@ -162,6 +162,7 @@ def to_state_message(report: GraspReport, frame: str) -> GraspState:
     state.members = list(utilisation)
     state.utilisation = [used for used, _ in utilisation.values()]
     state.utilisation_places = [place for _, place in utilisation.values()]
+    state.nonlinearity = analysis.nonlinearity
     state.stiffness = analysis.stiffness.ravel()
     state.computing_time = report.grasp.computing_time
     return state
