@@ -25,7 +25,7 @@ from isotruss_ros.core import IsotrussError, Pose, Robot
 from isotruss_ros.core.inputs import Input, InputError, require_fresh, StampedInput
 from isotruss_ros.core.model.pose import pose_difference
 from isotruss_ros.core.paths.path_tracking import (
-    RETURN,
+    RETURN_SETTINGS,
     RETURN_SPEED,
     RETURN_TURN_RATE,
 )
@@ -258,7 +258,7 @@ class GraspSequences(TrackedShape):
             path=Path(header=lay.header, poses=[lay]),
             speed=RETURN_SPEED,
             turn_rate=RETURN_TURN_RATE,
-            position_tolerance=RETURN.position_tolerance,
+            position_tolerance=RETURN_SETTINGS.position_tolerance,
         )
         why = ''
         try:
