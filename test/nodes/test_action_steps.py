@@ -138,7 +138,7 @@ def test_a_server_that_sends_no_feedback_ends_the_steps_after_the_timeout(server
     next(steps)
     server.accept()
     for _ in range(3):
-        now += supervision.BEGINNING
+        now += supervision.START_TIMEOUT
         server.feedback(SimpleNamespace(feedback=0.5))
         next(steps)
     now += 0.19

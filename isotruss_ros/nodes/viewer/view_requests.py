@@ -1,6 +1,6 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What the buttons of a view ask of other nodes, and what becomes of it in words."""
+"""Requests of the buttons of a view to other nodes, with reports in words."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ STAGES = {
 }
 SIMULATOR = 'simulator'
 
-#: A sequence yields calls, and gets their answers.
+#: Generator of calls, which receives the responses.
 Calls = Generator[Callable[[], Future], Any, None]
 
 
 def make_calls(calls: Calls, answer: Any = None) -> None:
     """
-    Make the next call of a sequence, and the others once it is answered.
+    Make the next call of a sequence, and the following ones after its response.
 
     :param calls: the sequence.
-    :param answer: of the call before; None at first.
+    :param answer: response of the previous call; None at first.
     """
     try:
         call = calls.send(answer)
@@ -46,8 +46,8 @@ class ObjectGoals:
     """
     Clients of `pick_object` and `place_object`.
 
-    :param node: has the clients.
-    :param report: called with what is under way, in words.
+    :param node: node of the clients.
+    :param report: callback with the progress in words.
     """
 
     def __init__(self, node: Node, report: Callable[[str], None]) -> None:
@@ -85,10 +85,10 @@ class ObjectGoals:
 
 class SimulatorRestart:
     """
-    The node `simulator` configured anew, by its lifecycle services.
+    Reconfiguration of the node `simulator` by its lifecycle services.
 
-    :param node: has the clients.
-    :param report: called with what becomes of a restart, in words.
+    :param node: node of the clients.
+    :param report: callback with the result of a restart in words.
     """
 
     def __init__(self, node: Node, report: Callable[[str], None]) -> None:
@@ -99,11 +99,11 @@ class SimulatorRestart:
 
     def restart(self, plant: str = '') -> None:
         """
-        Configure the simulator anew: the robot begins at home.
+        Reconfigure the simulator; the robot starts at home.
 
-        A restart that is under way takes no further step.
+        A restart in progress is abandoned.
 
-        :param plant: value of its parameter `plant`; as it is if empty.
+        :param plant: value of its parameter `plant`; unchanged if empty.
         """
         name = f'plant {plant}' if plant else 'reset'
         if not (self._change.service_is_ready() and self._set.service_is_ready()):
@@ -114,7 +114,7 @@ class SimulatorRestart:
         make_calls(self._calls)
 
     def _restart(self, name: str, plant: str) -> Calls:
-        # These fail where it is inactive or unconfigured already.
+        # These fail if it is already inactive or unconfigured.
         yield self._transition(Transition.TRANSITION_DEACTIVATE)
         yield self._transition(Transition.TRANSITION_CLEANUP)
         if plant:
