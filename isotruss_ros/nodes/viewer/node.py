@@ -36,7 +36,7 @@ from isotruss_ros.nodes.viewer.view_requests import (
     SimulatorRestart,
 )
 from isotruss_ros.viewer.control import ZERO
-from isotruss_ros.viewer.drag import LEVER, PATIENCE, place_on_circle
+from isotruss_ros.viewer.drag import LEVER_LENGTH, PATIENCE, place_on_circle
 from isotruss_ros.viewer.message_checks import PictureError
 from isotruss_ros.viewer.names import (
     DRAGGED,
@@ -214,7 +214,7 @@ class Viewer(StoppableNode):
             way = math.dist(position, control.drag.target)
             left = f'{1e3 * way:.0f} mm left'
             if control.drag.turns:
-                left = f'{math.degrees(way / LEVER):.0f}° left'
+                left = f'{math.degrees(way / LEVER_LENGTH):.0f}° left'
         control.drag = None
         words = f'{self._controls.dragged}: no progress for {PATIENCE:.0f} s, {left}'
         why = self.picture.describe_hindrance(now, PATIENCE)
@@ -231,7 +231,7 @@ class Viewer(StoppableNode):
         if not self._moving:
             self._report_goal('')
         vx, vy = drag.follow(position, self.values.max_speed, now)
-        twist = (0.0, 0.0, vx / LEVER) if drag.turns else (vx, vy, 0.0)
+        twist = (0.0, 0.0, vx / LEVER_LENGTH) if drag.turns else (vx, vy, 0.0)
         self._twists.publish(to_twist_message(twist))
         self._moving = True
 
