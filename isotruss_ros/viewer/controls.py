@@ -27,6 +27,7 @@ from isotruss_ros.viewer.names import (
     PLACE,
     PLANT,
     RESET,
+    SHAPE,
     STOP,
     TARGET,
     TURN,
@@ -34,7 +35,7 @@ from isotruss_ros.viewer.names import (
 from isotruss_ros.viewer.picture import Picture
 from isotruss_ros.viewer.requests import (
     check_request,
-    CURRENT_PLANT,
+    INITIAL_CHOICE,
     list_choices,
     RequestError,
     WRENCH,
@@ -44,7 +45,7 @@ import viser
 #: Radius of the handles [m], and their colours.
 HANDLE, COLOR, TURN_COLOR = 0.07, (31, 79, 217), (242, 120, 0)
 #: Requests that cancel the target of a drag.
-CANCELLING_REQUESTS = (DRAGGED, PICK, PLACE, PLANT, RESET)
+CANCELLING_REQUESTS = (DRAGGED, PICK, PLACE, SHAPE, PLANT, RESET)
 FORCES = tuple(setting.name for setting in WRENCH)
 
 
@@ -82,7 +83,8 @@ class Controls:
         self._panels: dict[int, BrowserPanel] = {}
         self._values = {
             DRAGGED: OBJECT,
-            PLANT: CURRENT_PLANT,
+            SHAPE: INITIAL_CHOICE,
+            PLANT: INITIAL_CHOICE,
             'friction': friction,
             'diameter': picture.diameter,
             'squeeze': 0.0,
@@ -197,7 +199,7 @@ class Controls:
             control.release()
         elif name in CANCELLING_REQUESTS:
             control.drag = None
-        return [] if value == CURRENT_PLANT else [(name, value)]  # type: ignore[list-item]
+        return [] if value == INITIAL_CHOICE else [(name, value)]  # type: ignore[list-item]
 
     async def _drag(self, name: str, event: viser.SceneNodeDragEvent) -> None:
         """Queue a request; in the loop of the server, which preserves the order of events."""

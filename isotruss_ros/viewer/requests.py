@@ -15,19 +15,21 @@ from isotruss_ros.core.errors import quote
 from isotruss_ros.viewer.names import (
     DRAGGED,
     OBJECT,
+    OBJECTS,
     PICK,
     PLACE,
     PLANT,
     PLANTS,
     RELEASE,
     RESET,
+    SHAPE,
     STOP,
     TARGET,
     TURN,
 )
 
-#: The running plant, unknown to the view.
-CURRENT_PLANT = 'as started'
+#: The running plant, or its object, before another one is chosen.
+INITIAL_CHOICE = 'as started'
 #: Largest valid coordinate of a drag [m].
 MAX_DRAG_DISTANCE = 100.0
 BUTTONS = (STOP, RELEASE, RESET, PICK, PLACE)
@@ -93,7 +95,11 @@ def list_choices(joints: Sequence[str]) -> dict[str, Sequence[str]]:
 
     :param joints: names of the joints that can be dragged.
     """
-    return {DRAGGED: (OBJECT, *joints), PLANT: (CURRENT_PLANT, *PLANTS)}
+    return {
+        DRAGGED: (OBJECT, *joints),
+        SHAPE: (INITIAL_CHOICE, *OBJECTS),
+        PLANT: (INITIAL_CHOICE, *PLANTS),
+    }
 
 
 def _is_finite(value: object) -> bool:

@@ -15,11 +15,15 @@ import math
 
 from isotruss_ros.core.model.outline_checks import check_outline, polygon_moments
 from isotruss_ros.core.model.shapes import Face, Shape, SurfacePoints
+from isotruss_ros.core.model.smooth_outline import CONIC_POINTS, SmoothOutline
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
 
 #: Largest number of sides used as bounding tangents [-].
 MAX_BOUNDING_SIDES = 32
+#: Largest turning angle at corners that sample a smooth outline [rad]: regular polygons with 13 or
+#: more, and 24 on an ellipse with an aspect ratio below 1.9.
+MAX_SAMPLE_TURN = 0.5
 
 
 @dataclass(frozen=True)
@@ -27,8 +31,7 @@ class Polygon(Shape):
     """
     A convex polygon with sharp corners, or with corners rounded by arcs tangent to both sides.
 
-    A regular polygon does not replace a disc: slip margins differ by 25 % in the median with 24
-    corners, by 6 % with 96 and by 1 % with 1000. Use `Disc` or `Ellipse` for smooth outlines.
+    A polygon with many corners samples a smooth outline, see `smoothed`.
 
     :ivar vertices: (x, y) of three or more vertices in the object's frame, in either sense; stored
         counter-clockwise, without a repeated last one [m].
@@ -267,6 +270,27 @@ class Polygon(Shape):
         :param length: length of the segments [m].
         """
         return _rounded(self, length)
+
+    def smoothed(self, length: float) -> Shape:
+        """
+        Return the smooth curve through the corners, if all are samples of one.
+
+        The corners turn by less than `MAX_SAMPLE_TURN`, and a convex curve through them exists.
+
+        :param length: below which all faces are [m].
+        """
+        longest = np.abs(np.roll(self.arc_centers, -1) - self.arc_centers).max()
+        return self if self._curve is None or longest >= length else self._curve
+
+    @cached_property
+    def _curve(self) -> SmoothOutline | None:
+        """Return the smooth curve through the corners where these are farthest out, if any."""
+        if len(self.vertices) < CONIC_POINTS or self.turns.max() >= MAX_SAMPLE_TURN:
+            return None
+        outward = self.normals + np.roll(self.normals, 1)
+        tips = self.arc_centers + self.radii * outward / np.abs(outward)
+        curve = SmoothOutline(tuple(zip(tips.real.tolist(), tips.imag.tolist(), strict=True)))
+        return curve if curve.is_convex else None
 
     @cached_property
     def centered(self) -> Polygon:

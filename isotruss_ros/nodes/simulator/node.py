@@ -174,10 +174,6 @@ class Simulator(ManagedNode):
         )
         return self._elastic
 
-    def _apply(self) -> None:
-        """Apply the faults of the sensors."""
-        self._sensors.apply()
-
     def _stop_on_clock_jump(self) -> None:
         """Stop the rollers: the age of the command is unknown after a jump of the clock."""
         self._simulated.stop()
