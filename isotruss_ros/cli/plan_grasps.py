@@ -99,9 +99,7 @@ def _search(
 
 @contextlib.contextmanager
 def _interruptible(stop: Stop) -> Iterator[None]:
-    """
-    End the search at the first Ctrl-C with the best grasps so far, the command at the second.
-    """
+    """End the search at the first Ctrl-C, with its best grasps, the command at the second."""
 
     def ask(_signal: int, _frame: FrameType | None) -> None:
         stop.requested = True

@@ -93,9 +93,7 @@ def requirements(options: argparse.Namespace) -> GraspRequirements:
 
 
 def _read_number(kind: type, high: float, words: str) -> Callable[[str], float]:
-    """
-    Return a function that reads a number from 0 to the highest; the words describe the range.
-    """
+    """Return a function that reads a number from 0 to the highest."""
 
     def read(text: str) -> float:
         try:

@@ -33,9 +33,7 @@ class SolverError(IsotrussError, RuntimeError):
 
 
 class StructureError(IsotrussError, ValueError):
-    """
-    A structure is mechanically unstable under its loads, or its stiffness laws are contradictory.
-    """
+    """A structure is unstable under its loads, or its stiffness laws are contradictory."""
 
 
 class PathError(IsotrussError, ValueError):

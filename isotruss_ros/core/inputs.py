@@ -343,9 +343,7 @@ class CommandHistory:
         return before, travel + ahead * last, last
 
     def _until(self, time: float, before: Array) -> Array:
-        """
-        Return the commanded travel until a time (r,), given the speeds before the first entry [m].
-        """
+        """Return the commanded travel until a time (r,), given the initial speeds [m]."""
         (first, _), (last, travel) = self._travel.first, self._travel.last
         if time > last:
             return travel + (time - last) * self.last

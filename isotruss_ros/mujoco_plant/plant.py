@@ -347,9 +347,7 @@ class MujocoPlant:
 
 
 def _resultant(parts: Sequence[tuple[complex, complex, complex]]) -> ContactForce:
-    """
-    Return the resultant of contacts: forces, normal components, and centre of pressure, x + iy.
-    """
+    """Return the forces, normal components and centre of pressure x + iy of contacts."""
     forces, pressing, points = np.array(parts).T
     sizes, inward = np.abs(pressing), complex(pressing.sum())
     if not sizes.any():

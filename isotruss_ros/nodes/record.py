@@ -125,9 +125,7 @@ class Record(StoppableNode):
         self.count += 1
 
     def _register(self, topic: str) -> int:
-        """
-        Add a channel with the quality of service of its publishers, in the format of rosbag2.
-        """
+        """Add a channel with the quality of service of its publishers, as rosbag2."""
         kind = TOPICS[topic]
         schema = self._writer.register_schema(
             type_name(kind), 'ros2msg', schema_text(kind).encode()

@@ -179,9 +179,7 @@ class Controls:
         )
 
     def _sort(self, name: str, value: object, now: float) -> list[tuple[str, float | str]]:
-        """
-        Apply the changes of a request to the controls; return the rest for the owner of the view.
-        """
+        """Apply a request to the controls; return the rest for the owner of the view."""
         control = self.control
         if name == TARGET:
             self._move_handle(*value, now)  # type: ignore[call-arg, misc]

@@ -153,9 +153,7 @@ class Polygon(Shape):
 
     @cached_property
     def _numbers(self) -> tuple[list[complex], list[float], list[tuple[complex, float]]]:
-        """
-        Return conjugate normals, directions and arcs as Python numbers, faster for single values.
-        """
+        """Return conjugate normals, directions and arcs as Python numbers, for speed."""
         arcs = zip(self.arc_centers.tolist(), self.radii.tolist(), strict=True)
         return self.normals.conj().tolist(), self._directions.tolist(), list(arcs)
 

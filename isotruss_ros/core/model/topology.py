@@ -95,7 +95,7 @@ class Topology:
 
 def make_topology(description: RobotDescription) -> Topology:
     """
-    Number the nodes, modules and members of a robot in the order of its file.
+    Return the topology of a robot, numbered in the order of its file.
 
     :param description: of the robot.
     """

@@ -59,9 +59,7 @@ class Measured(NamedTuple):
 
 
 def _moved(grip: Grip, then: Grip) -> float:
-    """
-    Return a bound of the displacement of the object's points [m]; infinite for another object.
-    """
+    """Return a bound of the object's displacement [m]; infinite for another object."""
     if grip.members != then.members:
         return math.inf
     body, before = grip.body, then.body

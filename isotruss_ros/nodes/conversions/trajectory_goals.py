@@ -1,9 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""
-Goals of FollowRollerTrajectory and FollowJointTrajectory, by the conventions of the standard.
-"""
+"""Goals of FollowRollerTrajectory and FollowJointTrajectory, by the standard."""
 
 from __future__ import annotations
 

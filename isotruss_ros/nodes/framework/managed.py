@@ -88,9 +88,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
         """Release resources other than entities; called after every `configure`."""
 
     def details(self) -> dict[str, object]:
-        """
-        Return values for the diagnostics of the configured node by name, in addition to cycles.
-        """
+        """Return further values by name for the diagnostics of the configured node."""
         return {}
 
     # -- Public interface --

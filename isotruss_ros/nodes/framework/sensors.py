@@ -239,9 +239,7 @@ class Inputs:
                 setattr(self._holder, name, RejectedInput(why))
 
     def describe_ages(self) -> dict[str, object]:
-        """
-        Return the ages of the inputs [s], or the reasons of missing ones, for the diagnostics.
-        """
+        """Return the ages of the inputs [s], or the reasons of missing ones."""
         ages = {}
         for name, words in self._words.items():
             given = getattr(self._holder, name)

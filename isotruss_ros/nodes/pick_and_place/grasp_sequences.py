@@ -251,9 +251,7 @@ class GraspSequences(TrackedShape):
         return MoveObject.Result(message=followed.message)
 
     def _bring_back(self, lay: PoseStamped) -> Steps:
-        """
-        Move the held object back to its initial pose; return the result in words, if displaced.
-        """
+        """Move a displaced object back to its initial pose; return the result in words."""
         moved, _ = self._measure_error(lay)
         if moved <= RETURN_TOLERANCE:
             return ''
@@ -275,9 +273,7 @@ class GraspSequences(TrackedShape):
         return f', {1e3 * left:.3g} mm from where it lay, after {1e3 * moved:.3g} mm{why}'
 
     def _drive(self, trajectory: Any, change: float, before: int, after: int) -> Steps:
-        """
-        Move the rollers along a trajectory; the stage changes at a given trajectory time [s].
-        """
+        """Move the rollers along a trajectory; the stage changes at a given time [s]."""
         end = read_duration(trajectory.points[-1].time_from_start)
 
         def progress(feedback: Any) -> float:
