@@ -22,6 +22,7 @@ from isotruss_ros.core.kinematics.rigidity import Modes, rigidity_index
 from isotruss_ros.core.manipulation.grip_rows import member_rows
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
+from isotruss_ros.core.numerics.tolerances import COINCIDENCE, ROUNDING
 from isotruss_ros.core.planning.closing import BOUND_SHARE, Closing, evaluate_state, SearchState
 from isotruss_ros.core.planning.violations import RequirementError
 import numpy as np
@@ -45,9 +46,8 @@ CONSTRAINED_MODES = 2
 MAX_OVERSHOOT = 0.015
 #: Largest number of trials of a step, each half of the previous [-].
 MAX_HALVINGS = 5
-#: Largest number of steps to one set of indentations [-], and tolerance of the gaps [m].
-MAX_PRESS_STEPS, GAP_TOLERANCE = 15, 1e-9
-GAP_ROUNDING = 1e-12  # [m]
+#: Largest number of steps to one set of indentations [-].
+MAX_PRESS_STEPS = 15
 
 
 def press(config: Configuration, closing: Closing, depths: Array) -> Configuration:
@@ -64,7 +64,7 @@ def press(config: Configuration, closing: Closing, depths: Array) -> Configurati
     members, share, left = list(closing.members), 1.0, np.inf
     for _ in range(MAX_PRESS_STEPS):
         left = float(np.abs(state.gaps[members] + depths).max())
-        if left <= GAP_TOLERANCE:
+        if left <= ROUNDING:
             return state.config
         state, share = take_closing_step(state, closing, -depths, share)
     raise RequirementError('reach', left, 0.0)
@@ -90,7 +90,7 @@ def take_closing_step(
     # Remaining gaps: the program is exact to first order only.
     bounds = np.full(len(state.gaps), KEPT_CLEARANCE * CLEARANCE * diameter)
     bounds[list(closing.members)] = targets - MAX_OVERSHOOT * diameter
-    bounds = np.minimum(bounds, state.gaps - GAP_ROUNDING)
+    bounds = np.minimum(bounds, state.gaps - COINCIDENCE)
     for halving in range(MAX_HALVINGS):
         closing.tally.evaluations += 1
         try:

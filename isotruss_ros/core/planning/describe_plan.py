@@ -19,8 +19,6 @@ import numpy as np
 NEAR_SPEED_SHARE = 0.25
 #: Smallest duration of a segment, so that times increase [s].
 MIN_DURATION = 0.01
-#: Smallest factor per iteration on segments too short for the acceleration [-].
-STRETCH_FACTOR = 1.01
 
 
 def export_figures(grasp: PlannedGrasp) -> dict[str, Any]:
@@ -71,7 +69,8 @@ def path_times(path: Array, limits: RobotDescription, near: Array) -> Array:
         needed = 0.5 * (changes[1:] + changes[:-1]) / limits.max_acceleration
         if (needed <= durations).all():
             break
-        durations = np.maximum(durations, STRETCH_FACTOR * np.sqrt(durations * needed))
+        # The factor ends the iteration on segments too short for the acceleration.
+        durations = np.maximum(durations, 1.01 * np.sqrt(durations * needed))
     return np.append(0.0, np.cumsum(durations))
 
 

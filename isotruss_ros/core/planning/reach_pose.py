@@ -20,6 +20,7 @@ from isotruss_ros.core.model.pose import MAX_DISTANCE, Pose, pose_difference
 from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.records import Record
+from isotruss_ros.core.numerics.tolerances import ROUNDING
 from isotruss_ros.core.safety.shape_guard import ShapeGuard
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,8 +29,6 @@ from numpy.typing import ArrayLike
 STEP = 2e-3
 #: Speed of the twists, low enough for limits of the configuration not to slow early [m/s].
 STEP_SPEED = 0.02
-#: Tolerance of the pose, rotations at the characteristic radius [m].
-POSE_TOLERANCE = 1e-9
 #: Smallest scale of a step by limits [-]; a smaller one ends the motion.
 MIN_STEP_SCALE = 0.05
 #: Largest ratio of the number of steps to that without limits [-].
@@ -77,7 +76,7 @@ def reach_pose(
     left = pose_difference(goal, rolling.pose)
     whole = size = math.hypot(*left[:2], grip.body.arm * left[2])
     for _ in range(MAX_STEP_RATIO * (math.ceil(whole / STEP) + 1)):
-        if size <= POSE_TOLERANCE:
+        if size <= ROUNDING:
             status, why = Status.OK, ''
             break
         try:
@@ -92,7 +91,7 @@ def reach_pose(
         size = math.hypot(*left[:2], grip.body.arm * left[2])
     else:
         status, why = Status.SLOWED_OBJECT, 'the way takes too many steps next to limits'
-    share = 1.0 - size / whole if whole > POSE_TOLERANCE else 1.0
+    share = 1.0 - size / whole if whole > ROUNDING else 1.0
     return ReachedPose(rolling.config, rolling.pose, share, status, why, np.array(path))
 
 

@@ -14,18 +14,17 @@ from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, NotHeldErr
 from isotruss_ros.core.holding.loaded_frame import held_joints
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.kinematics.depths import member_depths, OVERLAP_TOLERANCE, push_out
+from isotruss_ros.core.kinematics.depths import member_depths, push_out
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
+from isotruss_ros.core.numerics.tolerances import ROUNDING
 import numpy as np
 from numpy.typing import ArrayLike
 
 #: Largest number of substeps to locate slip in a change of configuration [-].
 MAX_SUBSTEPS = 64
-#: Bisection steps to locate first contact in a change of configuration [-].
-TOUCH_BISECTIONS = 6
 
 
 class ElasticObject:
@@ -134,7 +133,7 @@ class ElasticObject:
         """Return approximately the first configuration with two members in contact."""
         start, end, touch = before.roller_positions, config.roller_positions, config
         low, high = 0.0, 1.0
-        for _ in range(TOUCH_BISECTIONS):
+        for _ in range(6):  # bisection
             middle = 0.5 * (low + high)
             there = before.moved_to(start + middle * (end - start))
             if self._pressed(there):
@@ -145,7 +144,7 @@ class ElasticObject:
 
     def _pressed(self, config: Configuration) -> bool:
         """Return whether two members press on the free object beyond the pushing contact."""
-        return bool(np.sort(member_depths(config, self._body))[-2] > OVERLAP_TOLERANCE)
+        return bool(np.sort(member_depths(config, self._body))[-2] > ROUNDING)
 
     def _roll(self, before: HeldGrip, config: Configuration) -> None:
         """
