@@ -20,6 +20,8 @@ import threading
 SINGLE_THREAD_ENVIRONMENT = dict.fromkeys(
     ('OPENBLAS_NUM_THREADS', 'OMP_NUM_THREADS', 'MKL_NUM_THREADS'), '1'
 )
+#: Niceness of the workers [-], so that control loops have priority.
+NICENESS = 5
 #: Largest number of processes [-].
 MAX_WORKERS = 256
 
@@ -97,7 +99,7 @@ def _environment(values: dict[str, str]) -> Iterator[None]:
 
 def _begin(wanted: Connection) -> None:
     """Initialise a worker process."""
-    os.nice(5)  # control loops have priority
+    os.nice(NICENESS)
     threading.Thread(target=_end_with, args=(wanted,), daemon=True).start()
 
 
