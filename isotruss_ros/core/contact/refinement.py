@@ -28,7 +28,7 @@ from isotruss_ros.core.contact.surfaces import Surface
 from isotruss_ros.core.errors import SolverError, StructureError
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, Flags, Points
-from isotruss_ros.core.statics.bent_tubes import BentTubes, SETTLED_MOTION, straight_tubes
+from isotruss_ros.core.statics.bent_tubes import BentTubes, straight_tubes
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 
@@ -45,8 +45,8 @@ EVERYWHERE = np.array([-np.inf, np.inf])
 #: Points of one region are no farther apart than this [m]. Tubes are cut at places that are so far
 #: apart, and are bent anew from straight ones where these move by more than that.
 ONE_REGION, CUT_LATTICE, SAME_CUT = 0.03, 0.04, 0.05
-#: Tubes are linearised anew so often in one analysis.
-MAX_BENDS = 12
+#: Tubes are linearised anew until no node moves by more than this [m], at most so often.
+SETTLED_MOTION, MAX_BENDS = 3e-6, 12
 #: Tubes go so much of the way to where forces would bend them: less where they give way there.
 BENT_SHARES = (1.0, 0.5, 0.2, 0.0)
 

@@ -26,7 +26,7 @@ import numpy as np
 LINEAR_SHARE = 1e-6
 #: Tubes are linearised anew until no node moves by more than this [m]; where a motion is
 #: followed, until none moves by more than that, which leaves less than 1e-7 m.
-SETTLED_MOTION, FOLLOWED_MOTION = 3e-6, 1e-4
+SETTLED_MOTION, FOLLOWED_MOTION = 1e-9, 1e-4
 #: Motions of places count that much less than those of nodes [-]: by the moments in tubes.
 PLACE_SHARE = 0.2
 #: Places are no nearer to the ends of their piece of tube than this [m].
@@ -196,9 +196,9 @@ class BentTubes:
 
     @cached_property
     def _place_rates(self) -> tuple[Array, Array, Array]:
-        """Return loads (3 n, k), inclinations (k,), and forces of parts (2 k, 3), by places."""
+        """Return loads (3 n, k), inclinations (k, k), and forces of parts (2 k, 3), by places."""
         frame, tangent, count = self.frame, self.tangent, len(self.members)
-        carried, inclined = np.zeros((len(frame.points) * 3, count)), np.zeros(count)
+        carried, inclined = np.zeros((len(frame.points) * 3, count)), np.zeros((count, count))
         if self.before is None:
             return carried, inclined, np.zeros((2 * count, 3))
         parts, end = self._parts
@@ -210,7 +210,11 @@ class BentTubes:
             (frame.places(parts), np.tile(np.arange(count), 2)[:, None]),
             frame.nodal_forces(tangent, parts, rates)[..., 0],
         )
-        inclined = self._mean(frame.slope_rates(tangent, parts, end, rates, 0.0))[:, 0]
+        # A part between two places of one member has both at its ends.
+        longer = (parts[:, None] == frame.before) * self._cut[1]
+        longer -= (parts[:, None] == frame.behind) * self._cut[1]
+        changes = tangent.forces.rates[parts, :, None] * longer[:, None]
+        inclined = self._mean(frame.slope_rates(tangent, parts, end, changes, 0.0))
         return carried, inclined, rates[..., 0]
 
     @cached_property
@@ -252,7 +256,7 @@ class BentTubes:
         count = len(self.members)
         found = self._rows[1][:, :, 3 * count : 4 * count].copy()
         own = np.arange(count)
-        found[own, 2, own] += self._place_rates[1]
+        found[:, 2] += self._place_rates[1]
         if self.before is not None:
             # The place itself moves along its member.
             found[own, 0, own] -= 1.0
@@ -351,7 +355,7 @@ class BentTubes:
         forces = np.zeros((len(frame.length), 3, places.shape[1]))
         moved = np.tile(places, (2, 1))
         np.add.at(forces, self._parts[0], self._place_rates[2][..., None] * moved[:, None])
-        return by_loads, PlaceChanges(nodes, self._place_rates[1][:, None] * places, forces)
+        return by_loads, PlaceChanges(nodes, self._place_rates[1] @ places, forces)
 
     def inclination_changes(self, moved: Array) -> Array:
         """

@@ -204,7 +204,7 @@ def test_a_search_that_begins_with_the_grasp_before_finds_the_same(monkeypatch):
             expected = settle_grasp(config, cylinder, FRICTION, wrench)
             assert found.hold is expected.hold
             assert found.displacement == pytest.approx(expected.displacement, abs=1e-10)
-            assert found.stiffness == pytest.approx(expected.stiffness, rel=1e-4, abs=1e-3)
+            assert found.stiffness == pytest.approx(expected.stiffness, rel=1e-7, abs=1e-6)
             assert found.slip_margin == pytest.approx(expected.slip_margin, rel=1e-6, abs=1e-7)
             for name, force in expected.normal_forces.items():
                 assert found.normal_forces[name] == pytest.approx(force, rel=1e-6)
