@@ -30,7 +30,7 @@ from types import FrameType
 import isotruss_ros
 from isotruss_ros import core
 from isotruss_ros.core.inputs import RollerState, StampedInput
-from isotruss_ros.core.safety.roller_failure import FailureCriterion, FailureDetector
+from isotruss_ros.core.safety.roller_failure import FailureDetector
 from isotruss_ros.nodes.grasp.grasp_monitor import GraspMonitor
 from isotruss_ros.nodes.grasp.grasp_report import GraspCode, GraspQuery
 from measuring import print_table
@@ -99,7 +99,7 @@ def control_cycle() -> tuple[list[str], int]:
     center = core.tangent_center(robot.home, MODULE, DIAMETER)
     grip = core.Grip.at_module(robot, MODULE, core.ConvexObject.disc(center, DIAMETER))
     servo = core.TwistServo(robot, grip, PERIOD, 0.2)
-    servo.detector = FailureDetector(robot.roller_names, FailureCriterion())
+    servo.detector = FailureDetector(robot.roller_names)
     held = core.RollingGrip.attach(robot.home, grip)
     positions = held.config.roller_positions
     now = 0.0

@@ -37,7 +37,7 @@ from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 from isotruss_ros.core.manipulation.solve_twist import default_limits
-from isotruss_ros.core.safety.roller_failure import FailureCriterion, FailureDetector
+from isotruss_ros.core.safety.roller_failure import FailureDetector
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 from measuring import print_machine, print_table, SHARE
 import numpy as np
@@ -111,7 +111,7 @@ def follow(stuck: str | None, known: bool, detect: bool) -> float:
     if stuck is not None and known:
         servo.failed = [stuck]
     if detect:
-        servo.detector = FailureDetector(ROBOT.roller_names, FailureCriterion())
+        servo.detector = FailureDetector(ROBOT.roller_names)
     faults = RollerFaults(stuck=frozenset() if stuck is None else frozenset([stuck]))
     robot = SimulatedRobot(ROBOT.home, RigidObject.in_grip(HELD), faults)
     start, error = HELD.grip.center, 0.0

@@ -20,10 +20,6 @@ class GraspError(IsotrussError, ValueError):
     """The grasp, the twist or the list of failed rollers is not usable."""
 
 
-class GainError(GraspError):
-    """A gain of the user's own is beyond what the held object allows."""
-
-
 class ObjectFileError(GraspError):
     """A file or a text describes no object that could be held."""
 

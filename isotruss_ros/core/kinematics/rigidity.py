@@ -12,9 +12,6 @@ what it is at home: 1 at home, 0 where the robot with locked rollers is a mechan
 There is no decomposition of the whole matrix: a few inverse iterations on a block of vectors with
 the factor at hand, then one of the block. It is a block so that the smallest value is found
 where singular values are close, or change places.
-
-The worst-case rigidity index is the one of the literature on truss robots, which leaves the
-modules and the supports out: for comparison.
 """
 
 from __future__ import annotations
@@ -114,28 +111,3 @@ def rigidity_index(robot: Robot) -> RigidityIndex:
     :param robot: the robot.
     """
     return RigidityIndex(robot)
-
-
-@single_threaded
-def worst_case_rigidity_index(config: Configuration) -> float:
-    """
-    Return the worst-case rigidity index of the truss between the joints.
-
-    It is the smallest eigenvalue of R^T R that belongs to no rigid motion, over its trace. R has a
-    row for each member, a bar from joint to joint: x_i - x_j at joint i and x_j - x_i at joint j,
-    not normalised; there are no supports. It does not change with the size of the truss, is 1/4
-    for an equilateral triangle, and 0 where the truss is not rigid without its supports.
-
-    :param config: where the robot is.
-    """
-    topology = config.robot.topology
-    joints = config.points[: len(topology.joint_names)]
-    start, end = topology.joint, topology.joint[topology.following]
-    bars = np.arange(topology.n_modules)
-    rows = np.zeros((len(bars), len(joints)), dtype=np.complex128)
-    rows[bars, start] = joints[start] - joints[end]
-    rows[bars, end] = joints[end] - joints[start]
-    rigidity = rows.view(np.float64)
-    # Two translations and a rotation have the eigenvalue 0.
-    eigenvalues = np.linalg.eigvalsh(rigidity.T @ rigidity)[3:]
-    return float(max(eigenvalues[0], 0.0) / eigenvalues.sum())

@@ -46,6 +46,12 @@ ALL_ROWS_UP_TO = 60
 FIRST, ADDED = 16, 16
 #: Bounds hold to this, in units of the program.
 ROW_TOLERANCE = 1e-10
+#: Full roller speed is used where the surface of the object moves at 2 / `PROGRESS_WEIGHT` of it
+#: or more along the twist, less below [-]. In loops slower than `REFERENCE_PERIOD` [s], the weight
+#: falls with the period.
+PROGRESS_WEIGHT, REFERENCE_PERIOD = 100.0, 1e-2
+#: Weight of the roller speeds against the error of the twist when sliding [-].
+SLIDE_WEIGHT = 1e-2
 
 #: From cost, task and rows to the speeds (n,) and the progress.
 Solver: TypeAlias = Callable[[Array, Array, Rows], tuple[Array, float]]
@@ -59,18 +65,10 @@ class LimitHandling:
     :ivar slide_along_limits: rather than stop at limits of lengths and shapes.
     :ivar period: of the loop [s]: progress that takes far more roller speed than it yields is
         left. Zero for the largest progress.
-    :ivar progress_weight: full roller speed is used where the object's surface moves at
-        2 / `progress_weight` of it or more along the twist, less below [-].
-    :ivar reference_period: in loops slower than this, the weight falls with the period [s].
-    :ivar slide_weight: weight of the roller speeds against the error of the twist when sliding
-        [-].
     """
 
     slide_along_limits: bool = False
     period: float = 0.0
-    progress_weight: float = 100.0
-    reference_period: float = 1e-2
-    slide_weight: float = 1e-2
 
 
 def apply_limits(
@@ -105,9 +103,9 @@ def apply_limits(
     farthest, direction = min(asked / unit, MAX_SCALE), task.direction / gain
     penalty, weight, guess = PENALTIES[0], LEAST_REGULARIZATION, None
     if handling.period > 0.0:
-        slower = min(1.0, handling.reference_period / handling.period)
-        penalty = min(penalty, handling.progress_weight * slower * max_speed / (unit * gain))
-        weight, guess = handling.slide_weight, task.free / gain
+        slower = min(1.0, REFERENCE_PERIOD / handling.period)
+        penalty = min(penalty, PROGRESS_WEIGHT * slower * max_speed / (unit * gain))
+        weight, guess = SLIDE_WEIGHT, task.free / gain
 
     def progress(cost: Array, equality: Array, limited: Rows) -> tuple[Array, float]:
         return maximize_progress(cost, equality, direction, farthest, limited, penalty)

@@ -53,7 +53,6 @@ class Status(enum.IntEnum):
     HALT_OTHER_COMMANDS = 45  #: another node commands the rollers, too
     HALT_SLIPPED = 46  #: the object slipped, or its pose is wrong; the squeeze is regulated on
     HALT_OSCILLATES = 48  #: the object swings more and more: the rollers rest
-    HALT_GAIN = 49  #: the user's gain is beyond what the frequency of the held object allows
     HALT_STALE_TUBE_PRESSURES = 50
     HALT_INVALID_TUBE_PRESSURES = 51
 

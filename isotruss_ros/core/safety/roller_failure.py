@@ -12,37 +12,28 @@ commands that oscillate, and noise that does not grow with time.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 
 from isotruss_ros.core.model.topology import check_roller_names
 from isotruss_ros.core.numerics.arrays import Array, Flags
 import numpy as np
 
-
-@dataclass(frozen=True)
-class FailureCriterion:
-    """
-    When a roller has failed.
-
-    :ivar time: commanded for this long without moving [s].
-    :ivar min_speed: slower commands do not count: friction may hold them [m/s].
-    :ivar min_travel: nor does a commanded range of travel below this [m].
-    :ivar min_swing: nor a range below what the roller travels in this time at the mean commanded
-        speed: drives need not follow such oscillations [s].
-    :ivar min_share: a roller that moved over this share of the commanded range works.
-    :ivar settling: rollers follow commands within this time [s].
-    :ivar evident: a roller that works after a commanded range of this is timed again [m].
-    :ivar max_gap: samples further apart than this, or running back, are no evidence [s].
-    """
-
-    time: float = 1.0
-    min_speed: float = 0.002
-    min_travel: float = 0.002
-    min_swing: float = 0.1
-    min_share: float = 0.25
-    settling: float = 0.2
-    evident: float = 0.02
-    max_gap: float = 0.5
+#: A roller that is commanded for this long without moving has failed [s].
+FAILURE_TIME = 1.0
+#: Slower commands do not count: friction may hold the rollers [m/s].
+MIN_SPEED = 0.002
+#: Nor does a commanded range of travel below this [m].
+MIN_TRAVEL = 0.002
+#: Nor a range below the travel in this time at the mean commanded speed: drives need not follow
+#: such oscillations [s].
+MIN_SWING = 0.1
+#: A roller that moved over this share of the commanded range works [-].
+MIN_SHARE = 0.25
+#: Rollers follow commands within this time [s].
+SETTLING_TIME = 0.2
+#: A roller that works after a commanded range of this is timed again [m].
+EVIDENT_TRAVEL = 0.02
+#: Samples further apart than this, or running back, are no evidence [s].
+MAX_GAP = 0.5
 
 
 class _Range:
@@ -71,14 +62,15 @@ class FailureDetector:
     reset: held at zero, it cannot show that it works.
 
     :ivar failed: names of the rollers that have failed.
+    :ivar failure_time: see below; may change at any time.
     :param names: of the rollers.
-    :param criterion: when one has failed.
+    :param failure_time: commanded for this long without moving, a roller has failed [s].
     """
 
-    def __init__(self, names: Sequence[str], criterion: FailureCriterion) -> None:
+    def __init__(self, names: Sequence[str], failure_time: float = FAILURE_TIME) -> None:
         count = len(names)
         self.failed: frozenset[str] = frozenset()
-        self.criterion = criterion
+        self.failure_time = failure_time
         self._names = tuple(names)
         self._time: float | None = None
         self._sent = np.zeros(count)  # travel that was commanded [m]
@@ -112,10 +104,10 @@ class FailureDetector:
             return
         elapsed = time - self._time if self._time is not None else -1.0
         self._time = time
-        if not 0.0 < elapsed <= self.criterion.max_gap:
+        if not 0.0 < elapsed <= MAX_GAP:
             self._begin(np.ones(len(self._names), dtype=bool), positions)
             return
-        counts = np.abs(commanded) >= self.criterion.min_speed
+        counts = np.abs(commanded) >= MIN_SPEED
         step = elapsed * np.where(counts, commanded, 0.0)
         self._sent += step
         self._path += np.abs(step)
@@ -126,9 +118,9 @@ class FailureDetector:
 
     def _judge(self, time: float, positions: Array) -> None:
         """Flag the rollers that have failed, and time again those that work."""
-        criterion, sent, moved = self.criterion, self._sent_range.size, self._moved_range.size
-        timed = (sent >= criterion.evident) & (moved >= criterion.min_share * sent)
-        long = self._commanded >= criterion.time - criterion.settling
+        sent, moved = self._sent_range.size, self._moved_range.size
+        timed = (sent >= EVIDENT_TRAVEL) & (moved >= MIN_SHARE * sent)
+        long = self._commanded >= self.failure_time - SETTLING_TIME
         if long.any():
             timed |= self._flag(long, sent, moved, time)
         if timed.any():
@@ -136,14 +128,13 @@ class FailureDetector:
 
     def _flag(self, long: Flags, sent: Array, moved: Array, time: float) -> Flags:
         """Flag those that have failed, of the rollers with a long command; return who is due."""
-        criterion = self.criterion
-        swing = criterion.min_swing * self._path
-        far = (sent >= criterion.min_travel) & (sent * self._commanded >= swing)
+        swing = MIN_SWING * self._path
+        far = (sent >= MIN_TRAVEL) & (sent * self._commanded >= swing)
         ready = long & far & np.isnan(self._asked)
         self._asked[ready], self._asked_at[ready] = sent[ready], time
-        settled = time - self._asked_at >= criterion.settling
-        due = ~np.isnan(self._asked) & settled & (self._commanded >= criterion.time)
-        stuck = due & (moved < criterion.min_share * self._asked)
+        settled = time - self._asked_at >= SETTLING_TIME
+        due = ~np.isnan(self._asked) & settled & (self._commanded >= self.failure_time)
+        stuck = due & (moved < MIN_SHARE * self._asked)
         if stuck.any():
             self.failed |= {self._names[i] for i in np.flatnonzero(stuck)}
         return due

@@ -19,7 +19,7 @@ from isotruss_ros.core import (
     Status,
     TwistServo,
 )
-from isotruss_ros.core.safety.roller_failure import FailureCriterion, FailureDetector
+from isotruss_ros.core.safety.roller_failure import FAILURE_TIME, FailureDetector
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 from isotruss_ros.core.servo.decision import Decision
 from isotruss_ros.core.servo.squeeze_control import SqueezeControl, SqueezeSettings
@@ -59,14 +59,6 @@ SPECS = (
         '[kg]',
         (0.0, 1000.0),
     ),
-    Spec(
-        'pose_gain',
-        0.0,
-        'With squeeze_force: gain of the pose, from which the others follow; 0: by the lowest '
-        'frequency of the held object [1/s]',
-        (0.0, 100.0),
-    ),
-    Spec('force_gain', False, 'Accept a pose_gain beyond what that frequency allows'),
     Spec(
         'frequency',
         0.0,
@@ -112,7 +104,7 @@ SPECS = (
     Spec('failed_rollers', [''], "Rollers t/j that are held at zero; [''] for none"),
     Spec(
         'failure_time',
-        FailureCriterion().time,
+        FAILURE_TIME,
         'A roller that is commanded 2 mm/s or more for this long and does not move has failed; '
         '0 for never [s]',
         (0.0, 60.0),
@@ -151,11 +143,10 @@ def apply_settings(servo: TwistServo, values: Parameters, described: ConvexObjec
     servo.guard = ShapeGuard(servo.robot, bounds, servo.guard.own)
     time = values.failure_time or math.inf  # 0 means never
     if servo.detector is None:
-        criterion = FailureCriterion(time=time)
-        servo.detector = FailureDetector(servo.robot.roller_names, criterion)
-    elif servo.detector.criterion.time != time:
+        servo.detector = FailureDetector(servo.robot.roller_names, time)
+    elif servo.detector.failure_time != time:
         # What was detected stays; what was measured by another criterion does not count.
-        servo.detector.criterion = replace(servo.detector.criterion, time=time)
+        servo.detector.failure_time = time
         servo.detector.reset(())
     _apply_squeeze(servo, values)
 
@@ -168,8 +159,6 @@ def _apply_squeeze(servo: TwistServo, values: Parameters) -> None:
         return
     settings = SqueezeSettings(
         values.squeeze_force,
-        pose_gain=values.pose_gain or None,
-        force_gain=values.force_gain,
         frequency=values.frequency or None,
         load=values.expected_load,
         zeros=values.zero_deviation,
