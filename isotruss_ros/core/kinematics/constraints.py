@@ -19,7 +19,7 @@ from isotruss_ros.core.numerics.factorization import Factor, factorize
 import numpy as np
 from scipy.sparse import coo_matrix, csc_matrix
 
-#: Above this many coordinates sparse factors are quicker than dense ones (benchmarks/scaling.py).
+#: Above this many coordinates sparse factors are quicker than dense ones (nested triangles).
 DENSE_UP_TO = 180
 MAX_ITERATIONS = 12
 #: A factor is kept while each step with it shrinks the residual at least this much.
