@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Detect rollers that have failed: commanded, and not moving for a stated time.
+Detection of failed rollers: commanded without motion for a given time.
 
-The commanded travel of a roller is compared with the measured one, both as ranges, the largest
-less the smallest. The motion may lag, so delays between command and motion do no harm; neither do
-commands that oscillate, and noise that does not grow with time.
+The ranges (maximum minus minimum) of commanded and measured travel are compared. The detection is
+insensitive to delays between command and motion, to oscillating commands, and to noise without
+drift.
 """
 
 from __future__ import annotations
@@ -17,27 +17,27 @@ from isotruss_ros.core.model.topology import check_roller_names
 from isotruss_ros.core.numerics.arrays import Array, Flags
 import numpy as np
 
-#: A roller that is commanded for this long without moving has failed [s].
+#: Commanded time without motion after which a roller has failed [s].
 FAILURE_TIME = 1.0
-#: Slower commands do not count: friction may hold the rollers [m/s].
+#: Smallest commanded speed that counts, above stiction [m/s].
 MIN_SPEED = 0.002
-#: Nor does a commanded range of travel below this [m].
+#: Smallest commanded range of travel that counts [m].
 MIN_TRAVEL = 0.002
-#: Nor a range below the travel in this time at the mean commanded speed: drives need not follow
-#: such oscillations [s].
-MIN_SWING = 0.1
-#: A roller that moved over this share of the commanded range works [-].
+#: Smallest commanded range that counts, over the mean commanded speed [s]: drives need not follow
+#: faster oscillations.
+MIN_SWING_TIME = 0.1
+#: Measured share of the commanded range that proves motion [-].
 MIN_SHARE = 0.25
-#: Rollers follow commands within this time [s].
+#: Largest delay between command and motion [s].
 SETTLING_TIME = 0.2
-#: A roller that works after a commanded range of this is timed again [m].
+#: Commanded range after which a working roller is timed anew [m].
 EVIDENT_TRAVEL = 0.02
-#: Samples further apart than this, or running back, are no evidence [s].
+#: Largest interval of samples that count; they must not run back [s].
 MAX_GAP = 0.5
 
 
 class _Range:
-    """Smallest and largest of numbers that change, (r,) each, since each was last reset."""
+    """Running minimum and maximum of numbers (r,), each since its last reset."""
 
     def __init__(self, count: int) -> None:
         self.least, self.most = np.zeros(count), np.zeros(count)
@@ -56,15 +56,15 @@ class _Range:
 
 class FailureDetector:
     """
-    Compares commands and travel of the rollers.
+    Compares commanded and measured travel of the rollers.
 
-    A roller that is not commanded is never flagged. One that is flagged stays so until it is
-    reset: held at zero, it cannot show that it works.
+    Rollers without commands are never flagged. A flag is latched until reset: at zero speed a
+    roller cannot prove that it works.
 
-    :ivar failed: names of the rollers that have failed.
+    :ivar failed: names of the failed rollers.
     :ivar failure_time: see below; may change at any time.
-    :param names: of the rollers.
-    :param failure_time: commanded for this long without moving, a roller has failed [s].
+    :param names: names of the rollers.
+    :param failure_time: commanded time without motion after which a roller has failed [s].
     """
 
     def __init__(self, names: Sequence[str], failure_time: float = FAILURE_TIME) -> None:
@@ -73,19 +73,19 @@ class FailureDetector:
         self.failure_time = failure_time
         self._names = tuple(names)
         self._time: float | None = None
-        self._sent = np.zeros(count)  # travel that was commanded [m]
+        self._sent = np.zeros(count)  # commanded travel [m]
         self._commanded = np.zeros(count)  # time with a command since the roller last moved [s]
         self._path = np.zeros(count)  # commanded path length in that time [m]
-        self._asked = np.full(count, np.nan)  # range to compare with; nan while there is none [m]
-        self._asked_at = np.zeros(count)  # the time when that range was commanded [s]
+        self._asked = np.full(count, np.nan)  # range for comparison; nan without one [m]
+        self._asked_at = np.zeros(count)  # time at which that range was commanded [s]
         self._sent_range, self._moved_range = _Range(count), _Range(count)
 
     def reset(self, names: Collection[str] | None = None) -> None:
         """
-        Take rollers for working again, and compare them from now on.
+        Clear the flags of rollers and restart their comparison.
 
-        :param names: which; all of them when left out.
-        :raises GraspError: there is no such roller.
+        :param names: names of rollers; default all.
+        :raises GraspError: the robot has no such roller.
         """
         cleared = frozenset(self._names if names is None else names)
         check_roller_names('rollers', cleared, self._names)
@@ -94,11 +94,11 @@ class FailureDetector:
 
     def update(self, positions: Array, time: float, commanded: Array) -> None:
         """
-        Compare a sample of the rollers' travel with what was commanded.
+        Compare a sample of the measured travel with the commands.
 
-        :param positions: (r,) travel [m].
-        :param time: of the sample; one with the time of the sample before is ignored [s].
-        :param commanded: (r,) speeds that were commanded since the sample before [m/s].
+        :param positions: (r,) measured travel [m].
+        :param time: time of the sample; repeated times are ignored [s].
+        :param commanded: (r,) speeds commanded since the previous sample [m/s].
         """
         if time == self._time:
             return
@@ -117,7 +117,7 @@ class FailureDetector:
         self._judge(time, positions)
 
     def _judge(self, time: float, positions: Array) -> None:
-        """Flag the rollers that have failed, and time again those that work."""
+        """Flag failed rollers and restart the timing of working ones."""
         sent, moved = self._sent_range.size, self._moved_range.size
         timed = (sent >= EVIDENT_TRAVEL) & (moved >= MIN_SHARE * sent)
         long = self._commanded >= self.failure_time - SETTLING_TIME
@@ -127,8 +127,8 @@ class FailureDetector:
             self._begin(timed, positions)
 
     def _flag(self, long: Flags, sent: Array, moved: Array, time: float) -> Flags:
-        """Flag those that have failed, of the rollers with a long command; return who is due."""
-        swing = MIN_SWING * self._path
+        """Flag failed rollers among those with a sufficient command; return the rollers due."""
+        swing = MIN_SWING_TIME * self._path
         far = (sent >= MIN_TRAVEL) & (sent * self._commanded >= swing)
         ready = long & far & np.isnan(self._asked)
         self._asked[ready], self._asked_at[ready] = sent[ready], time
