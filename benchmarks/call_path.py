@@ -20,6 +20,7 @@ from pathlib import Path
 import sys
 from types import FrameType
 
+from benchmarks.measuring import Table
 import isotruss_ros
 from isotruss_ros import core
 from isotruss_ros.core.inputs import RollerState, StampedInput
@@ -27,8 +28,6 @@ from isotruss_ros.core.safety.roller_failure import FailureDetector
 from isotruss_ros.nodes.grasp.grasp_monitor import GraspMonitor
 from isotruss_ros.nodes.grasp.grasp_report import GraspCode, GraspQuery
 import numpy as np
-
-from benchmarks.measuring import Table
 
 PACKAGE = str(Path(isotruss_ros.__file__).parent)
 MODULE, DIAMETER, PERIOD, TWIST = 'east/Q', 0.3, 0.005, (0.02, 0.03, 0.1)

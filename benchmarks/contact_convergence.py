@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from benchmarks.measuring import part, Table
 from isotruss_ros.core import (
     analyze_grasp,
     Configuration,
@@ -24,8 +25,6 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 import numpy as np
-
-from benchmarks.measuring import part, Table
 
 ROBOT = load_robot('nine_member')
 SEED, GRASPS = 2, part(200)

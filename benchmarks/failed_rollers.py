@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Collection, Iterator
 
+from benchmarks.measuring import SHARE, Table
 from isotruss_ros.core import (
     ConvexObject,
     Grip,
@@ -37,8 +38,6 @@ from isotruss_ros.core.manipulation.solve_twist import default_limits
 from isotruss_ros.core.safety.roller_failure import FailureDetector
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 import numpy as np
-
-from benchmarks.measuring import SHARE, Table
 
 MODULE, DIAMETER = 'north/Z', 0.3
 #: The grid of the flood fill, and how near to the middle of a cell the object must come [m].

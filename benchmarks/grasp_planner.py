@@ -18,6 +18,7 @@ from collections.abc import Iterator
 import time
 from typing import NamedTuple
 
+from benchmarks.measuring import part, Table
 from isotruss_ros.core import (
     analyze_grasp,
     Configuration,
@@ -30,8 +31,6 @@ from isotruss_ros.core import (
 from isotruss_ros.core.planning.seeds import enclosing_members
 from isotruss_ros.core.safety.margins import object_distances, shape_margins
 import numpy as np
-
-from benchmarks.measuring import part, Table
 
 ROBOT = load_robot('nine_member')
 NEEDS = GraspRequirements(min_margin=0.01, count=1)

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from benchmarks.measuring import part, Table
 from isotruss_ros.core import (
     ConvexObject,
     Disc,
@@ -28,8 +29,6 @@ from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.planning.seeds import enclosing_members
 from isotruss_ros.core.safety.margins import object_distances
 import numpy as np
-
-from benchmarks.measuring import part, Table
 
 ROBOT = load_robot('nine_member')
 SEED, OBJECTS = 0, part(100)

@@ -17,6 +17,7 @@ from functools import partial
 import math
 from typing import TypeAlias
 
+from benchmarks.measuring import part, SHARE, Table, timed
 from comparison.wedge import closed_to
 from isotruss_ros.core import (
     Configuration,
@@ -36,8 +37,6 @@ from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.manipulation.status import RollerCommand
 from isotruss_ros.core.servo.squeeze_control import SqueezeControl, SqueezeSettings
 import numpy as np
-
-from benchmarks.measuring import part, SHARE, Table, timed
 
 ROBOT = load_robot('nine_member')
 MODULES = ('north/Z', 'south/P', 'east/Q', 'east/R', 'north/R')

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from functools import partial
 import itertools
 
+from benchmarks.measuring import part, Table, timed
 from isotruss_ros import core
 from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.kinematics.constraints import Targets
@@ -22,8 +23,6 @@ from isotruss_ros.core.manipulation.grip import find_members
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 import scipy.optimize
-
-from benchmarks.measuring import part, Table, timed
 
 STATES = part(2000)
 #: Roller travel of random states [m]: 98 % of the corners have 15 to 134 degrees.

@@ -20,6 +20,7 @@ import sys
 import tempfile
 import time
 
+from benchmarks.measuring import SHARE, Table
 from geometry_msgs.msg import Twist
 from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.core import Status
@@ -29,8 +30,6 @@ import numpy as np
 import psutil
 import rclpy
 from rclpy.node import Node
-
-from benchmarks.measuring import SHARE, Table
 
 WARM_UP = 3.0
 DURATION = max(0.5, 12.0 * SHARE)

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from benchmarks.measuring import SHARE, Table, timed
 from isotruss_ros.core import (
     ConvexObject,
     load_robot,
@@ -20,8 +21,6 @@ from isotruss_ros.core import (
 from isotruss_ros.mujoco_plant.driven_robot import DrivenRobot
 from isotruss_ros.mujoco_plant.options import PlantOptions
 import numpy as np
-
-from benchmarks.measuring import SHARE, Table, timed
 
 RATE, DURATION = 200.0, max(0.1, 5.0 * SHARE)
 DIAMETER, INDENTATION, FRICTION = 0.3, 0.02, 0.8

@@ -15,6 +15,7 @@ from collections.abc import Iterator
 import math
 from typing import NamedTuple
 
+from benchmarks.measuring import part, SHARE, Table
 from isotruss_ros.core import (
     ConvexObject,
     Grip,
@@ -32,8 +33,6 @@ from isotruss_ros.core import (
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.paths.path_tracking import FINISHED, PathPhase, TrackingSettings
 import numpy as np
-
-from benchmarks.measuring import part, SHARE, Table
 
 ROBOT = load_robot('nine_member')
 MODULE, DIAMETER = 'north/Z', 0.3

@@ -18,6 +18,7 @@ import sys
 
 sys.path.append(str(Path(__file__).parents[1] / 'test' / 'helpers'))
 
+from benchmarks.measuring import part, Table, timed
 from isotruss_ros.core import ConvexObject, load_robot, plan_grasps
 from isotruss_ros.core.manipulation import twist_qp
 from isotruss_ros.core.numerics.arrays import Array
@@ -26,8 +27,6 @@ from isotruss_ros.core.planning import closing_step
 import numpy as np
 import qpsolvers
 import walks
-
-from benchmarks.measuring import part, Table, timed
 
 PROGRAMS, KEPT, WALKS = part(20_000), 3000, part(30)
 PEERS = {'daqp': {'primal_tol': 1e-9}, 'quadprog': {}}

@@ -12,15 +12,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 import tracemalloc
 
+from benchmarks.kinematics import PaperProgram, State, unprepared
+from benchmarks.large_robots import nested_triangles, SIZES, top_module
+from benchmarks.measuring import median_time, Table, timed
 from isotruss_ros import core
 from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 from isotruss_ros.core.manipulation.status import RollerCommand
 from isotruss_ros.core.numerics.factorization import factorize
 import numpy as np
-
-from benchmarks.kinematics import PaperProgram, State, unprepared
-from benchmarks.large_robots import nested_triangles, SIZES, top_module
-from benchmarks.measuring import median_time, Table, timed
 
 DIAMETER = 0.15
 #: Random roller travel from home [m]; a hundred modules add up, so it is small.

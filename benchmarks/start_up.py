@@ -17,13 +17,12 @@ import subprocess
 import sys
 import time
 
+from benchmarks.measuring import part, Table
 from isotruss_ros.demo.processes import keep_to_this_machine
 import numpy as np
 import rclpy
 from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray
-
-from benchmarks.measuring import part, Table
 
 TRIALS = part(7)
 COMMANDS = 'roller_velocity_controller/commands'

@@ -13,14 +13,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import partial
 
+from benchmarks.kinematics import unprepared
+from benchmarks.large_robots import nested_triangles, SIZES, top_module
+from benchmarks.measuring import median_time, part, Table, timed
 from isotruss_ros import core
 from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
-
-from benchmarks.kinematics import unprepared
-from benchmarks.large_robots import nested_triangles, SIZES, top_module
-from benchmarks.measuring import median_time, part, Table, timed
 
 STATES = part(500)
 DIAMETER = 0.3

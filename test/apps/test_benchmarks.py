@@ -8,10 +8,9 @@ from pathlib import Path
 import subprocess
 import sys
 
+from benchmarks.__main__ import NAMES
 from nightly import some_now
 import pytest
-
-from benchmarks.__main__ import NAMES
 
 ROOT = Path(__file__).parents[2]
 
