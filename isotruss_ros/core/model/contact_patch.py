@@ -6,11 +6,13 @@ Contacts of a convex shape with a tube: one corner, or the two ends of what lies
 
 No angle decides whether a face lies on a tube: the tube gives by the depth of the object in it, so
 that a corner is a contact of its own where it is in the straight tube too. On what is narrower
-than a tube's radius a contact has no ends.
+than a tube's radius a contact has no ends. Twist, rolling, planner, and the model of a held object
+take their contacts from here.
 """
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from isotruss_ros.core.model.convex_object import ConvexObject
@@ -18,8 +20,8 @@ from isotruss_ros.core.model.shapes import Shape
 
 #: Ends of a contact are apart by this many tube radii at least.
 LEAST_FACE = 1.0
-#: Objects that only touch are taken to be this deep, as a share of their size.
-LEAST_DEPTH = 1e-3
+#: Objects that only touch, or are to be pressed in yet, are this many tube radii deep.
+PLANNED_DEPTH = 0.02
 #: Of corners that are equally deep, to this share of the depth, that nearest to the middle counts.
 TIE = 1e-6
 
@@ -43,19 +45,23 @@ class PatchEnd(NamedTuple):
     along: float  #: length of the faces from the deepest corner, counter-clockwise [m]
 
 
-def contact_patch(shape: Shape, normal: complex, depth: float, short: float) -> list[PatchEnd]:
+def contact_patch(
+    shape: Shape, normal: complex, tube_radius: float, skin: float = math.inf
+) -> list[PatchEnd]:
     """
     Return the ends of the contact of a shape with a tube, counter-clockwise: one or two.
 
-    :param shape: of the object.
+    :param shape: of the object, see `contact_body`.
     :param normal: from the object toward the straight tube, unit vector x + iy in its frame.
-    :param depth: of the object in the tube [m].
-    :param short: least distance of two ends [m].
+    :param tube_radius: of the tube [m].
+    :param skin: height of the straight tube's skin along the normal, from the origin of the
+        object's frame; of a tube that is to be pressed in yet, if infinite [m].
     """
     corner, back = shape.corner_at(normal), normal.conjugate()
-    point = shape.point_at(corner, normal)
+    point, short = shape.point_at(corner, normal), LEAST_FACE * tube_radius
     near = [PatchEnd(corner, point, (point * back).real, 0.0)]
     far: list[PatchEnd] = []
+    depth = max(near[0].height - skin, PLANNED_DEPTH * tube_radius)
     least = near[0].height - depth
     for side in range(len(shape.faces_at(corner))):
         at, along, short_face = corner, 0.0, True
@@ -68,7 +74,7 @@ def contact_patch(shape: Shape, normal: complex, depth: float, short: float) -> 
             if height < least or at == corner or (short_face and abs(along) >= short):
                 break
             (near if short_face else far).append(PatchEnd(at, point, height, along))
-    tie, middle = TIE * abs(depth), (shape.centroid * back).imag
+    tie, middle = TIE * depth, (shape.centroid * back).imag
     ends = near + far
     highest = max(each.height for each in ends) - tie
     first = min(

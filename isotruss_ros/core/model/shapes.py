@@ -41,14 +41,6 @@ class SurfacePoints(NamedTuple):
     radii: Array
 
 
-class TouchedPoints(NamedTuple):
-    """Where a shape touches straight lines."""
-
-    owners: list[int]  #: (k,) numbers of the lines: one for each, two where a face lies on it
-    corners: list[int]  #: (k,) numbers of the corners that are touched, see `Shape.corners_at`
-    points: list[complex]  #: (k,) of the surface, x + iy in the object's frame [m]
-
-
 class Face(NamedTuple):
     """A straight face of a shape, seen from a corner at one of its ends."""
 
@@ -115,16 +107,6 @@ class Shape(ABC):
         :param normals: (c,) outward unit normals of the tangents, x + iy, or one.
         """
 
-    def corners_at(self, normal: complex, sine: float) -> tuple[int, ...]:
-        """
-        Return with which corners the shape touches a straight line: one; none counts as number 0.
-
-        :param normal: outward unit normal toward the line, x + iy.
-        :param sine: of the angle by which a line is inclined at most against a face that lies on
-            it, of which there are both ends.
-        """
-        return (0,)
-
     def corner_at(self, normal: complex) -> int:
         """
         Return the number of the corner that is farthest out; a shape without any has number 0.
@@ -168,22 +150,6 @@ class Shape(ABC):
         :param normals: (k,) outward unit normals, x + iy.
         """
         return np.zeros(len(normals))
-
-    def touch_lines(self, normals: list[complex], sine: float) -> TouchedPoints:
-        """
-        Return where the shape touches straight lines, one line after the other.
-
-        :param normals: (m,) outward unit normals toward the lines, x + iy.
-        :param sine: of the angle by which a line is inclined at most against a face that lies on
-            it, of which there are both ends.
-        """
-        found = TouchedPoints([], [], [])
-        for number, normal in enumerate(normals):
-            for corner in self.corners_at(normal, sine):
-                found.owners.append(number)
-                found.corners.append(corner)
-                found.points.append(self.point_at(corner, normal))
-        return found
 
     @abstractmethod
     def unroll(self, angles: Array, corners: Indices) -> Array:
