@@ -36,8 +36,8 @@ def report(shapes: Mapping[str, Shape]) -> Report:
         'modules turn about the joints, which bends the tubes. A tube wrinkles at '
         f'{number(min(sunk), 2)} to {number(max(sunk), 2)} mm, where the linear model bears '
         f'{" / ".join(number(share, 2) for share in excess)} % more. If it did not, the triangle '
-        f'would bear at most {" / ".join(number(force) for force in largest)} N until its tubes have '
-        'moved by 10 cm: the curves are nearly level there.',
+        f'would bear at most {" / ".join(number(force) for force in largest)} N until its tubes '
+        'have moved by 10 cm: the curves are nearly level there.',
         difference='The text does not say which shape is the stiffest.',
         assumption='Edges are pinch to pinch, so all shapes have '
         f'{number(100 * total)} cm of tube. The base modules are pinned at A. A tube wrinkles at '
