@@ -2,12 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Contacts of a convex shape with a tube: one corner, or the two ends of what lies on the tube.
+Contact patch of a convex shape and a tube: one corner, or the two ends of a face.
 
-No angle decides whether a face lies on a tube: the tube gives by the depth of the object in it, so
-that a corner is a contact of its own where it is in the straight tube too. On what is narrower
-than a tube's radius a contact has no ends. Twist, rolling, planner, and the model of a held object
-take their contacts from here.
+No angle threshold separates a face from a corner: a second corner is a contact if it penetrates
+the straight tube. A face shorter than the tube's radius is one contact. Twist, rolling, planner,
+guard and the model of a held object take their contacts from here.
 """
 
 from __future__ import annotations
@@ -49,13 +48,13 @@ def contact_patch(
     shape: Shape, normal: complex, tube_radius: float, skin: float = math.inf
 ) -> list[PatchEnd]:
     """
-    Return the ends of the contact of a shape with a tube, counter-clockwise: one or two.
+    Return one or two ends of the contact patch of a shape and a tube, counter-clockwise.
 
     :param shape: of the object, see `contact_body`.
-    :param normal: from the object toward the straight tube, unit vector x + iy in its frame.
-    :param tube_radius: of the tube [m].
+    :param normal: unit vector from the object toward the straight tube, x + iy in its frame.
+    :param tube_radius: radius of the tube [m].
     :param skin: height of the straight tube's skin along the normal, from the origin of the
-        object's frame; of a tube that is to be pressed in yet, if infinite [m].
+        object's frame; infinite before the tube is pressed [m].
     """
     corner, back = shape.corner_at(normal), normal.conjugate()
     point, short = shape.point_at(corner, normal), LEAST_FACE * tube_radius
