@@ -32,6 +32,8 @@ import rclpy
 from rclpy.node import Node
 
 WARM_UP = 3.0
+#: Within how many seconds the nodes send their first status.
+COMING_UP = 60
 DURATION = max(0.5, 12.0 * SHARE)
 #: Diameter, friction and depth of the object that elastic tubes hold.
 HELD = {'object_diameter': 0.3, 'friction': 0.8}
@@ -121,8 +123,9 @@ def measure_nodes(case: Case) -> Load:
         running_peer() as peer,
         running_nodes(nodes, Path(logs)) as processes,
     ):
-        while not statuses:
-            spin(0.1)
+        for _ in range(COMING_UP):
+            if not statuses:
+                spin(1.0)
         spin(WARM_UP)
         statuses.clear()
         started = [psutil.Process(process.process.pid) for process in processes]
