@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Fig. 9 carried open loop, with feedback, and with the squeeze regulated."""
+"""Fig. 9 carried in open loop, with feedback, and with a regulated squeeze."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ REASONS = {
 
 def compare(phases: Sequence[Phase] = figure_9()) -> Section:
     """
-    Carry an object in three ways.
+    Compare three controllers on a carried object.
 
     :param phases: of the path.
     """
@@ -97,7 +97,7 @@ def compare(phases: Sequence[Phase] = figure_9()) -> Section:
 
 def run(name: str, phases: Sequence[Phase]) -> Carried:
     """
-    Carry the object in one way.
+    Carry the object with one controller.
 
     :param name: of the way.
     :param phases: of the path.
@@ -120,7 +120,7 @@ def run(name: str, phases: Sequence[Phase]) -> Carried:
 
 
 def _draw(carried: dict[str, Carried], phases: Sequence[Phase]) -> Figure:
-    """Draw the paths, and the errors over time."""
+    """Draw the paths and the errors over time."""
     with rc_context(SETTINGS):
         figure = Figure(figsize=(PAGE, 2.6), layout='constrained')
         where, when = figure.subplots(1, 2, width_ratios=(1.0, 1.6))

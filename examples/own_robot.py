@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Write a robot file, load it, and see what it says about a mistake."""
+"""Write a robot file, load it, and print the error of a mistake."""
 
 from pathlib import Path
 import tempfile

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The picture of the demonstration, like the paper's Fig. 9, and its animation."""
+"""Picture of the demonstration, like the paper's Fig. 9, and its animation."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def draw_panels(
     flattening: bool = True,
 ) -> None:
     """
-    Write a picture of all phases; the grasp magnified in a corner where there is one.
+    Write a picture of all phases, with magnified grasps in a corner.
 
     The file has a description: the state of each panel, whose words `tools/pictures.py` compares.
 
@@ -130,7 +130,7 @@ def describe_grasp(
 
 
 def _free_corner(config: Configuration, box: Box) -> tuple[float, ...]:
-    """Return the corner of axes (x, y, width, height) that hides the least of the robot [-]."""
+    """Return the corner (x, y, width, height) of axes that hides the least of the robot [-]."""
     share = np.linspace(0.0, 1.0, 20)
     begin, end = member_lines(config).T[..., None]
     line = (begin + share * (end - begin)).ravel()
@@ -193,7 +193,7 @@ def _draw_path(axes: Any, snapshots: Sequence[Snapshot]) -> None:
 
 
 def _draw_pull(axes: Any, pose: Pose, pull: Wrench) -> None:
-    """Draw what pulls at the object as an arrow with its size."""
+    """Draw the external force as an arrow with its magnitude."""
     place = np.array(pose[:2])
     tip = place + PULL_SCALE * np.array(pull[:2])
     arrow = {'arrowstyle': '-|>', 'color': PULL_COLOR, 'lw': 2.5, 'shrinkA': 0.0}

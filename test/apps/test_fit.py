@@ -453,7 +453,7 @@ BAD_FILES = {
 
 
 @pytest.mark.parametrize('case', BAD_FILES)
-def test_bad_file_gets_one_sentence(case, tmp_path, capsys):
+def test_invalid_file_gives_an_error_of_one_sentence(case, tmp_path, capsys):
     content, wanted = BAD_FILES[case]
     path = tmp_path / 'points.csv'
     if content is not None:

@@ -20,6 +20,7 @@ FOLDERS = (
     'core/simulation',
     'calibration',
     'cli',
+    'demo',
     'mujoco_plant',
     'nodes',
     'plotting',

@@ -32,7 +32,7 @@ def by_definition(config):
 
 @robots.examples(25)
 @given(robots.robots(), robots.generators())
-def test_it_is_what_its_definition_says(robot, rng):
+def test_worst_case_index_agrees_with_its_definition(robot, rng):
     config = robots.random_state(robot, rng)
     assert worst_case_rigidity_index(config) == pytest.approx(by_definition(config), abs=1e-12)
 
@@ -41,7 +41,7 @@ def test_it_is_what_its_definition_says(robot, rng):
 
 
 @pytest.mark.parametrize('case', [*robots.PRESETS, 0, 1, 2])
-def test_modes_are_the_least_singular_values_and_vectors(case):
+def test_modes_agree_with_a_singular_value_decomposition(case):
     robot = load_robot(case) if isinstance(case, str) else robots.random_robot(case)
     measure = rigidity_index(robot)
     assert measure.modes(robot.home).values[0] == pytest.approx(1.0, rel=1e-5)
@@ -78,7 +78,7 @@ def test_gradient_of_the_index_is_that_of_the_singular_value(case):
     assert gradient @ step == pytest.approx(expected, rel=1e-3, abs=1e-10)
 
 
-def test_weights_give_the_norm_of_what_is_added_to_the_matrix():
+def test_weights_give_the_norm_of_a_perturbation_of_the_matrix():
     robot = load_robot('nine_member')
     measure, rng = rigidity_index(robot), np.random.default_rng(3)
     one, other = (robots.random_state(robot, rng, 0.1) for _ in range(2))
