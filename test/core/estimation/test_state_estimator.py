@@ -282,7 +282,7 @@ def test_pose_of_a_held_object_without_range_is_refused_by_name(number):
 
 
 def test_work_of_a_pose_is_bounded_however_it_jumps(monkeypatch):
-    """Searches, states of Newton's method and tables of dents, of boxes that jump between poses."""
+    """Count searches, Newton steps and tables of dents for boxes that jump between poses."""
     counts = dict.fromkeys(('searches', 'states', 'tables'), 0)
 
     def count(owner, name, what):
