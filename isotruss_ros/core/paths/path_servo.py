@@ -88,6 +88,7 @@ class PathServo:
     :ivar pose: input of the measured `Pose` of the object, robot frame.
     :ivar servo_feedback: input of the `ServoFeedback` of the manipulation.
     :ivar rollers: input of the measured `RollerState`, by which paths are foreseen.
+    :ivar held_grip: likewise, input of the `GripRecord` of the loop that holds the object.
     :ivar estimate: input of the `EstimatedTravel` whose offsets the rollers have; None without.
     :ivar tracker: of the present path, or of the last one; None before the first.
     :param period: time from cycle to cycle [s].
@@ -100,6 +101,7 @@ class PathServo:
         self.pose: Input = None
         self.servo_feedback: Input = None
         self.rollers: Input = None
+        self.held_grip: Input = None
         self.estimate: Input = None
         self.tracker: PathTracker | None = None
         self._before = 0.0

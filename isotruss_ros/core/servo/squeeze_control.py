@@ -81,6 +81,10 @@ class SqueezeControl:
         self._velocity, self._elapsed, self._slipped = np.zeros(3), 0.0, 0.0
         self._stamp = -math.inf
 
+    def rest(self) -> None:
+        """Let the object be wanted where it is once it is moved again."""
+        self.reference, self._velocity = None, np.zeros(3)
+
     @property
     def grasp(self) -> HeldGrip | None:
         """Return how the object is held where the robot is; None before `follow`."""
