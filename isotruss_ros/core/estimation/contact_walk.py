@@ -28,6 +28,7 @@ class _Sum(NamedTuple):
     moved: Array  #: (3,) sum of corrections of the pose before this one [m]
     walked: Array  #: (3, 3) covariance of the walk until then [m^2]
     unsure: Array  #: (3, 3) covariance of contacts and pose then [m^2]
+    considered: Array  #: (3, c) derivatives of the pose by what is considered
 
 
 class ContactWalk:
@@ -56,7 +57,15 @@ class ContactWalk:
         """
         self._walked = self._walked + more
 
-    def add(self, time: float, moved: Array, unsure: Array, noise: Array) -> None:
+    def add(
+        self,
+        time: float,
+        moved: Array,
+        unsure: Array,
+        noise: Array,
+        considered: Array,
+        spread: Array,
+    ) -> None:
         """
         Take a correction in.
 
@@ -64,8 +73,11 @@ class ContactWalk:
         :param moved: (3,) by which it moved contacts and pose [m].
         :param unsure: (3, 3) covariance of these before it [m^2].
         :param noise: (3, 3) covariance of pose and load [m^2].
+        :param considered: (3, c) derivatives of the pose by what is considered, such as zeros,
+            whose error moves the pose as these change.
+        :param spread: (c, c) covariance of that.
         """
-        self._sums.append(_Sum(time, self._moved, self._walked, unsure))
+        self._sums.append(_Sum(time, self._moved, self._walked, unsure, considered))
         self._moved = self._moved + moved
         while time - self._sums[0].time > SPANS[-1]:
             self._sums.popleft()
@@ -73,7 +85,9 @@ class ContactWalk:
         for span in SPANS:
             first = next(each for each in self._sums if time - each.time <= span)
             sum_ = self._moved - first.moved
+            changed = considered - first.considered
             allowed = first.unsure + self._walked - first.walked + noise
+            allowed = allowed + changed @ spread @ changed.T
             length = math.hypot(*sum_)
             size = math.sqrt(sum_ @ np.linalg.solve(allowed, sum_))
             self.length = max(self.length, length)

@@ -332,7 +332,14 @@ class GripBelief:
         self.delay = min(max(self.delay + float(change[DELAY]), 0.0), MAX_DELAY)
         self._shift(change)
         give = self._rates.pose[:, LOAD] * self.settings.load
-        self.walk.add(self._time, walking @ change, unsure, noise + give @ give.T)
+        self.walk.add(
+            self._time,
+            walking @ change,
+            unsure,
+            noise + give @ give.T,
+            self._considered_rates.pose,
+            self._considered,
+        )
 
     def _condition(self, rates: Array, noise: Array) -> Array:
         """Reduce the covariance by a measured pose; return the gain (n, 3)."""

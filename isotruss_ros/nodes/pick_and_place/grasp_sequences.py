@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
+import contextlib
 import math
 import time
 from typing import Any
@@ -54,6 +55,8 @@ from nav_msgs.msg import Path
 import numpy as np
 from rcl_interfaces.srv import SetParameters
 
+#: An object that is let go turns by no more, where the goal does not say otherwise [rad].
+MAX_ROTATION = math.radians(5.0)
 #: An object that a closing grip moved by less is left where it is [m].
 IN_PLACE = 1e-3
 #: The analysis has to confirm a grasp, or its end, within this time [s].
@@ -72,6 +75,7 @@ class GraspSequences(TrackedShape):
     :ivar stage: constant of the feedback, where the present sequence is.
     :ivar pose: StampedInput of the object's Pose.
     :ivar grasp: StampedInput of the GraspState.
+    :ivar held_grip: StampedInput of the `GripRecord` of the loop that holds the object.
     :param node: has the clients, until it is destroyed.
     :param robot: the robot.
     """
@@ -82,6 +86,7 @@ class GraspSequences(TrackedShape):
         self.stage = 0
         self.pose: Input = None
         self.grasp: Input = None
+        self.held_grip: Input = None
         self._described = common.read_described(node.values)
         # Before the actions: who has discovered their clients has discovered it, too.
         alive = create_heartbeat(node)
@@ -202,8 +207,13 @@ class GraspSequences(TrackedShape):
         pose = self.pose.value  # type: ignore[union-attr]
         config = self.configuration(self._node.now())
         body = common.read_body(self._node.values).moved_to(pose)
+        record = None
+        with contextlib.suppress(InputError):
+            now = self._node.now()
+            record = require_fresh(now, self.timeout, held_grip=self.held_grip)[0].value
+        most = goal.max_rotation or MAX_ROTATION
         planned: Future[Release] = self._thread.submit(
-            plan_release, config, body, state.grasping_members, goal.clearance
+            plan_release, config, body, state.grasping_members, goal.clearance, record, most
         )
         while not planned.done():
             yield 0.0
