@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 import math
 from typing import Protocol
 
-from comparison.elastic_plant import ElasticPlant
 from isotruss_ros.core import (
     Configuration,
     Grip,
@@ -116,7 +115,7 @@ class Regulated:
 
     def __init__(
         self,
-        plant: MujocoPlant | ElasticPlant,
+        plant: MujocoPlant,
         robot: Robot,
         grip: Grip,
         settings: SqueezeSettings,
@@ -185,7 +184,7 @@ def rates(duration: float) -> Array:
     return 1.0 - np.cos(2.0 * np.pi * (np.arange(count) + 0.5) / count)
 
 
-def squeeze_in(plant: MujocoPlant | ElasticPlant) -> float:
+def squeeze_in(plant: MujocoPlant) -> float:
     """
     Return the mean normal force on the object [N], zero where fewer than two members press.
 

@@ -7,10 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 from comparison.carrying import RATE, rates, Regulated, squeeze_in
-from comparison.elastic_plant import ElasticPlant
 from comparison.grips import hold_at_home, round_robot
 from comparison.section import Check, Section
 from comparison.wedge import MODULE
@@ -60,16 +58,12 @@ def _in_mujoco(**options: float) -> Callable[[Robot, ConvexObject], MujocoPlant]
 
 
 #: What differs from 1 kg modules, an object of 0.5 kg and rollers that do as they are told.
-PLANTS: Mapping[str, Callable[[Robot, ConvexObject], MujocoPlant | ElasticPlant]] = {
+PLANTS: Mapping[str, Callable[[Robot, ConvexObject], MujocoPlant]] = {
     'as planned': _in_mujoco(),
     PULLED: _in_mujoco(),
     'floor 2 N a joint': _in_mujoco(module_friction=2.0),
     'rollers lag 0.05 s': _in_mujoco(roller_lag=0.05),
     'rollers of 20 N': _in_mujoco(roller_force=20.0),
-    'elastic plant': partial(ElasticPlant, friction=FRICTION),
-    'elastic plant, floor 2 N a joint': partial(
-        ElasticPlant, friction=FRICTION, module_friction=2.0
-    ),
 }
 ENDS = ('arrived', 'stands held', 'refused', 'lost and said', 'lost in silence')
 
@@ -98,8 +92,7 @@ def compare_discs(count: int = 20) -> Section:
         f'{1e3 * INDENTATION:.0f} mm, friction {FRICTION:g}, on {LEGS} random legs of up to '
         f'{1e3 * REACH[0]:.0f} mm and {REACH[2]:g} rad in {LEG_TIME:g} s, poses with a noise of '
         f'{1e3 * NOISE[0]:g} mm and {np.degrees(NOISE[1]):.1f}°. Pulls are {PULL:g} of the slip '
-        'margin, unexpected, for half of a leg. A path that the model foresees to end is refused. '
-        'The elastic plant is ours, with the same masses.'
+        'margin, unexpected, for half of a leg. A path that the model foresees to end is refused.'
     )
     return _compare(DISC, count, words)
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from isotruss_msgs.action import PlanGrasp
+from isotruss_ros.core.holding.arrows import arrow_of
 from isotruss_ros.demo.record import PhaseRecord
 import numpy as np
 from rich.table import Table
@@ -87,9 +88,9 @@ def grasp_table(records: Sequence[PhaseRecord]) -> Table:
     """
     table = make_table(
         'Grasp: share of analyses by which the object is held; mean\n'
-        'normal force of a member; smallest wrench at which it slips;\n'
-        'share of friction used; length of contact at the end;\n'
-        'largest bending moment against the wrinkling moment',
+        'normal force of a member; smallest further wrench at which it\n'
+        'slips, and along which arrow; share of friction used; length of\n'
+        'contact at the end; largest bending over wrinkling moment',
         ('phase',),
         (
             'held\n%',
@@ -108,12 +109,12 @@ def grasp_table(records: Sequence[PhaseRecord]) -> Table:
             table.add_row(record.name, 'no analysis')
             continue
         squeezes = [np.mean(grasp.squeeze) for grasp in settled]
-        last = analyses[-1]
+        last, weakest = analyses[-1], min(settled, key=lambda grasp: grasp.slip_margin)
         table.add_row(
             record.name,
             f'{100.0 * record.held:.0f}',
             f'{min(squeezes):.1f} - {max(squeezes):.1f}',
-            f'{min(grasp.slip_margin for grasp in settled):.1f}',
+            f'{weakest.slip_margin:.1f} {arrow_of(weakest.slip_direction)}',
             f'{100.0 * max(max(grasp.friction_used) for grasp in settled):.0f}',
             ' + '.join(f'{1e3 * length:.0f}' for length in last.contact_lengths),
             f'{100.0 * max(max(grasp.utilisation) for grasp in analyses):.0f}',

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 from isotruss_ros.viewer.control import Control
-from isotruss_ros.viewer.names import DRAGGED, PICK, PLACE, PLANT, RELEASE, RESET
+from isotruss_ros.viewer.names import DRAGGED, PICK, PLACE, PLANT, RELEASE, RESET, SHAPE
 from isotruss_ros.viewer.requests import Setting, SETTINGS, WRENCH
 import viser
 
@@ -78,6 +78,7 @@ class BrowserPanel:
             with gui.add_folder('assumed by the analysis', expand_by_default=False):
                 for setting in SETTINGS:
                     self._add_slider(setting, values[setting.name])  # type: ignore[arg-type]
+            self._add_choice('object', SHAPE, values)
             self._add_choice('plant', PLANT, values)
             with gui.add_folder('external wrench', expand_by_default=False):
                 for setting in WRENCH:

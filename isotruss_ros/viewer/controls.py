@@ -27,6 +27,7 @@ from isotruss_ros.viewer.names import (
     PLACE,
     PLANT,
     RESET,
+    SHAPE,
     STOP,
     TARGET,
     TURN,
@@ -44,7 +45,7 @@ import viser
 #: Radius of the handles [m], and their colours.
 HANDLE, COLOR, TURN_COLOR = 0.07, (31, 79, 217), (242, 120, 0)
 #: Requests with which what was dragged to so far does not count any more.
-NEW_TASKS = (DRAGGED, PICK, PLACE, PLANT, RESET)
+NEW_TASKS = (DRAGGED, PICK, PLACE, SHAPE, PLANT, RESET)
 FORCES = tuple(setting.name for setting in WRENCH)
 
 
@@ -82,6 +83,7 @@ class Controls:
         self._panels: dict[int, BrowserPanel] = {}
         self._values = {
             DRAGGED: OBJECT,
+            SHAPE: AS_STARTED,
             PLANT: AS_STARTED,
             'friction': friction,
             'diameter': picture.diameter,

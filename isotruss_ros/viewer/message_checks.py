@@ -74,11 +74,13 @@ def check_state(message: Any, members: int) -> None:
 
     :param message: isotruss_msgs/GraspState.
     :param members: number of members of the robot.
-    :raises PictureError: not as many utilisations as members.
+    :raises PictureError: not as many utilisations as members, or no direction of the slip margin.
     """
     used = np.asarray(message.utilisation, dtype=float)
     if message.code < NO_RESULT and (len(used) != members or np.isnan(used).any()):
         raise PictureError(f'grasp state: utilisation of {len(used)} members: must be {members}')
+    if len(message.slip_direction) != 3:
+        raise PictureError(f'grasp state: slip direction of {len(message.slip_direction)} numbers')
 
 
 def check_status(message: Any) -> None:

@@ -18,6 +18,14 @@ RESET = 'reset'
 #: The request for another plant, and what can be chosen.
 PLANT = 'plant'
 KINEMATIC, ELASTIC, MUJOCO = PLANTS = ('kinematic', 'elastic', 'mujoco')
+#: The request for another object, and the parameter `object` of what can be chosen.
+SHAPE = 'shape'
+OBJECTS = {
+    'disc': '',
+    'box': '{shape: polygon, corner_radius: 0.03, '
+    'vertices: [[-0.15, -0.12], [0.15, -0.12], [0.15, 0.12], [-0.15, 0.12]]}',
+    'ellipse': '{shape: ellipse, semi_axes: [0.17, 0.13]}',
+}
 #: This machine only.
 LOCAL = '127.0.0.1'
 

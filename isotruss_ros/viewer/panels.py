@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 
+from isotruss_ros.core.holding.arrows import arrow_of
 from isotruss_ros.viewer.message_checks import NO_RESULT
 from isotruss_ros.viewer.picture import HISTORY, NOTHING, Picture, trim_start
 import numpy as np
@@ -23,6 +24,7 @@ A truss robot of inflated tubes, seen from above; roller modules at its corners 
 - tubes: blue, grey, orange from 0.8 of the moment at which they wrinkle, red where they do
 - object: green held, red not held, grey unknown
 - arrows: forces of the tubes on it; yellow stripes: where they touch
+- slip margin: the smallest further wrench at which a tube slips, along the arrow; ↺ ↻ are moments
 - brown: supports; a box cannot move, a ball slides
 - with *control* on: drag the blue ball, and what it is on follows; the orange one turns the object
 - *stop* works always; *release the stop* only with *control* on
@@ -39,8 +41,8 @@ class Panels:
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._words = server.gui.add_markdown('**waiting for messages**')
-        self._squeeze = self._add_plot(server, 'squeeze [N]')
-        self._error = self._add_plot(server, 'pose error [mm]')
+        self._squeeze = self._add_plot(server, 'squeeze', 'N')
+        self._error = self._add_plot(server, 'pose error', 'mm')
         with server.gui.add_folder('what is shown', expand_by_default=False):
             server.gui.add_markdown(LEGEND)
         self._shown, self._count = '', 0
@@ -63,13 +65,13 @@ class Panels:
         self._squeeze.data = trim_start(time - now, squeeze)
         self._error.data = trim_start(time - now, 1e3 * error)
 
-    def _add_plot(self, server: viser.ViserServer, name: str) -> viser.GuiUplotHandle:
+    def _add_plot(self, server: viser.ViserServer, name: str, unit: str) -> viser.GuiUplotHandle:
         return server.gui.add_uplot(
             NOTHING,
             (uplot.Series(label='t'), uplot.Series(label=name, stroke='#1f4fd9', width=2)),
-            title=name,
+            title=f'{name} [{unit}]',
             scales={'x': uplot.Scale(time=False, auto=True), 'y': uplot.Scale(auto=True)},
-            axes=(uplot.Axis(label='time [s]'), uplot.Axis(label=name)),
+            axes=(uplot.Axis(label='time [s]'), uplot.Axis(label=unit)),
             legend=uplot.Legend(show=False),
             aspect=2.4,
         )
@@ -97,7 +99,8 @@ def _describe_grasp(picture: Picture, now: float) -> list[str]:
     if state.code >= NO_RESULT:
         return [f'**no result**: {escape(state.message)}']
     if state.held:
-        parts = [f'**held**, slip margin {state.slip_margin:.1f} N']
+        arrow = arrow_of(state.slip_direction)
+        parts = [f'**held**, slip margin {state.slip_margin:.1f} N {arrow}'.rstrip()]
     else:
         closed = 'yes' if state.force_closure else 'no'
         parts = [f'**not held**: {escape(state.hold_message)}', f'force closure: {closed}']

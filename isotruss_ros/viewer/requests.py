@@ -15,18 +15,20 @@ from isotruss_ros.core.errors import quote
 from isotruss_ros.viewer.names import (
     DRAGGED,
     OBJECT,
+    OBJECTS,
     PICK,
     PLACE,
     PLANT,
     PLANTS,
     RELEASE,
     RESET,
+    SHAPE,
     STOP,
     TARGET,
     TURN,
 )
 
-#: The plant that runs, of which the view knows nothing.
+#: The plant that runs, or its object, before another one is chosen.
 AS_STARTED = 'as started'
 #: Beyond every robot [m].
 FAR = 100.0
@@ -91,7 +93,11 @@ def list_choices(joints: Sequence[str]) -> dict[str, Sequence[str]]:
 
     :param joints: names of what can be dragged besides the object.
     """
-    return {DRAGGED: (OBJECT, *joints), PLANT: (AS_STARTED, *PLANTS)}
+    return {
+        DRAGGED: (OBJECT, *joints),
+        SHAPE: (AS_STARTED, *OBJECTS),
+        PLANT: (AS_STARTED, *PLANTS),
+    }
 
 
 def _is_finite(value: object) -> bool:

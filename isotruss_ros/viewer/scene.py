@@ -85,7 +85,6 @@ class Scene:
             visible=False,
         )
         self._scene = scene
-        self._shown: dict[str, object] = {}
         self._make_object(picture)
 
     def update(self, picture: Picture, now: float) -> None:
@@ -96,8 +95,8 @@ class Scene:
         :param now: time on the clock of its messages [s].
         """
         self._fit_cameras(picture)
-        if picture.diameter != self._shown['diameter']:
-            self._object.remove()
+        if (picture.diameter, picture.shape) != self._drawn:
+            self._frame.remove()
             self._make_object(picture)
         self._move_tubes(picture, now)
         if self._has_changed('config', picture.config.roller_positions.tobytes()):
@@ -150,7 +149,8 @@ class Scene:
 
     def _make_object(self, picture: Picture) -> None:
         diameter = picture.diameter
-        self._shown = {'diameter': diameter}
+        self._drawn = diameter, picture.shape
+        self._shown: dict[str, object] = {}
         self._frame = self._scene.add_frame('/object', show_axes=False, visible=False)
         if picture.shape is None:
             self._object = self._scene.add_cylinder(

@@ -58,6 +58,7 @@ def states(draw):
         code=draw(st.integers(0, 255)),
         held=draw(st.booleans()),
         slip_margin=draw(NUMBERS),
+        slip_direction=draw(st.lists(NUMBERS, min_size=3, max_size=3)),
         utilisation=draw(members),
         squeeze=draw(some(NUMBERS, 3)),
         message=draw(TEXTS),

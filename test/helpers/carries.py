@@ -1,12 +1,11 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Objects that the twist servo carries in a plant, by what it would be told of them."""
+"""Objects that the twist servo carries in MuJoCo, by what it would be told of them."""
 
 from dataclasses import replace
 
 from comparison.carrying import RATE, Regulated
-from comparison.elastic_plant import ElasticPlant
 from comparison.grips import hold_at_home, round_robot, soften
 from isotruss_ros.core import (
     ConvexObject,
@@ -60,11 +59,6 @@ def place(robot, name, mass):
     return replace(body, mass=mass, friction=FRICTION), members
 
 
-def elastic_plant(robot, body, _members):
-    """Return the elastic plant with an object in the grip, at rest."""
-    return ElasticPlant(robot, body, FRICTION)
-
-
 def mujoco_plant(robot, body, members):
     """Return the MuJoCo plant with an object in the grip, at rest."""
     options = PlantOptions(friction=FRICTION, module_mass=robot.description.module.mass)
@@ -73,7 +67,7 @@ def mujoco_plant(robot, body, members):
 
 class Carry(Regulated):
     """
-    An object in a plant, and the servo that carries it by late and noisy measurements.
+    An object in MuJoCo, and the servo that carries it by late and noisy measurements.
 
     :ivar errors: (n, 3) of the object against its twists, turns times its arm [m].
     """
@@ -87,7 +81,6 @@ class Carry(Regulated):
         late=0,
         noise=(0.0, 0.0),
         seed=0,
-        plant=mujoco_plant,
         **settings,
     ):
         """
@@ -99,11 +92,12 @@ class Carry(Regulated):
         :param stiffness: of the plant's tubes over those of the model.
         :param late: cycles by which poses are late.
         :param noise: standard deviation of the poses [m, rad].
-        :param plant: makes it of robot and object.
         """
         robot = make_robot(told * masses[0])
         body, members = place(robot, grasp, told * masses[1])
-        made = plant(make_robot(masses[0], stiffness), replace(body, mass=masses[1]), members)
+        made = mujoco_plant(
+            make_robot(masses[0], stiffness), replace(body, mass=masses[1]), members
+        )
         numbers = np.array([robot.member_names.index(name) for name in members])
         there = body.moved_to(made.object_pose())
         squeeze = SqueezeSettings(attach_grip(robot.home, there, numbers).squeeze, **settings)

@@ -32,6 +32,14 @@ def random_polygon(generator, size=0.2, corners=None, rounded=True):
     return Polygon(vertices, tuple(room * generator.choice([0.0, 0.3, 0.9], count)))
 
 
+def sampled(shape, count, begin, away=0j):
+    """Return the polygon of corners on a disc or an ellipse, in a frame away from its middle."""
+    angles = begin + 2.0 * np.pi * np.arange(count) / count
+    a, b = shape.semi_axes if isinstance(shape, Ellipse) else (0.5 * shape.diameter,) * 2
+    corners = away + a * np.cos(angles) + 1j * b * np.sin(angles)
+    return Polygon(tuple(zip(corners.real, corners.imag, strict=True)))
+
+
 def random_shape(generator, size=0.2):
     """Return a disc, an ellipse or a polygon."""
     kind = generator.integers(4)

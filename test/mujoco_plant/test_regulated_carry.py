@@ -2,14 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The squeeze control carries in MuJoCo, which has masses of its own, and in the elastic plant.
+The squeeze control carries in MuJoCo, which has masses of its own.
 
 Grasps, masses, errors of the model, delays and noise are those of the table in docs/safety.md.
 """
 
 from itertools import product
 
-from carries import Carry, elastic_plant, GRASPS, mujoco_plant
+from carries import Carry, GRASPS
 from isotruss_ros.calibration.oscillation import fit_oscillation
 from isotruss_ros.core import Status
 from mujoco_worlds import needs_mujoco
@@ -42,22 +42,11 @@ GROWING = [
     ('disc 0.3 m', 12.0, (5.0, 0.5)),
     ('disc 0.2 m', 12.0, (5.0, 0.5)),
 ]
-GROWING = [(mujoco_plant, *case) for case in GROWING] + [
-    (elastic_plant, *case) for case in GROWING[:5]
-]
 
 
-def two_now():
-    """Yield all grasps of all robots in both plants; one of each plant runs with all tests."""
-    everything = product((mujoco_plant, elastic_plant), enumerate(GRASPS), enumerate(ROBOTS))
-    for plant, (i, grasp), (j, robot) in everything:
-        now = i == j == (5 if plant is mujoco_plant else 0)
-        yield pytest.param(plant, grasp, *robot, marks=[] if now else pytest.mark.nightly)
-
-
-@pytest.mark.parametrize(('plant', 'grasp', 'masses', 'told', 'stiffness'), two_now())
-def test_a_push_decays(plant, grasp, masses, told, stiffness):
-    carry = Carry(grasp, masses, told, stiffness, late=3, plant=plant)
+@pytest.mark.parametrize(('grasp', 'robot'), some_now(list(product(GRASPS, ROBOTS))[::-1]))
+def test_a_push_decays(grasp, robot):
+    carry = Carry(grasp, *robot, late=3)
     carry.run(1.0)
     carry.push(PUSH)
     carry.run(4.0)
@@ -106,12 +95,10 @@ def test_a_gain_beyond_the_limit_is_refused_with_frequency_and_limit():
     assert not carry.plant.travel.any()
 
 
-@pytest.mark.parametrize(('plant', 'grasp', 'gain', 'masses'), some_now(GROWING))
-def test_an_oscillation_that_grows_is_stopped_before_the_object_is_lost(
-    plant, grasp, gain, masses
-):
+@pytest.mark.parametrize(('grasp', 'gain', 'masses'), some_now(GROWING))
+def test_an_oscillation_that_grows_is_stopped_before_the_object_is_lost(grasp, gain, masses):
     forced = {'pose_gain': gain, 'force_gain': True, 'load': 5.0}
-    carry = Carry(grasp, masses, plant=plant, **forced)
+    carry = Carry(grasp, masses, **forced)
     carry.run(1.0)
     carry.push(PUSH)
     carry.run(7.0)

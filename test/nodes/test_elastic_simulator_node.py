@@ -22,7 +22,7 @@ node = maker(Simulator, plant='elastic', friction=0.8, indentation=0.05, rate=50
 def test_every_parameter_of_the_object_reaches_it(monkeypatch):
     make = Mock(wraps=ElasticObject)
     monkeypatch.setattr(simulator, 'ElasticObject', make)
-    given = {'stiffness_scale': 1.3, 'ground_friction': 0.2}
+    given = {'stiffness_scale': 1.3}
     with world(node(**given)):
         make.assert_called_once_with(ANY, 0.8, *given.values())
 

@@ -85,6 +85,7 @@ def check_analysis(state, expected, settled=None):
         assert (state.held, state.hold_message) == (settled.held, settled.reason)
         assert state.force_closure == settled.force_closure
         assert state.slip_margin == pytest.approx(settled.slip_margin, rel=1e-4)
+        assert state.slip_direction == pytest.approx(settled.slip_direction, abs=1e-4)
 
 
 def test_publishes_the_result_of_the_analysis():

@@ -27,10 +27,11 @@ from isotruss_ros.core.holding.loaded_frame import held_joints
 from isotruss_ros.core.inputs import steady_pressures, Timeline
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import find_members, Grip
-from isotruss_ros.core.model.pose import Pose
-from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.model.pose import MAX_DISTANCE, Pose
+from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 import numpy as np
+from numpy.typing import ArrayLike
 
 #: After so many messages of markers of which none fits, the zeros are elsewhere.
 LOST = 5
@@ -115,7 +116,12 @@ class StateEstimator:
         :param deviations: (3,) standard deviations of x, y [m] and angle [rad], positive.
         :return: whether it counts: in time, of an object that the robot holds.
         :raises ConfigurationError: no configuration of the robot fits the encoders.
+        :raises GraspError: the pose is not three numbers within range, or the deviations are not
+            positive ones.
         """
+        what = "the object's pose (x, y, angle) [m, rad]"
+        pose = Pose(*finite_array(pose, 3, what, GraspError, MAX_DISTANCE).tolist())
+        deviations = _positive(deviations, 3, 'deviations of the pose [m, rad]')
         if self._grip is None or not self._in_time(time):
             return False
         self._roll()
@@ -139,8 +145,10 @@ class StateEstimator:
         :param deviation: standard deviation of a coordinate, positive [m].
         :return: whether some of them count.
         :raises ConfigurationError: no configuration of the robot fits the encoders.
-        :raises GraspError: the robot has no such joint.
+        :raises GraspError: the robot has no such joint, or the deviation is not a positive number
+            within range.
         """
+        (deviation,) = _positive([deviation], 1, 'deviation of the markers [m]').tolist()
         names = self._robot.topology.joint_names
         for name in joints:
             if name not in names:
@@ -286,3 +294,11 @@ class StateEstimator:
         """Return whether the readings of the encoders at a time are known."""
         known = self._readings
         return bool(known) and known.first[0] <= time <= known.last[0] + AHEAD
+
+
+def _positive(deviations: ArrayLike, count: int, what: str) -> Array:
+    """Return standard deviations (count,) as numbers whose squares are numbers as well."""
+    checked = finite_array(deviations, count, what, GraspError, MAX_DISTANCE)
+    if checked.min() <= 0.0:
+        raise GraspError(f'{what}: {checked.tolist()}: must be positive')
+    return checked

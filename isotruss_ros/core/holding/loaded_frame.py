@@ -17,7 +17,7 @@ lower it.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import math
 
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.numerics.arrays import Array
@@ -56,40 +56,16 @@ def displace_nodes(grip: HeldGrip, loads: Array) -> Array:
     return moved / grip.tubes.stiffness_scale
 
 
-class NaturalModes(NamedTuple):
-    """
-    How an object held in equilibrium swings, undamped, by wrenches (fx, fy, m / arm).
-
-    :ivar frequencies: (3,) the lowest first [rad/s].
-    :ivar wrenches: (3, 3) in its columns those that deflect it into the shapes of the modes, each
-        of a modal mass of one [N / (m kg^0.5)].
-    """
-
-    frequencies: Array
-    wrenches: Array
-
-
 def lowest_frequency(grip: HeldGrip) -> float | None:
     """
     Return the lowest natural frequency of an object held in equilibrium, undamped [rad/s].
-
-    :param grip: how the object is held.
-    :return: None where `natural_modes` finds none.
-    :raises StructureError: see `structure_of`.
-    """
-    modes = natural_modes(grip)
-    return None if modes is None else float(modes.frequencies[0])
-
-
-def natural_modes(grip: HeldGrip) -> NaturalModes | None:
-    """
-    Return the three modes of an object held in equilibrium.
 
     Contacts stick. The masses are those of the robot file and of the object: a module's in the
     middle of its pinch points, half of a member's tube at each of its ends.
 
     :param grip: how the object is held.
     :return: None where the mass of modules or object is not known, or the equilibrium indifferent.
+    :raises StructureError: see `structure_of`.
     """
     body, response = grip.body, grip.response
     if grip.config.robot.description.module.mass is None or body.mass is None or response is None:
@@ -101,10 +77,10 @@ def natural_modes(grip: HeldGrip) -> NaturalModes | None:
     inertia += body.mass * body.shape.gyration**2 * np.outer(moved[2], moved[2])
     inertia += _inertia_of_robot(grip)
     compliance = moved * np.array([[1.0], [1.0], [grip.arm]])
-    squares, wrenches = scipy.linalg.eigh(
-        0.5 * (compliance + compliance.T), inertia, check_finite=False
-    )
-    return NaturalModes(np.sqrt(squares), wrenches) if squares[0] > 0.0 else None
+    square = scipy.linalg.eigvalsh(0.5 * (compliance + compliance.T), inertia, check_finite=False)[
+        0
+    ]
+    return math.sqrt(square) if square > 0.0 else None
 
 
 def _inertia_of_robot(grip: HeldGrip) -> Array:

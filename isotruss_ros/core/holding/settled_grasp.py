@@ -111,6 +111,17 @@ class SettledGrasp(
         return 0.0 if self.equilibrium is None else self.equilibrium.slip_margin(self.friction)
 
     @property
+    def slip_direction(self) -> Array:
+        """
+        Return the wrench along which the slip margin is the least (fx, fy, m / arm), size 1, (3,).
+
+        Zero without an equilibrium, and in an indifferent one.
+        """
+        if self.equilibrium is None or self.equilibrium.response is None:
+            return np.zeros(3)
+        return self.equilibrium.weakest_direction(self.friction)
+
+    @property
     def gap(self) -> float:
         """Return how far the members are from touching the object [m]; 0 in an equilibrium."""
         return 0.0 if self.lost is None else self.lost.gap

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.shapes import Shape
 
 #: Ends of a contact are apart by this many tube radii at least.
@@ -21,6 +22,16 @@ LEAST_FACE = 1.0
 LEAST_DEPTH = 1e-3
 #: Of corners that are equally deep, to this share of the depth, that nearest to the middle counts.
 TIE = 1e-6
+
+
+def contact_body(body: ConvexObject, tube_radius: float) -> ConvexObject:
+    """
+    Return an object as tubes meet it: a polygon of short faces as the outline that it samples.
+
+    :param body: the object.
+    :param tube_radius: of the tubes [m].
+    """
+    return body.smoothed(LEAST_FACE * tube_radius)
 
 
 class PatchEnd(NamedTuple):

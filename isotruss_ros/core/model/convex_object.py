@@ -120,6 +120,22 @@ class ConvexObject:
         moved._put(pose)
         return moved
 
+    def smoothed(self, length: float) -> ConvexObject:
+        """
+        Return the object with the smooth outline that its corners sample, see `Shape.smoothed`.
+
+        :param length: of the shortest face that is no such sample [m].
+        """
+        shape = self.shape.smoothed(length)
+        if shape is self.shape:
+            return self
+        found = object.__new__(ConvexObject)
+        arm = shape.perimeter / (2.0 * math.pi)
+        # What has been checked need not be checked again.
+        found.__dict__.update(self.__dict__, shape=shape, arm=arm)
+        found._put(self.pose)
+        return found
+
     def _put(self, pose: ArrayLike) -> None:
         """Set the pose and what follows from it."""
         try:

@@ -15,11 +15,15 @@ import math
 
 from isotruss_ros.core.model.outline_checks import check_outline, polygon_moments
 from isotruss_ros.core.model.shapes import Face, Shape, SurfacePoints
+from isotruss_ros.core.model.smooth_outline import CONIC_POINTS, SmoothOutline
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
 
 #: At most so many sides bound a shape with many.
 MAX_TANGENTS = 32
+#: Corners that sample a smooth outline turn by less than this [rad]: regular polygons with 13 or
+#: more, and 24 on an ellipse whose axes differ by less than a factor of 1.9.
+SAMPLE_TURN = 0.5
 
 
 @dataclass(frozen=True)
@@ -27,8 +31,7 @@ class Polygon(Shape):
     """
     A convex polygon; its corners may be rounded off within it, by arcs tangent to both sides.
 
-    A polygon with corners on a circle is no disc: slip margins differ by 25 % in the median with
-    24 corners, by 6 % with 96 and by 1 % with 1000. Use `Disc` or `Ellipse` for smooth outlines.
+    A polygon with many corners samples a smooth outline, see `smoothed`.
 
     :ivar vertices: (x, y) of three or more vertices in the object's frame, around the polygon
         either way; kept counter-clockwise, without a last one that repeats the first [m].
@@ -266,6 +269,27 @@ class Polygon(Shape):
         :param length: of the pieces [m].
         """
         return _rounded(self, length)
+
+    def smoothed(self, length: float) -> Shape:
+        """
+        Return the smooth curve through the corners, if all are samples of one.
+
+        The corners turn by less than `SAMPLE_TURN`, and a convex curve through them exists.
+
+        :param length: below which all faces are [m].
+        """
+        longest = np.abs(np.roll(self.arc_centers, -1) - self.arc_centers).max()
+        return self if self._curve is None or longest >= length else self._curve
+
+    @cached_property
+    def _curve(self) -> SmoothOutline | None:
+        """Return the smooth curve through the corners where these are farthest out, if any."""
+        if len(self.vertices) < CONIC_POINTS or self.turns.max() >= SAMPLE_TURN:
+            return None
+        outward = self.normals + np.roll(self.normals, 1)
+        tips = self.arc_centers + self.radii * outward / np.abs(outward)
+        curve = SmoothOutline(tuple(zip(tips.real.tolist(), tips.imag.tolist(), strict=True)))
+        return curve if curve.is_convex else None
 
     @cached_property
     def centered(self) -> Polygon:

@@ -214,6 +214,14 @@ class Shape(ABC):
         """
         return self
 
+    def smoothed(self, length: float) -> Shape:
+        """
+        Return the smooth shape that this one samples: of polygons, a curve through the corners.
+
+        :param length: of the shortest face that is no such sample [m].
+        """
+        return self
+
     @property
     def centered(self) -> Shape:
         """Return the shape with the origin of its frame at the centroid."""

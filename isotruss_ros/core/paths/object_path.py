@@ -75,9 +75,10 @@ class ObjectPath:
         length = np.hypot(steps[:, 0], steps[:, 1])
         with np.errstate(over='ignore'):  # of all but no speed; refused below
             durations = np.maximum(length / self.speed, np.abs(steps[:, 2]) / self.turn_rate)
-        if durations.sum() > MAX_DURATION:
+            total = float(durations.sum())
+        if total > MAX_DURATION:
             raise PathError(
-                f'the path takes {durations.sum():.4g} s at {self.speed:g} m/s and '
+                f'the path takes {total:.4g} s at {self.speed:g} m/s and '
                 f'{self.turn_rate:g} rad/s; must be at most {MAX_DURATION:g} s'
             )
         return durations

@@ -90,7 +90,8 @@ def _judge(grasp: HeldGrip, closing: Closing, needs: GraspRequirements) -> Close
     _check_hold(grasp, needs.friction)
     closing.tally.analyses += 1
     moved = pose_difference(grasp.pose, closing.body.pose) * (1.0, 1.0, grasp.arm)
-    body = closing.body if np.abs(moved).max() < SAME_PLACE else grasp.body
+    stays = np.abs(moved).max() < SAME_PLACE
+    body = closing.body if stays else closing.body.moved_to(grasp.pose)
     analysis = analyze_grasp(grasp.config, body, needs.friction, needs.external_wrench)
     loads = needs.find_loads(analysis, grasp.normal_forces, grasp.sections.utilisation)
     margin = None

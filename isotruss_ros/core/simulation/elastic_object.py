@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A simulated object between elastic tubes: it is where the equilibrium of all forces puts it."""
+"""A simulated object between elastic tubes, quasi-static: in the equilibrium of all forces."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, NotHeldError
-from isotruss_ros.core.holding.joint_loads import LoadedParts
 from isotruss_ros.core.holding.loaded_frame import held_joints
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -20,8 +19,6 @@ from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
-from isotruss_ros.core.simulation.floor_friction import FloorFriction
-from isotruss_ros.core.simulation.held_motion import has_masses, HeldMotion
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -37,7 +34,7 @@ class ElasticObject:
 
     While it lies, members that touch it push it along; the ground carries loads. From the moment
     two members press on it so that friction holds it, it is held: contacts stick, it rolls with
-    the tubes, and its pose follows from configuration, external wrench and the floor's friction.
+    the tubes, and its pose follows from configuration and external wrench, without inertia.
     Where the friction that the balance needs is more than there is, or no equilibrium exists, it
     is dropped: it slips out of the grip as far as the members push it, and lies there.
 
@@ -45,32 +42,17 @@ class ElasticObject:
     :param body: the object, where it lies.
     :param friction: coefficient between tube and object in this plant, not negative.
     :param stiffness_scale: stiffness of this plant against that of the model, positive.
-    :param ground_friction: wrench up to which the floor holds a held object in its place, moments
-        over its arm, not negative [N].
-    :param module_friction: force up to which it holds each joint with its modules, while they hold
-        the object, not negative [N].
     :raises GraspError: friction or stiffness are not usable.
     """
 
-    def __init__(
-        self,
-        body: ConvexObject,
-        friction: float,
-        stiffness_scale: float = 1.0,
-        ground_friction: float = 0.0,
-        module_friction: float = 0.0,
-    ) -> None:
-        given = [friction, stiffness_scale, ground_friction, module_friction]
-        mu, scale, ground, module = finite_array(given, 4, 'friction, stiffness', GraspError)
-        if min(mu, ground, module) < 0.0 or scale <= 0.0:
+    def __init__(self, body: ConvexObject, friction: float, stiffness_scale: float = 1.0) -> None:
+        given = [friction, stiffness_scale]
+        mu, scale = finite_array(given, 2, 'friction, stiffness', GraspError)
+        if mu < 0.0 or scale <= 0.0:
             raise GraspError(
-                f'friction {friction!r}, stiffness scale {stiffness_scale!r} and friction of the '
-                f'ground {ground_friction!r} under the object and {module_friction!r} under the '
-                'modules: must not be negative, and the second not zero'
+                f'friction {friction!r} must not be negative, stiffness scale '
+                f'{stiffness_scale!r} must be positive'
             )
-        self._floor = FloorFriction((float(ground), float(module)), body.arm)
-        self._motion = HeldMotion(self._floor)
-        self._rubbing: LoadedParts | None = None
         self._friction, self._scale = float(mu), float(scale)
         angle = math.remainder(body.pose.angle, 2.0 * math.pi)
         self._body = body.moved_to(body.pose._replace(angle=angle))  # where it lies
@@ -111,72 +93,29 @@ class ElasticObject:
 
         :param config: configuration of the robot, in the last step.
         """
-        grasp, rubbing = self._grasp, self._rubbing
-        if grasp is None:
+        if self._grasp is None:
             return config.nodes[: len(config.robot.topology.joint_names)]
-        if rubbing is None or rubbing.by_contacts is None:
-            return held_joints(grasp)
-        return rubbing.places[3:].reshape(-1, 2)
+        return held_joints(self._grasp)
 
     def pose(self, config: Configuration) -> Pose:
         """Return its pose after the last step; see `SimulatedObject.pose`."""
         return self._body.pose if self._grasp is None else self._grasp.pose
 
     @single_threaded
-    def follow(self, config: Configuration, elapsed: float = 0.0) -> None:
+    def follow(self, config: Configuration) -> None:
         """Go with the robot to a configuration; see `SimulatedObject.follow`."""
-        stays = config is self._followed and not self._pulled_anew
-        if stays and (self._motion.rests or elapsed == 0.0):
+        if config is self._followed and not self._pulled_anew:
             return
         before, self._followed, self._pulled_anew = self._followed, config, False
         if self._grasp is None:
             self._touch(before, config)
         if self._grasp is not None:
-            self._move(self._grasp, config, elapsed)
+            self._roll(self._grasp, config)
         if self._grasp is None:
-            self._stand_still()
             self._body = push_out(config, self._body)
 
     def come_to_rest(self, config: Configuration) -> None:
         """Take no note of it; see `SimulatedObject.come_to_rest`."""
-
-    def _move(self, before: HeldGrip, config: Configuration, elapsed: float) -> None:
-        """Be led by the members, and swing or give by what pulls and rubs."""
-        pull, floor, rubbing = self._wrench / (1.0, 1.0, before.arm), self._floor, self._rubbing
-        swings = elapsed > 0.0 and has_masses(before)
-        if before.response is None or not (swings or floor.rubs):
-            self._stand_still()
-            self._roll(before, config, pull)
-            return
-        if rubbing is None:
-            rubbing = LoadedParts.find(before, floor.joints_rub)
-            floor.stand(rubbing.places)
-        led = self._roll(before, config, before.wrench)
-        if led is None or led.response is None:
-            return
-        there = LoadedParts.find(led, floor.joints_rub, floor.loads)
-        wrench = None
-        if swings:
-            moved = there.places - rubbing.places
-            moved[2] = math.remainder(moved[2], 2.0 * math.pi * before.arm)
-            wrench = self._motion.swing(led, there, moved, pull, elapsed)
-        # A fixed point that a few steps find.
-        for _ in range(MAX_PARTS):
-            borne = pull + floor.loads[:3] if wrench is None else wrench
-            led = self._roll(there.load(led, floor.loads), config, borne)
-            if led is None or led.response is None:
-                return
-            self._rubbing = there = LoadedParts.find(led, floor.joints_rub, floor.loads)
-            free = there.places - there.compliance @ floor.loads
-            if wrench is not None or not floor.hold_back(free, there.compliance):
-                break
-        floor.settle(there.places)
-
-    def _stand_still(self) -> None:
-        """Forget how it moves and where it rubs."""
-        self._floor.let_go()
-        self._motion.rest()
-        self._rubbing = None
 
     def _touch(self, before: Configuration | None, config: Configuration) -> None:
         """Be held from the moment on at which two members press so that friction holds."""
@@ -209,18 +148,16 @@ class ElasticObject:
         """Return whether two members press on the object where it lies, deeper than they push."""
         return bool(np.sort(member_depths(config, self._body))[-2] > TOLERANCE)
 
-    def _roll(self, before: HeldGrip, config: Configuration, wrench: Array) -> HeldGrip | None:
+    def _roll(self, before: HeldGrip, config: Configuration) -> None:
         """
-        Roll to a configuration and a wrench (fx, fy, m / arm) and return how it is held there.
+        Roll to a configuration under the external wrench.
 
-        In smaller and smaller parts where the contacts let go; it is dropped, None, where they do
-        in the smallest.
+        In smaller and smaller parts where the contacts let go; it is dropped where they do in the
+        smallest.
         """
-        if before is self._grasp and before.config is config and (wrench == before.wrench).all():
-            return before
+        wrench, pulled = self._wrench / (1.0, 1.0, before.arm), before.wrench
         start, end = before.config.roller_positions, config.roller_positions
         even = np.array([1.0, 1.0, before.arm])
-        pulled = before.wrench
         done, part = 0.0, 1.0
         while done < 1.0:
             share = min(1.0, done + part)
@@ -236,6 +173,5 @@ class ElasticObject:
             if part < 1.0 / MAX_PARTS:
                 self._body = self._body.moved_to(before.pose)
                 self._grasp, self.dropped = None, hold
-                return None
+                return
         self._grasp = before
-        return before

@@ -68,7 +68,7 @@ class RigidObject:
         x, y, angle = self._body.pose
         return Pose(x, y, math.remainder(angle, 2.0 * math.pi))
 
-    def follow(self, config: Configuration, elapsed: float = 0.0) -> None:
+    def follow(self, config: Configuration) -> None:
         """Stay where it is, or roll in the grip; see `SimulatedObject.follow`."""
         if self.rolling is None:
             return

@@ -104,12 +104,11 @@ class SimulatedObject(Protocol):
         :param config: configuration of the robot.
         """
 
-    def follow(self, config: Configuration, elapsed: float) -> None:
+    def follow(self, config: Configuration) -> None:
         """
         Go with the robot to a configuration, in every step.
 
         :param config: configuration of the robot.
-        :param elapsed: since the step before; 0 to be at once where it comes to rest [s].
         """
 
     def come_to_rest(self, config: Configuration) -> None:
@@ -177,7 +176,7 @@ class SimulatedRobot(DrivenRollers):
             self.config = self.config.moved_to(goal, self._factored.factor)
             self.roller_positions = self.roller_positions + travel
             self.roller_velocities = speeds
-        self._object.follow(self.config, duration)
+        self._object.follow(self.config)
         if not moving and not self._rests:
             self._object.come_to_rest(self.config)
         self._rests = not moving

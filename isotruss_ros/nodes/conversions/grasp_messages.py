@@ -144,7 +144,7 @@ def to_state_message(report: GraspReport, frame: str) -> GraspState:
     state.held = report.held
     state.force_closure = report.force_closure
     state.hold_message = settled.reason
-    state.slip_margin = settled.slip_margin
+    state.slip_margin, state.slip_direction = settled.slip_margin, settled.slip_direction
     state.displacement = settled.displacement
     state.grasping_members = list(settled.normal_forces)
     state.squeeze = list(settled.normal_forces.values())

@@ -19,8 +19,7 @@ MUJOCO_SPECS = (
     FixedSpec(
         'ground_friction',
         0.0,
-        'Force at which the object begins to slide on the ground, mujoco (along x or y) and, '
-        'held, elastic [N]',
+        'Force along x or y at which the object begins to slide on the ground, mujoco only [N]',
         (0.0, 1e3),
     ),
     FixedSpec(

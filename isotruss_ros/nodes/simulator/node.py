@@ -53,8 +53,7 @@ SPECS = (
         'plant',
         KINEMATIC,
         'kinematic: the object is at rest in the grasp frame but for rolling; '
-        'elastic: it swings about where the equilibrium with the elastic tubes puts it, or is '
-        'there where masses of robot and object are not known, and can slip; '
+        'elastic: it is where the equilibrium with the elastic tubes puts it, and can slip; '
         'mujoco: a dynamics engine moves robot and object',
     ),
     FixedSpec(
@@ -172,13 +171,8 @@ class Simulator(ManagedNode):
             body,
             values.friction if body.friction is None else body.friction,
             values.stiffness_scale,
-            values.ground_friction,
         )
         return self._elastic
-
-    def _apply(self) -> None:
-        """Apply the faults of the sensors."""
-        self._sensors.apply()
 
     def _stop_on_clock_jump(self) -> None:
         """Stop the rollers: after a jump of the clock the age of the command is unknown."""

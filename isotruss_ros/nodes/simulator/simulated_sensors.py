@@ -1,26 +1,30 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the sensors of a simulated robot publish: encoders, the object's pose, joint markers."""
+"""Simulated sensors and their faults: encoders, the tracker of the object and joint markers."""
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
+import math
 
 from geometry_msgs.msg import PoseStamped
 from isotruss_ros.core import Pose, Robot
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.simulation.sensor_channel import SensorChannel, SensorFaults
 from isotruss_ros.nodes.conversions.marker_messages import to_joint_markers
 from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import FixedSpec, ParameterError, Parameters, Spec
 from isotruss_ros.nodes.framework.topics import RELIABLE
 import numpy as np
+from numpy.typing import ArrayLike
 from sensor_msgs.msg import JointState, MultiDOFJointState
 
 #: How far apart the marks are by which a tracker finds the angle of an object [m].
 MARKS_APART = 0.1
+#: Times that differ by less are the same, such as sums of periods [s].
+SAME_TIME = 1e-6
 ALL = 'all'
 SENSOR_SPECS = (
     Spec('encoder_delay', 0.0, 'joint_states arrive so long after their stamp [s]', (0.0, 10.0)),
@@ -43,6 +47,61 @@ SENSOR_SPECS = (
 )
 
 
+class SensorChannel:
+    """
+    The measurements of one sensor: sampled, noisy, late, or lost.
+
+    :param seed: of noise and dropouts, not negative.
+    """
+
+    def __init__(self, seed: tuple[int, ...]) -> None:
+        self._random = np.random.default_rng(seed)
+        self._period: int | None = None
+        self._pending: deque[tuple[float, Array]] = deque()
+
+    def measure(
+        self,
+        time: float,
+        read: Callable[[], ArrayLike],
+        rate: float = 0.0,
+        delay: float = 0.0,
+        dropouts: float = 0.0,
+        noise: ArrayLike = 0.0,
+    ) -> list[tuple[float, Array]]:
+        """
+        Measure once in each period, and return the measurements that arrive by now.
+
+        A time before that of the last call drops the pending ones.
+
+        :param time: now [s].
+        :param read: returns the true values (k, n); called only to measure.
+        :param rate: measurements in a second, at most one a call; 0 for one in every call [Hz].
+        :param delay: from a measurement to its arrival [s].
+        :param dropouts: share of the rows that are lost, 0 to 1.
+        :param noise: standard deviation, one for all or by value of a row [unit of the values].
+        :return: time [s] and values (k, n) of each, the oldest first; lost rows are nan, and one
+            row at least is not.
+        """
+        pending = self._pending
+        if pending and pending[-1][0] > time:
+            pending.clear()
+        period = math.floor((time + SAME_TIME) * rate)
+        if rate == 0.0 or period != self._period:
+            self._period = period
+            values = np.atleast_2d(np.asarray(read(), dtype=float))
+            # Drawn always, so that the noise of a seed does not depend on the dropouts.
+            deviation = self._random.normal(size=values.shape)
+            chance = self._random.random(len(values))
+            measured = values + np.asarray(noise) * deviation
+            measured[chance < dropouts] = np.nan
+            if (chance >= dropouts).any():
+                pending.append((time, measured))
+        arrived = []
+        while pending and pending[0][0] + delay <= time + SAME_TIME:
+            arrived.append(pending.popleft())
+        return arrived
+
+
 class SimulatedSensors:
     """
     Measure a simulated robot and its object.
@@ -59,23 +118,12 @@ class SimulatedSensors:
         self._marked = _find_marked(robot, values)
         # Streams of their own: the noise of one sensor does not depend on the faults of another.
         self._encoders, self._tracker, self._markers = (
-            SensorChannel(SensorFaults(), (seed, stream)) for stream in (3, 4, 5)
+            SensorChannel((seed, stream)) for stream in (3, 4, 5)
         )
-        self.apply()
         make = node.create_lifecycle_publisher
         self._joint_states = make(JointState, 'joint_states', RELIABLE)
         self._object_pose = make(PoseStamped, 'object_pose', RELIABLE)
         self._joint_markers = make(MultiDOFJointState, 'joint_markers', RELIABLE)
-
-    def apply(self) -> None:
-        """Take the present values of the parameters."""
-        values, none = self._values, np.zeros(len(self._robot.roller_names))
-        step = np.append(none + values.encoder_step, none)
-        self._encoders.faults = SensorFaults(delay=values.encoder_delay, step=step)
-        tracker = values.tracker_rate, values.tracker_delay, values.tracker_dropouts
-        noise = values.tracker_noise * np.array([1.0, 1.0, 1.0 / MARKS_APART])
-        self._tracker.faults = SensorFaults(*tracker, noise)
-        self._markers.faults = SensorFaults(*tracker, values.tracker_noise)
 
     def publish(
         self, now: float, travel: Array, speeds: Array, pose: Pose, joints: Callable[[], Array]
@@ -89,25 +137,36 @@ class SimulatedSensors:
         :param pose: of the object.
         :param joints: returns where the joints are (j, 2) [m].
         """
-        for found in self._encoders.measure(now, lambda: np.append(travel, speeds)):
-            positions, velocities = np.split(found.values[0], 2)
+        values, step = self._values, self._values.encoder_step
+        counted = step * np.round(travel / step) if step > 0.0 else travel
+        encoders = self._encoders.measure(
+            now, lambda: np.append(counted, speeds), delay=values.encoder_delay
+        )
+        for time, measured in encoders:
+            positions, velocities = np.split(measured[0], 2)
             states = JointState(
-                header=make_header(found.time),
+                header=make_header(time),
                 name=list(self._robot.roller_names),
                 position=positions.tolist(),
                 velocity=velocities.tolist(),
             )
             self._joint_states.publish(states)
-        for found in self._tracker.measure(now, lambda: pose):
-            header = make_header(found.time, self._robot.frame)
-            measured = to_pose_message(Pose(*found.values[0].tolist()))
-            self._object_pose.publish(PoseStamped(header=header, pose=measured))
+        tracker = values.tracker_rate, values.tracker_delay, values.tracker_dropouts
+        noise = values.tracker_noise * np.array([1.0, 1.0, 1.0 / MARKS_APART])
+        for time, measured in self._tracker.measure(now, lambda: pose, *tracker, noise):
+            header = make_header(time, self._robot.frame)
+            message = to_pose_message(Pose(*measured[0].tolist()))
+            self._object_pose.publish(PoseStamped(header=header, pose=message))
         if not self._marked:
             return
-        for found in self._markers.measure(now, lambda: self._marker_places(joints())):
-            places = {self._marked[i]: found.values[i] for i in np.flatnonzero(found.seen)}
-            markers = to_joint_markers(places)
-            markers.header = make_header(found.time, self._robot.frame)
+
+        def read() -> Array:
+            return self._marker_places(joints())
+
+        for time, measured in self._markers.measure(now, read, *tracker, values.tracker_noise):
+            seen = np.flatnonzero(np.isfinite(measured[:, 0]))
+            markers = to_joint_markers({self._marked[i]: measured[i] for i in seen})
+            markers.header = make_header(time, self._robot.frame)
             self._joint_markers.publish(markers)
 
     def _marker_places(self, joints: Array) -> Array:

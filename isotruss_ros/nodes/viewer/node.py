@@ -13,7 +13,7 @@ from typing import Any, TYPE_CHECKING
 
 from geometry_msgs.msg import PoseStamped, Twist, WrenchStamped
 from isotruss_msgs.msg import GraspState, ManipulationStatus
-from isotruss_ros.core import load_robot, Pose
+from isotruss_ros.core import load_robot, Pose, read_object
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.nodes.conversions.grasp_messages import to_wrench_message
 from isotruss_ros.nodes.conversions.messages import (
@@ -32,8 +32,8 @@ from isotruss_ros.nodes.framework.topics import LATCHED, RELIABLE, subscribe_new
 from isotruss_ros.nodes.viewer.view_requests import (
     Calls,
     make_calls,
+    NodeRestart,
     ObjectGoals,
-    SimulatorRestart,
 )
 from isotruss_ros.viewer.control import ZERO
 from isotruss_ros.viewer.drag import LEVER, PATIENCE, place_on_circle
@@ -43,11 +43,13 @@ from isotruss_ros.viewer.names import (
     LOCAL,
     MissingPackageError,
     OBJECT,
+    OBJECTS,
     PICK,
     PLACE,
     PLANT,
     RELEASE,
     RESET,
+    SHAPE,
     STOP,
 )
 from isotruss_ros.viewer.picture import Picture
@@ -111,7 +113,7 @@ class Viewer(StoppableNode):
             for name in ('manipulation', 'grasp_analysis', 'pick_and_place')
         }
         self._goals = ObjectGoals(self, self._report_goal)
-        self._simulator = SimulatorRestart(self, self._report_goal)
+        self._restart = NodeRestart(self, self._report_goal)
         self._squeeze = 0.0
 
     def begin(self) -> None:
@@ -259,9 +261,11 @@ class Viewer(StoppableNode):
         elif name == PLACE:
             self._goals.send(PLACE)
         elif name == PLANT:
-            self._simulator.restart(value)  # type: ignore[arg-type]
+            self._restart.restart_simulator(value)  # type: ignore[arg-type]
+        elif name == SHAPE:
+            self._change_object(value)  # type: ignore[arg-type]
         elif name == RESET:
-            self._simulator.restart()
+            self._restart.restart_simulator()
             # A slip or a loss is past with it: the manipulation waits for a client to say so.
             self._send_parameters('manipulation', {'squeeze_force': self._squeeze})
         else:
@@ -272,6 +276,11 @@ class Viewer(StoppableNode):
                 self.picture.diameter = value  # type: ignore[assignment]
             for node in nodes:
                 self._send_parameters(node, {parameter: value})
+
+    def _change_object(self, kind: str) -> None:
+        description = OBJECTS[kind]
+        self.picture.shape = read_object(description).shape if description else None
+        self._restart.change_object(kind, description)
 
     def _report_refusal(self, words: str) -> None:
         self.picture.goal_report = words

@@ -23,6 +23,8 @@ STAGES = {
     'place': ('planning', 'opening', 'backing off', 'confirming'),
 }
 SIMULATOR = 'simulator'
+#: Nodes besides it with a parameter `object`, which they read when they are configured.
+OTHERS = ('grasp_analysis', 'manipulation', 'path_follower', 'grasp_planner', 'pick_and_place')
 
 #: A sequence yields calls, and gets their answers.
 Calls = Generator[Callable[[], Future], Any, None]
@@ -83,9 +85,9 @@ class ObjectGoals:
             self._report(f'{name}: rejected while another goal is executed')
 
 
-class SimulatorRestart:
+class NodeRestart:
     """
-    The node `simulator` configured anew, by its lifecycle services.
+    The simulator and other nodes configured anew, by their lifecycle services.
 
     :param node: has the clients.
     :param report: called with what becomes of a restart, in words.
@@ -93,45 +95,67 @@ class SimulatorRestart:
 
     def __init__(self, node: Node, report: Callable[[str], None]) -> None:
         self._report = report
-        self._change = node.create_client(ChangeState, f'{SIMULATOR}/change_state')
-        self._set = node.create_client(SetParameters, f'{SIMULATOR}/set_parameters')
-        self._calls = self._restart('', '')
+        self._change, self._set = (
+            {name: node.create_client(kind, f'{name}/{service}') for name in (SIMULATOR, *OTHERS)}
+            for kind, service in (
+                (ChangeState, 'change_state'),
+                (SetParameters, 'set_parameters'),
+            )
+        )
+        self._calls = self._restart('', [], {})
 
-    def restart(self, plant: str = '') -> None:
+    def restart_simulator(self, plant: str = '') -> None:
         """
         Configure the simulator anew: the robot begins at home.
 
-        A restart that is under way takes no further step.
+        A restart that is under way takes no further step; so in `change_object`.
 
         :param plant: value of its parameter `plant`; as it is if empty.
         """
         name = f'plant {plant}' if plant else 'reset'
-        if not (self._change.service_is_ready() and self._set.service_is_ready()):
-            self._report(f'{name}: there is no simulator')
+        self._begin(name, [SIMULATOR], {'plant': plant} if plant else {})
+
+    def change_object(self, kind: str, description: str) -> None:
+        """
+        Configure all nodes that are there anew, with another object: the robot begins at home.
+
+        :param kind: the object, in a word.
+        :param description: value of their parameter `object`.
+        """
+        others = [name for name in OTHERS if self._change[name].service_is_ready()]
+        self._begin(f'object {kind}', [SIMULATOR, *others], {'object': description})
+
+    def _begin(self, what: str, names: list[str], values: dict[str, str]) -> None:
+        if not (
+            self._change[SIMULATOR].service_is_ready() and self._set[SIMULATOR].service_is_ready()
+        ):
+            self._report(f'{what}: there is no simulator')
             return
         self._calls.close()
-        self._calls = self._restart(name, plant)
+        self._calls = self._restart(what, names, values)
         make_calls(self._calls)
 
-    def _restart(self, name: str, plant: str) -> Calls:
-        # These fail where it is inactive or unconfigured already.
-        yield self._transition(Transition.TRANSITION_DEACTIVATE)
-        yield self._transition(Transition.TRANSITION_CLEANUP)
-        if plant:
-            answer = yield partial(self._set.call_async, request_parameters({'plant': plant}))
+    def _restart(self, what: str, names: list[str], values: dict[str, str]) -> Calls:
+        # These fail where a node is inactive or unconfigured already.
+        for name in reversed(names):
+            yield self._transition(name, Transition.TRANSITION_DEACTIVATE)
+            yield self._transition(name, Transition.TRANSITION_CLEANUP)
+        for name in names if values else ():
+            answer = yield partial(self._set[name].call_async, request_parameters(values))
             if not answer.results[0].successful:
-                self._report(f'{name} cannot be set: {answer.results[0].reason}')
+                self._report(f'{what} cannot be set: {answer.results[0].reason}')
                 return
-        for what, transition in (
-            ('configured', Transition.TRANSITION_CONFIGURE),
-            ('activated', Transition.TRANSITION_ACTIVATE),
-        ):
-            answer = yield self._transition(transition)
-            if not answer.success:
-                self._report(f'{name} cannot be {what}: see the log of the simulator')
-                return
-        self._report(f'{name}: active')
+        for name in names:
+            for done, transition in (
+                ('configured', Transition.TRANSITION_CONFIGURE),
+                ('activated', Transition.TRANSITION_ACTIVATE),
+            ):
+                answer = yield self._transition(name, transition)
+                if not answer.success:
+                    self._report(f'{what} cannot be {done}: see the log of {name}')
+                    return
+        self._report(f'{what}: active')
 
-    def _transition(self, which: int) -> Callable[[], Future]:
+    def _transition(self, name: str, which: int) -> Callable[[], Future]:
         request = ChangeState.Request(transition=Transition(id=which))
-        return partial(self._change.call_async, request)
+        return partial(self._change[name].call_async, request)

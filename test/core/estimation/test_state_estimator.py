@@ -259,6 +259,25 @@ def test_an_unknown_joint_is_refused_by_name():
         drawn.estimator.take_markers(0.0, {'W': (0.0, 0.0)}, MARKER)
 
 
+@pytest.mark.filterwarnings('error')
+@pytest.mark.parametrize('number', [0.0, -1.0, np.inf, np.nan, 1e300])
+def test_numbers_without_range_are_refused_by_name(number):
+    estimator = DrawnRobot(1, held=True).estimator
+    with pytest.raises(GraspError, match=r'deviations of the pose .m, rad.: \['):
+        estimator.take_pose(0.0, Pose(0.0, 0.0, 0.0), np.array([number, 1e-3, 1e-3]))
+    with pytest.raises(GraspError, match=r'deviation of the markers .m.: \['):
+        estimator.take_markers(0.0, {'Q': (0.0, 0.0)}, number)
+
+
+@pytest.mark.filterwarnings('error')
+@pytest.mark.parametrize('number', [np.inf, np.nan, 1e300])
+def test_pose_of_a_held_object_without_range_is_refused_by_name(number):
+    drawn = DrawnRobot(1, held=True)
+    drawn.tell()
+    with pytest.raises(GraspError, match="the object's pose"):
+        drawn.estimator.take_pose(0.0, Pose(0.0, number, 0.0), POSE)
+
+
 def test_an_object_that_is_gone_is_not_held():
     drawn = DrawnRobot(11, held=True)
     drawn.run(0.5)

@@ -210,6 +210,10 @@ BAD = {
     'many': (([(0, 0, 0), (1, 0, 0)] * 5001, 0.1, 0.1), 'at most 10000'),
     'days': ((GOOD, 1e-7, 0.1), 'must be at most 86400 s'),
     'for ever': (([(0, 0, 0), (1, 0, 1), (2, 0, 0)], 0.1, 1e-300), 'must be at most 86400 s'),
+    'two overflow together': (
+        ([(0, 0, 0), (1e3, 0, 0), (0, 0, 0)], 1e-305, 0.1),
+        'takes inf s at 1e-305 m/s',
+    ),
     'no speed': ((GOOD, 0.0, 0.1), 'speed 0.0 m/s: must be positive'),
     'backward': ((GOOD, -0.1, 0.1), 'must be positive'),
     'speed of light': ((GOOD, 3e8, 0.1), 'at most 10 m/s'),
@@ -219,6 +223,7 @@ BAD = {
 }
 
 
+@pytest.mark.filterwarnings('error')
 @pytest.mark.parametrize('smooth', [False, True])
 @pytest.mark.parametrize('case', BAD)
 def test_what_cannot_be_followed_is_refused(case, smooth):

@@ -3,24 +3,19 @@
 
 """The elastic plant: the object is where the equilibrium puts it, rolls, slips and is dropped."""
 
-from dataclasses import replace
-
 from boxes import box_between, SIDES
 from grips import backed_off, gripped
-from isotruss_ros.calibration.oscillation import fit_oscillation
 from isotruss_ros.core import (
     ConvexObject,
     ElasticObject,
     Grip,
     HoldStatus,
-    Robot,
     RollerFaults,
     settle_grasp,
     SimulatedRobot,
     solve_twist_ahead,
 )
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.holding.loaded_frame import lowest_frequency, natural_modes
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 import numpy as np
@@ -180,7 +175,6 @@ def test_a_wedge_too_wide_for_the_friction_pushes_it_out():
         ({'friction': np.inf}, 'friction'),
         ({'friction': 0.5, 'stiffness_scale': 0.0}, 'stiffness'),
         ({'friction': 0.5, 'stiffness_scale': -0.1}, 'stiffness'),
-        ({'friction': 0.5, 'ground_friction': -1.0}, 'ground -1.0 under the object'),
     ],
 )
 def test_bad_arguments_are_refused(arguments, words):
@@ -233,61 +227,3 @@ def test_in_one_long_step_an_object_slips_where_it_does_in_many():
         angles.append(simulated.pose(there).angle)
     assert angles[1] == pytest.approx(-0.057, abs=1e-3)
     assert angles[0] == pytest.approx(angles[1], abs=2e-3)
-
-
-MODULE = replace(ROBOT.description.module, mass=None)
-LIGHT = Robot(replace(ROBOT.description, module=MODULE)).home.moved_to(CONFIG.roller_positions)
-
-
-def swing(config, mass, seconds, step=0.01):
-    """Return an object that a pull in its softest direction let go, and its places then (n, 3)."""
-    simulated = ElasticObject(replace(CYLINDER, mass=mass), FRICTION)
-    simulated.follow(config)
-    even = np.array([1.0, 1.0, CYLINDER.arm])
-    modes = natural_modes(simulated.grasp)
-    softest = np.eye(3)[0] if modes is None else modes.wrenches[:, 0]
-    simulated.external_wrench = even * softest / np.linalg.norm(softest)
-    simulated.follow(config)
-    simulated.external_wrench = np.zeros(3)
-    places = []
-    for _ in range(round(seconds / step)):
-        simulated.follow(config, step)
-        places.append(np.array(simulated.pose(config)))
-    return simulated, places
-
-
-def test_with_masses_it_swings_at_its_lowest_frequency_with_the_damping_of_the_file():
-    simulated, places = swing(CONFIG, 0.5, 1.5)
-    times = 0.01 * np.arange(len(places))
-    frequency, damping, _ = fit_oscillation(times, places, CYLINDER.arm)
-    expected = lowest_frequency(simulated.grasp)
-    assert frequency == pytest.approx(expected, rel=5e-3)
-    # Implicit steps of 1 ms add half of what the phase turns by in one.
-    of_file = ROBOT.description.damping_ratio
-    assert damping == pytest.approx(of_file + 0.5 * expected * 1e-3, rel=0.02)
-
-
-def test_what_swung_comes_to_rest_where_it_would_be_without_masses():
-    simulated, _ = swing(CONFIG, 0.5, 15.0, step=0.05)
-    assert simulated.pose(CONFIG) == pytest.approx(held().pose(CONFIG), abs=1e-8)
-
-
-@pytest.mark.parametrize(('config', 'mass'), [(LIGHT, 0.5), (CONFIG, None)])
-def test_where_a_mass_is_not_known_it_is_at_rest_at_once(config, mass):
-    _, places = swing(config, mass, 0.01)
-    assert places[0] == pytest.approx(np.array(held().pose(CONFIG)), abs=1e-9)
-
-
-def test_moved_quickly_it_lags_and_moved_slowly_it_does_not():
-    away = walk(1, step=0.02)[0]
-    lags = []
-    for seconds in (0.1, 10.0):
-        simulated = ElasticObject(replace(CYLINDER, mass=0.5), FRICTION)
-        simulated.follow(CONFIG)
-        for part in np.linspace(0.1, 1.0, 10):
-            there = CONFIG.moved_to((1.0 - part) * CONFIG.roller_positions + part * away)
-            simulated.follow(there, seconds / 10.0)
-        rest = follow(held(), [away])
-        lags.append(np.hypot(*np.subtract(simulated.pose(there)[:2], rest[:2])))
-    assert lags[0] > 5e-4
-    assert lags[1] < 5e-5

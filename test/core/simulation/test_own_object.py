@@ -28,7 +28,7 @@ class GluedObject:
         middle = 0.5 * (start + end)
         return Pose(middle.real, middle.imag, float(np.angle(end - start)))
 
-    def follow(self, config, elapsed):
+    def follow(self, config):
         """Go with the robot: nothing is remembered."""
 
     def come_to_rest(self, config):

@@ -145,7 +145,7 @@ def test_angle_is_kept_and_within_half_a_turn(plan, angle, kept):
 
 def test_the_robot_looks_once_for_each_rest():
     rests = []
-    counting = SimpleNamespace(come_to_rest=rests.append, follow=lambda _config, _elapsed: None)
+    counting = SimpleNamespace(come_to_rest=rests.append, follow=lambda _config: None)
     robot = SimulatedRobot(ROBOT.home, counting, RollerFaults(stuck=frozenset({'south/P'})))
     for _ in range(3):
         robot.advance(0.1)

@@ -1,0 +1,27 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Directions of planar wrenches as characters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import math
+
+#: Of forces, counter-clockwise from that along x, and of moments.
+FORCES, LEFT, RIGHT = '→↗↑↖←↙↓↘', '↺', '↻'
+
+
+def arrow_of(wrench: Sequence[float]) -> str:
+    """
+    Return an arrow along a planar wrench; empty where it has no direction.
+
+    :param wrench: (fx, fy, m / arm) [N]; the moment is drawn where it exceeds the force.
+    """
+    fx, fy, m = wrench
+    force = math.hypot(fx, fy)
+    if not 0.0 < math.hypot(force, m) < math.inf:  # nor for NaN
+        return ''
+    if abs(m) > force:
+        return LEFT if m > 0.0 else RIGHT
+    return FORCES[round(math.atan2(fy, fx) / (0.25 * math.pi)) % 8]

@@ -1,0 +1,217 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Smooth convex curves through the corners of polygons that sample a curved outline.
+
+The tangent at a corner is that of the conic through it and the two corners on either side, exact
+for circles and ellipses. The distance h of tangents from the centroid is a periodic quintic spline
+of the normal's angle through the corners, so that the point (h + i h') n on a tangent and the
+radius of curvature h + h'' are continuous.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+from isotruss_ros.core.model.outline_checks import polygon_moments
+from isotruss_ros.core.model.shapes import Shape, SurfacePoints
+from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+import numpy as np
+import scipy
+
+#: Corners through which a conic is laid.
+CONIC_POINTS = 5
+#: Degree of the polynomials between two corners.
+DEGREE = 5
+#: Samples of the curve from corner to corner, to bound it and to begin searches with.
+SAMPLES = 4
+#: Newton steps to the foot of a point, and the last of them [rad].
+MAX_STEPS, LAST_STEP = 30, 1e-12
+
+
+@dataclass(frozen=True)
+class SmoothOutline(Shape):
+    """
+    The smooth curve through the corners of a convex polygon.
+
+    Area, centroid and radius of gyration are those of the polygon.
+
+    :ivar vertices: (x, y) of the corners, counter-clockwise; `CONIC_POINTS` or more [m].
+    """
+
+    vertices: tuple[tuple[float, float], ...]
+
+    @cached_property
+    def corners(self) -> Points:
+        """Return the corners, (n,) x + iy [m]."""
+        return np.array(self.vertices) @ np.array([1.0, 1.0j])
+
+    @cached_property
+    def _moments(self) -> tuple[float, complex, float]:
+        """Return the integrals of 1, z and |z|^2 over the area of the polygon."""
+        return polygon_moments(self.corners)
+
+    @property
+    def area(self) -> float:
+        """Return the area of the polygon [m^2]."""
+        return self._moments[0]
+
+    @cached_property
+    def centroid(self) -> complex:
+        """Return the centroid of the polygon, x + iy [m]."""
+        return self._moments[1] / self._moments[0]
+
+    @property
+    def gyration(self) -> float:
+        """Return the radius of gyration of the polygon about its centroid [m]."""
+        area, _, second = self._moments
+        return float(np.sqrt(second / area - abs(self.centroid) ** 2))
+
+    @cached_property
+    def perimeter(self) -> float:
+        """Return the length of the outline [m]."""
+        angle = self._angles[-1:]
+        last = np.array([len(self.vertices) - 1])
+        begin, end = self._at(np.array([0]), self._angles[:1]), self._at(last, angle)
+        return float((end[0] + end[2] - begin[0] - begin[2])[0])
+
+    @cached_property
+    def reach(self) -> float:
+        """Return the largest distance of the surface from the origin [m]."""
+        return float(np.abs(self.support_points(np.exp(1j * self._sampled))).max())
+
+    @cached_property
+    def _angles(self) -> Array:
+        """Return the angles of the normals at the corners, and the first again, (n + 1,) [rad]."""
+        tangents = conic_tangents(self.corners)
+        turns = np.angle(np.roll(tangents, -1) / tangents)
+        return float(np.angle(-1j * tangents[0])) + np.append(0.0, np.cumsum(turns))
+
+    @cached_property
+    def _pieces(self) -> Array:
+        """
+        Return polynomials from corner to corner, (5, DEGREE + 2, n) by falling powers.
+
+        Of the integral of h by the angle from the corner, h, and its first three derivatives.
+        """
+        away = self.corners - self.centroid
+        heights = (away * np.exp(-1j * self._angles[:-1])).real
+        spline = scipy.interpolate.make_interp_spline(
+            self._angles, np.append(heights, heights[0]), DEGREE, bc_type='periodic'
+        )
+        found = scipy.interpolate.PPoly.from_spline(spline.antiderivative())
+        inside = found.x.searchsorted(self._angles[:-1], 'right') - 1
+        rows, powers = [found.c[:, inside]], np.arange(DEGREE + 1, -1, -1)[:, None]
+        for _ in range(4):
+            # The constant comes last, and vanishes.
+            rows.append(np.roll(rows[-1] * powers, 1, axis=0))
+        return np.array(rows)
+
+    @cached_property
+    def _sampled(self) -> Array:
+        """Return angles of normals all around, with all corners, (SAMPLES n,) [rad]."""
+        shares = np.arange(SAMPLES) / SAMPLES
+        return (self._angles[:-1, None] + np.diff(self._angles)[:, None] * shares).ravel()
+
+    @cached_property
+    def is_convex(self) -> bool:
+        """Return whether the curve turns to the left everywhere, and once around."""
+        around = abs(self._angles[-1] - self._angles[0] - 2.0 * np.pi) < 1e-9
+        if not around or np.diff(self._angles).min() <= 0.0:
+            return False
+        found = self._around(self._sampled)
+        return bool((found[1] + found[3]).min() > 0.0)
+
+    def _around(self, angles: Array) -> Array:
+        """Return the integral of h from the first corner, and derivatives, (5, k)."""
+        angles = self._angles[0] + (angles - self._angles[0]) % (2.0 * np.pi)
+        pieces = self._angles[1:-1].searchsorted(angles, 'right')
+        return self._at(pieces, angles)
+
+    def _at(self, pieces: Indices, angles: Array) -> Array:
+        """Return the polynomials of some pieces at angles, (5, k)."""
+        powers = (angles - self._angles[pieces]) ** np.arange(DEGREE + 1, -1, -1)[:, None]
+        return np.einsum('dpk,pk->dk', self._pieces[:, :, pieces], powers)
+
+    def support_points(self, normals: Points) -> Points:
+        """Return points of the surface on tangents; see `Shape.support_points`."""
+        found = self._around(np.angle(np.atleast_1d(normals))).reshape(5, *np.shape(normals))
+        return self.centroid + (found[1] + 1j * found[2]) * normals
+
+    def surface_at(self, corners: Indices, normals: Points) -> tuple[Points, Array]:
+        """Return points of the surface with given normals; see `Shape.surface_at`."""
+        _, value, slope, curve, _ = self._around(np.angle(normals))
+        return self.centroid + (value + 1j * slope) * normals, value + curve
+
+    def radius_rates(self, normals: Points) -> Array:
+        """
+        Return how the radii of curvature change as the normals turn, (k,) [m/rad].
+
+        :param normals: (k,) outward unit normals, x + iy.
+        """
+        found = self._around(np.angle(normals))
+        return np.asarray(found[2] + found[4])
+
+    def unroll(self, angles: Array, corners: Indices) -> Array:
+        """Return the arcs to points with given normals, (k,) [m]; see `Shape.unroll`."""
+        found = self._around(angles)
+        turns = np.floor((angles - self._angles[0]) / (2.0 * np.pi))
+        return np.asarray(found[0] + found[2] + self.perimeter * turns)
+
+    def nearest(self, points: Points) -> SurfacePoints:
+        """Return what is nearest on the surface; see `Shape.nearest`."""
+        away, sampled = points - self.centroid, self._sampled
+        heights = (away[:, None] * np.exp(-1j * sampled)).real
+        angles = sampled[(heights - self._around(sampled)[1]).argmax(axis=1)]
+        widest = 0.5 * np.diff(self._angles).max()
+        for _ in range(MAX_STEPS):
+            # The distance from the tangent at the foot is the largest of all.
+            local, found = away * np.exp(-1j * angles), self._around(angles)
+            bend = np.maximum(local.real + found[3], LAST_STEP)
+            step = np.clip((local.imag - found[2]) / bend, -widest, widest)
+            angles = angles + step
+            if (np.abs(step) <= LAST_STEP).all():
+                break
+        normals = np.exp(1j * angles)
+        found = self._around(angles)
+        gaps = (away * normals.conj()).real - found[1]
+        return SurfacePoints(gaps, normals, found[1] + found[3])
+
+    @cached_property
+    def centered(self) -> SmoothOutline:
+        """Return the shape with the origin of its frame at the centroid."""
+        away = self.corners - self.centroid
+        return SmoothOutline(tuple(zip(away.real, away.imag, strict=True)))
+
+    def outline(self, spacing: float) -> Points:
+        """Return points along the surface; see `Shape.outline`."""
+        spans = np.diff(self._angles)
+        pieces = 1 + int(np.abs(np.diff(self.corners, append=self.corners[0])).max() / spacing)
+        shares = np.arange(pieces) / pieces
+        angles = self._angles[:-1, None] + spans[:, None] * shares
+        return self.support_points(np.exp(1j * angles.ravel()))
+
+
+def conic_tangents(points: Points) -> Points:
+    """
+    Return the directions of the tangents at points of a closed curve, (n,) unit vectors x + iy.
+
+    Those of the conic through each point and the two on either side, by Pascal's theorem in
+    homogeneous coordinates.
+
+    :param points: (n,) counter-clockwise, x + iy; `CONIC_POINTS` or more [m].
+    """
+    size = np.abs(points - points.mean()).max()
+    # A hexagon on the conic, two of whose corners are the point: that side is the tangent.
+    hexagon = []
+    for step in (0, 0, 1, -2, 2, -1):
+        away = (np.roll(points, -step) - points) / size
+        hexagon.append(np.array([away.real, away.imag, np.ones(len(away))]).T)
+    sides = [np.cross(hexagon[i], hexagon[(i + 1) % 6]) for i in range(6)]
+    line = np.cross(np.cross(sides[1], sides[4]), np.cross(sides[2], sides[5]))
+    tangent = np.cross(hexagon[0], np.cross(sides[3], line))
+    along = tangent[:, 1] - 1j * tangent[:, 0]
+    ahead = np.roll(points, -1) - np.roll(points, 1)
+    return along / np.abs(along) * np.sign((along * ahead.conj()).real)

@@ -1,0 +1,107 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Smooth curves through the corners of polygons, against the ellipses on which these are."""
+
+import math
+
+from isotruss_ros.core import Disc, Ellipse, Polygon
+from isotruss_ros.core.model.smooth_outline import SmoothOutline
+import numpy as np
+import pytest
+from shapes import regular_polygon, sampled
+
+ANGLES = np.linspace(-7.0, 7.0, 1001)
+NORMALS = np.exp(1j * ANGLES)
+NONE = np.zeros(len(ANGLES), dtype=np.intp)
+ELLIPSES = [Ellipse((0.15, 0.15)), Ellipse((0.15, 0.1)), Ellipse((0.09, 0.12))]
+#: Shift of the frame [m].
+AWAY = 0.2 - 0.1j
+
+
+def curve_of(ellipse, count, away=0j):
+    """Return the curve through corners on an ellipse, written in a frame away from its middle."""
+    return sampled(ellipse, count, 0.3, away).smoothed(1.0)
+
+
+@pytest.mark.parametrize('ellipse', ELLIPSES)
+@pytest.mark.parametrize(('count', 'place', 'radius'), [(24, 2e-6, 3e-4), (96, 1e-8, 1e-6)])
+def test_points_and_radii_are_those_of_the_ellipse(ellipse, count, place, radius):
+    curve = curve_of(ellipse, count, AWAY)
+    points, radii = curve.surface_at(NONE, NORMALS)
+    wanted, exact = ellipse.surface_at(NONE, NORMALS)
+    assert np.abs(points - wanted - AWAY).max() < place
+    assert np.abs(radii / exact - 1.0).max() < radius
+    assert curve.support_points(NORMALS) == pytest.approx(points, abs=1e-15)
+    assert curve.perimeter == pytest.approx(ellipse.perimeter, rel=1e-6)
+
+
+@pytest.mark.parametrize('ellipse', ELLIPSES)
+def test_arcs_unroll_over_full_turns(ellipse):
+    curve = curve_of(ellipse, 24)
+    off = curve.unroll(ANGLES, NONE) - ellipse.unroll(ANGLES, NONE)
+    assert np.ptp(off) < 1e-5
+
+
+@pytest.mark.parametrize('ellipse', ELLIPSES)
+def test_nearest_point_is_at_the_largest_distance_from_a_tangent(ellipse):
+    random = np.random.default_rng(1)
+    points = random.uniform(-0.3, 0.3, (300, 2)) @ [1.0, 1.0j]
+    found, wanted = curve_of(ellipse, 96).nearest(points), ellipse.nearest(points)
+    assert found.gaps == pytest.approx(wanted.gaps, abs=1e-8)
+    outside = wanted.gaps > 0.0
+    assert found.normals[outside] == pytest.approx(wanted.normals[outside], abs=1e-6)
+    assert found.radii[outside] == pytest.approx(wanted.radii[outside], rel=1e-5)
+
+
+def test_derivatives_agree_with_differences():
+    curve, step = curve_of(ELLIPSES[1], 24, AWAY), 1e-5
+    radii = curve.surface_at(NONE, NORMALS)[1]
+    ahead, behind = (curve.surface_at(NONE, NORMALS * np.exp(1j * s)) for s in (step, -step))
+    moved = (ahead[0] - behind[0]) / (2.0 * step)
+    assert moved == pytest.approx(1j * radii * NORMALS, abs=1e-9)
+    rates = (ahead[1] - behind[1]) / (2.0 * step)
+    assert curve.radius_rates(NORMALS) == pytest.approx(rates, abs=1e-7)
+
+
+def test_curve_passes_through_the_corners():
+    polygon = sampled(ELLIPSES[1], 24, 0.3, AWAY)
+    assert polygon.smoothed(1.0).nearest(polygon.corners).gaps == pytest.approx(0.0, abs=1e-7)
+
+
+def test_curve_depends_on_no_first_corner_or_frame():
+    polygon, turn = sampled(ELLIPSES[1], 24, 0.3), np.exp(1j)
+    points = polygon.smoothed(1.0).support_points(NORMALS)
+    begun = Polygon(polygon.vertices[5:] + polygon.vertices[:5]).smoothed(1.0)
+    assert begun.support_points(NORMALS) == pytest.approx(points, abs=1e-12)
+    moved = polygon.corners * turn + AWAY
+    other = Polygon(tuple(zip(moved.real, moved.imag, strict=True))).smoothed(1.0)
+    found = (other.support_points(NORMALS * turn) - AWAY) / turn
+    assert found == pytest.approx(points, abs=1e-12)
+
+
+def test_rounded_corners_count_where_they_are_farthest_out():
+    radius = 0.15
+    rounded = Polygon(regular_polygon(48, radius).vertices, corner_radius=0.01).smoothed(1.0)
+    inset = 0.01 * (1.0 / math.cos(math.pi / 48) - 1.0)
+    assert np.abs(rounded.support_points(NORMALS)) == pytest.approx(radius - inset, rel=1e-9)
+
+
+@pytest.mark.parametrize('count', [3, 4, 6, 8, 12])
+def test_polygons_of_few_corners_stay_polygons(count):
+    polygon = regular_polygon(count, 0.02)
+    assert polygon.smoothed(1.0) is polygon
+
+
+def test_polygons_with_long_faces_stay_polygons():
+    polygon = regular_polygon(24, 0.15)
+    face = polygon.faces_at(0)[0].length
+    assert polygon.smoothed(0.999 * face) is polygon
+    assert isinstance(polygon.smoothed(1.001 * face), SmoothOutline)
+
+
+def test_polygons_with_one_sharp_corner_stay_polygons():
+    corners = sampled(Disc(0.3), 48, 0.0).corners
+    pointed = np.append(corners[:40], 0.1455 - 0.0972j)
+    polygon = Polygon(tuple(zip(pointed.real, pointed.imag, strict=True)))
+    assert polygon.smoothed(1.0) is polygon

@@ -1,0 +1,127 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The steps that configure nodes anew, and what is said where one fails."""
+
+from functools import partial
+from types import SimpleNamespace
+
+from isotruss_ros.core import Disc, load_robot, place_between, read_object, settle_grasp
+from isotruss_ros.core.manipulation.grip import members_at
+from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
+from isotruss_ros.nodes.simulator.node import Simulator
+from isotruss_ros.nodes.viewer.view_requests import NodeRestart
+from isotruss_ros.viewer.names import OBJECTS
+from manual_world import world
+import numpy as np
+from probe import N, overrides
+import pytest
+from rclpy.task import Future
+
+
+class Clients:
+    """
+    Calls the services of nodes at once.
+
+    :param there: the nodes that run.
+    """
+
+    def __init__(self, w, there=('simulator',)):
+        self._world, self._there = w, there
+        self.before = lambda: None
+
+    def create_client(self, kind, name):
+        """Return a client."""
+
+        def call(request):
+            self.before()
+            done = Future()
+            done.set_result(self._world.call(name, request))
+            return done
+
+        ready = name.partition('/')[0] in self._there
+        return SimpleNamespace(call_async=call, service_is_ready=lambda: ready)
+
+
+@pytest.fixture
+def w():
+    """Return a simulator, elastic."""
+    with world(lambda: Simulator(overrides(plant='elastic', friction=0.8))) as made:
+        yield made
+
+
+def test_the_simulator_is_active_with_the_other_plant(w):
+    said = []
+    restart = NodeRestart(Clients(w), said.append)
+    for plant in ('kinematic', 'elastic'):
+        restart.restart_simulator(plant)
+        assert said[-1] == f'plant {plant}: active'
+        assert w.nodes[1].get_parameter('plant').value == plant
+        assert w.nodes[1].active
+
+
+def test_a_reset_puts_the_robot_home_with_the_same_plant(w):
+    said = []
+
+    w.until(lambda: w.probe.last('joints') is not None)
+    home = w.travel()
+    command = [0.05] * N
+    w.until(lambda: np.abs(w.travel() - home).max() > 0.01, lambda: w.probe.send_command(command))
+    NodeRestart(Clients(w), said.append).restart_simulator()
+    assert said == ['reset: active']
+    assert w.nodes[1].get_parameter('plant').value == 'elastic'
+    w.until(lambda: np.array_equal(w.travel(), home))
+
+
+def test_a_plant_that_there_is_not_is_told_and_another_one_works(w):
+    said = []
+    restart = NodeRestart(Clients(w), said.append)
+    restart.restart_simulator('soft')
+    assert 'plant soft cannot be' in said[-1]
+    assert not w.nodes[1].active
+    restart.restart_simulator('kinematic')
+    assert said[-1] == 'plant kinematic: active'
+
+
+def test_a_later_restart_ends_an_earlier_one(w):
+    said, calls = [], []
+    clients = Clients(w)
+    restart = NodeRestart(clients, said.append)
+
+    def restart_again():
+        calls.append(len(calls))
+        if len(calls) == 3:
+            restart.restart_simulator('kinematic')
+
+    clients.before = restart_again
+    restart.restart_simulator('elastic')
+    assert said == ['plant kinematic: active']
+    assert w.nodes[1].get_parameter('plant').value == 'kinematic'
+    assert len(calls) == 3 + 5
+
+
+def test_without_a_simulator_it_says_so(w):
+    said = []
+    NodeRestart(Clients(w, there=()), said.append).restart_simulator('elastic')
+    assert said == ['plant elastic: there is no simulator']
+
+
+def test_another_object_is_that_of_all_nodes_that_are_there():
+    simulator = partial(Simulator, overrides(plant='elastic', friction=0.8, indentation=0.01))
+    analysis = partial(GraspAnalysisNode, overrides(friction=0.8))
+    said, there = [], ('simulator', 'grasp_analysis')
+    with world(simulator, analysis) as w:
+        restart = NodeRestart(Clients(w, there), said.append)
+        restart.change_object('box', OBJECTS['box'])
+        assert said == ['object box: active']
+        assert {node.get_parameter('object').value for node in w.nodes[1:]} == {OBJECTS['box']}
+        assert all(node.active for node in w.nodes[1:])
+
+
+@pytest.mark.parametrize('kind', OBJECTS)
+def test_every_object_of_the_menu_is_held_where_it_begins(kind):
+    robot, friction = load_robot('nine_member'), 0.8
+    shape = read_object(OBJECTS[kind]).shape if OBJECTS[kind] else Disc(0.3)
+    members = members_at(robot, 'north/Z')
+    body = place_between(robot.home, members, shape, indentation=0.01).body
+    assert settle_grasp(robot.home, body, friction).held
