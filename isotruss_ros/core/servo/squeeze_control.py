@@ -37,6 +37,8 @@ import numpy as np
 REST_TIME = 1.0
 #: The squeeze changes no quicker than this [N/s].
 MAX_FORCE_RATE = 10.0
+#: What is held at first may take more friction than there is by so many of its deviations [-].
+MAX_DEVIATIONS = 3.0
 #: Stamps of poses that differ by no more are the same [s].
 SAME_STAMP = 1e-3
 KNOWN = EstimatorSettings()
@@ -246,9 +248,13 @@ class SqueezeControl:
             return error.hold
         self._choose_gains(found)
         settings = replace(KNOWN, load=self.settings.load or KNOWN.load, zeros=self.settings.zeros)
-        self.belief = GripBelief(found, grip, settings, self._zeros)
-        self._swings = SwingWatch(self.frequency)
-        return found.hold(grip.friction)
+        belief = GripBelief(found, grip, settings, self._zeros)
+        # As far as the squeeze is not known, neither is the share of it that friction has to be.
+        unsure = MAX_DEVIATIONS * belief.squeeze_deviation / belief.squeeze
+        hold = found.hold(grip.friction * (1.0 + unsure))
+        if hold is HoldStatus.HELD:
+            self.belief, self._swings = belief, SwingWatch(self.frequency)
+        return hold
 
     def _observe(self, belief: GripBelief, pose: Pose, age: float, elapsed: float) -> None:
         """Correct the belief by a pose that is new, and look for slips."""
