@@ -80,13 +80,14 @@ class GraspSequences(TrackedShape):
     :param robot: the robot.
     """
 
+    held_grip: Input = None
+
     def __init__(self, node: ManagedNode, robot: Robot) -> None:
         super().__init__(robot, node.values.command_timeout)
         self._node, self._robot = node, robot
         self.stage = 0
         self.pose: Input = None
         self.grasp: Input = None
-        self.held_grip: Input = None
         self._described = common.read_described(node.values)
         # Before the actions: who has discovered their clients has discovered it, too.
         alive = create_heartbeat(node)
