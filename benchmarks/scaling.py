@@ -5,7 +5,7 @@
 How loading, forward kinematics and twist-to-rollers grow from 3 to 300 modules, one core.
 
 Robots of nested triangles (see large_robots.py). The second table compares dense with sparse
-factors; `DENSE_UP_TO` in core/constraints.py is its crossover.
+factors; `MAX_DENSE_COORDINATES` in core/constraints.py is its crossover.
 
     python benchmarks/scaling.py
 """
@@ -104,12 +104,12 @@ def load_time(description: RobotDescription, folder: Path) -> float:
 
 def with_factors(description: RobotDescription, dense: bool) -> core.Robot:
     """Make a robot that uses dense or sparse factors whatever its size."""
-    chosen = constraints.DENSE_UP_TO
+    chosen = constraints.MAX_DENSE_COORDINATES
     try:
-        constraints.DENSE_UP_TO = 1_000_000 if dense else 0
+        constraints.MAX_DENSE_COORDINATES = 1_000_000 if dense else 0
         return core.Robot(description)
     finally:
-        constraints.DENSE_UP_TO = chosen
+        constraints.MAX_DENSE_COORDINATES = chosen
 
 
 def growth() -> None:
@@ -185,7 +185,7 @@ def crossover() -> None:
             ]
         )
     print('\nDense and sparse [us], ratio dense / sparse; matrix and factor, forward step, free')
-    print(f'twist. DENSE_UP_TO is {constraints.DENSE_UP_TO} coordinates.\n')
+    print(f'twist. MAX_DENSE_COORDINATES is {constraints.MAX_DENSE_COORDINATES} coordinates.\n')
     names = ('matrix+factor', 'forward', 'twist')
     columns = [text for name in names for text in (f'{name}: dense', 'sparse', 'ratio')]
     print_table(['modules', 'coordinates', *columns], rows)

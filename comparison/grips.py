@@ -16,7 +16,7 @@ from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.statics.section import tube_pressures
 from isotruss_ros.core.statics.structure import structure_of
-from isotruss_ros.mujoco_plant.options import PlantOptions, ROUND
+from isotruss_ros.mujoco_plant.options import PlantOptions, RIGID_SECTION_STIFFNESS
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
 
@@ -47,7 +47,7 @@ def round_robot() -> Robot:
     Its file says that a section resists flattening far more than by theory.
     """
     file = load_robot('nine_member').description
-    return Robot(replace(file, local_stiffness=ROUND))
+    return Robot(replace(file, local_stiffness=RIGID_SECTION_STIFFNESS))
 
 
 def soften(robot: Robot, stiffness: float) -> Robot:

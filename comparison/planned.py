@@ -18,7 +18,7 @@ from isotruss_ros.core.paths.path_tracking import (
     FINISHED,
     PathPhase,
     PathTracker,
-    RETURN,
+    RETURN_SETTINGS,
     RETURN_SPEED,
     RETURN_TURN_RATE,
 )
@@ -205,7 +205,7 @@ def bring_back(steering: Regulated, center: tuple[float, float]) -> PathPhase:
     plant, cycle = steering.plant, 1.0 / RATE
     here = plant.object_pose()
     path = ObjectPath([here, (*center, 0.0)], RETURN_SPEED, RETURN_TURN_RATE)
-    tracker, phase = PathTracker(path, RETURN, cycle), PathPhase.FOLLOWING
+    tracker, phase = PathTracker(path, RETURN_SETTINGS, cycle), PathPhase.FOLLOWING
     while phase not in FINISHED:
         tracking = tracker.update(plant.object_pose(), 0.0, cycle)
         phase, twist = tracking.phase, tracking.twist

@@ -4,9 +4,9 @@
 """
 The executables: `isotruss NAME`, `ros2 run isotruss_ros NAME`.
 
-setup.py runs this module for its tables, before anything is installed: it imports nothing else.
-Importing a node takes about a second. A signal that comes meanwhile ends the process at once: no
-roller turns yet, and there is nothing to print.
+setup.py runs this module for its tables before the installation: it imports no other module.
+Importing a node takes about a second. A signal in that time ends the process at once, since no
+roller moves yet.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ NODES = (
     'check_rollers',
     'preflight',
 )
-#: Programs beside the nodes: what each is for, and its function.
+#: Programs other than nodes: purpose and function.
 PROGRAMS = {
     'demo': ('plan a grasp, grip an object, carry and hold it', 'isotruss_ros.demo.__main__:main'),
     'view': ('drag a simulated robot in the browser', 'isotruss_ros.demo.view:main'),
@@ -56,7 +56,7 @@ PROGRAMS = {
     ),
     'export_mujoco': ('write a robot as a MuJoCo model', 'isotruss_ros.cli.export_mujoco:main'),
 }
-#: Goals and calls of the running nodes.
+#: Requests to the running nodes.
 REQUESTS = ('pick', 'move', 'place', 'stop', 'release')
 
 
@@ -80,7 +80,7 @@ def run_node(name: str) -> int:
 
 
 def __getattr__(name: str) -> Callable[[], int]:
-    """Return the function of an executable, as the console scripts name it."""
+    """Return the function of an executable by the name in the console scripts."""
     if name in NODES:
         return partial(run_node, name)
     raise AttributeError(name)
@@ -95,7 +95,7 @@ def _messages_missing() -> bool:
 
 def isotruss() -> int:
     """
-    Run the executable that the first argument of the process names, with the arguments after it.
+    Run the executable of the first argument of the process, with the following arguments.
 
     :return: exit code of the process.
     """

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Home, stiffness and tube laws of a real robot, fitted to measurements.
+Calibration of a real robot: home, stiffness and tube laws from measurements.
 
 Entry points: `home.calibrate_home`, `stiffness_scale`, `analysis.analyse`, `roller_check`.
 Imports `core`.

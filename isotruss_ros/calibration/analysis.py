@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""From measurements to a tube: slopes of all groups, one beam, its local stiffness, power laws."""
+"""Analysis of measurements of a tube: slopes, beam constants, local stiffness, power laws."""
 
 from __future__ import annotations
 
@@ -23,33 +23,33 @@ from isotruss_ros.calibration.outliers import outlying_points
 from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
 
-#: Constants of tubes, from rubber film to metal foil [N/m], and of their ends [-]. Displacements
-#: in mm make the first two a thousandth, pressures in kPa the last one a thousand times as large.
-PLAUSIBLE = {
+#: Ranges of the constants of tubes, from rubber film to metal foil [N/m], and of their ends [-].
+#: Displacements in mm reduce the first two, pressures in kPa increase the last one by 1000.
+PLAUSIBLE_RANGES = {
     'membrane_modulus': (1e3, 1e7),
     'membrane_shear_modulus': (3e2, 1e7),
     'end_softening': (0.2, 200.0),
 }
-#: Of the tube of the paper and of the presets [m].
-DIAMETER = 0.102
+#: Diameter of the tube of the paper and of the presets [m].
+DEFAULT_DIAMETER = 0.102
 
 
 @dataclass(frozen=True)
 class Analysis:
-    """What was fitted."""
+    """Results of the fits."""
 
-    slopes: Mapping[str, Sequence[Slope]]  #: of all groups that have one, by mode
-    fitted: FittedBeam | None  #: nearest to the slopes of all modes; None if there is none
-    refusal: str  #: why there is no beam; empty if there is one
+    slopes: Mapping[str, Sequence[Slope]]  #: slopes of the groups, by mode
+    fitted: FittedBeam | None  #: fit to the slopes of all modes; None without one
+    refusal: str  #: reason of its absence, else empty
     local: FittedLocalStiffness | None  #: None without such points, or if undetermined
-    local_refusal: str  #: why there is none; empty if there is one, or no such points
+    local_refusal: str  #: reason of its absence, else empty
     laws: Mapping[str, FittedLaw]  #: Table I: power laws by mode, each on its own
-    missing: Mapping[str, str]  #: by mode, why there is no power law
-    unused: Mapping[str, Sequence[int]]  #: lines of the rows that no slope rests on, by why
+    missing: Mapping[str, str]  #: reasons of missing power laws, by mode
+    unused: Mapping[str, Sequence[int]]  #: line numbers of unused rows, by reason
 
     def points(self, mode: str) -> int:
         """
-        Return how many measured points the slopes of a mode rest on.
+        Return the number of measured points of the slopes of a mode.
 
         :param mode: axial, transverse or rotary.
         """
@@ -58,18 +58,18 @@ class Analysis:
 
 def analyse(
     measurements: Measurements,
-    diameter: float = DIAMETER,
+    diameter: float = DEFAULT_DIAMETER,
     tolerance: float = TOLERANCE,
     max_displacements: Mapping[str, float] | None = None,
 ) -> Analysis:
     """
-    Fit slopes, the beam, and power laws beside it.
+    Fit slopes, the beam and separate power laws.
 
     :param measurements: groups of points; lengths are pinch to pinch in the axial mode, and guide
         ring to guide ring in the others [m].
-    :param diameter: of the tube [m].
+    :param diameter: diameter of the tube [m].
     :param tolerance: see linear_range.TOLERANCE.
-    :param max_displacements: linear range of some modes, instead of the test for one [m or rad].
+    :param max_displacements: given linear ranges of modes, instead of the test [m or rad].
     """
     ranges = max_displacements or {}
     slopes: dict[str, list[Slope]] = {mode: [] for mode in MODES}
@@ -105,7 +105,7 @@ def analyse(
 
 
 def _without_outliers(group: Group, unused: dict[str, list[int]]) -> Group:
-    """Return a group without the points that are off the line of the others; note their rows."""
+    """Return a group without outliers of its line; store their rows."""
     out, off = outlying_points(group)
     unit = 'N m' if group.mode == 'rotary' else 'N'
     for i in np.flatnonzero(out):
@@ -117,7 +117,7 @@ def _without_outliers(group: Group, unused: dict[str, list[int]]) -> Group:
 def _without_outlying_groups(
     slopes: Mapping[str, list[Slope]], radius: float, unused: dict[str, list[int]]
 ) -> dict[str, list[Slope]]:
-    """Return slopes without those that are off the beam of the others; note their rows."""
+    """Return slopes without outliers of the beam; store their rows."""
     found = [slope for mode in MODES for slope in slopes[mode]]
     ratios = outlying_ratios(*_measured(found), radius)
     for slope, ratio in zip(found, ratios, strict=True):
@@ -129,8 +129,8 @@ def _without_outlying_groups(
 
 
 def _require_plausible(fitted: FittedBeam) -> None:
-    """Refuse constants that no tube has, as far as the points tell them."""
-    for name, (low, high) in PLAUSIBLE.items():
+    """Raise for implausible constants that the points determine."""
+    for name, (low, high) in PLAUSIBLE_RANGES.items():
         value = getattr(fitted.constants, name)
         known = getattr(fitted.high, name) < np.inf
         if known and not low <= value <= high:

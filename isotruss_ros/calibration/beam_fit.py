@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Fit the three constants of an inflatable beam to the stiffnesses of all modes at once.
+Fit of the three constants of an inflatable beam to the stiffnesses of all modes.
 
-A tube has one wall: E t and G t of its fabric and the softening c of its pinched ends give all end
-stiffnesses at any length and pressure (`InflatableBeam`), and whatever the constants are, they
-belong to one beam. Measured stiffnesses are compared by their logarithms, all of equal weight.
+The constants E t and G t of the fabric and the softening c of the pinched ends give all end
+stiffnesses at any length and pressure (`InflatableBeam`). The logarithms of the stiffnesses are
+fitted with equal weights.
 """
 
 from __future__ import annotations
@@ -25,15 +25,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 
-#: Constants are sought within this factor of a first estimate; beyond, they act no more.
-RANGE = 1e6
-#: Scatter of ln(stiffness) between trials of one tube, and a misfit that is no scatter [-]. With a
-#: third of the latter, tubes that are no such beam lose groups; with three times, slips of 8 stay.
+#: Search range of the constants as a factor on the estimate [-]; they have no effect beyond.
+SEARCH_FACTOR = 1e6
+#: Scatter of ln(stiffness) between trials of one tube, and misfit of an outlier [-]. A third of
+#: the latter removes groups of tubes that are no such beam; three times keeps errors by a factor
+#: of 8.
 COMMON_MISFIT, LEAST_MISFIT = 0.1, 0.7
-#: Largest share of the groups that are slips [-]; where more are off, the beam is wrong.
-MOST_OUT = 0.2
-#: A combination of constants that acts this much less than another one is not determined.
-INDIFFERENT = 1e-4
+#: Largest share of outlying groups [-]; with more, the model does not apply.
+MAX_OUTLIER_SHARE = 0.2
+#: Smallest relative singular value of a determined combination of constants [-].
+MIN_SINGULAR_RATIO = 1e-4
 
 
 class BeamConstants(NamedTuple):
@@ -46,12 +47,12 @@ class BeamConstants(NamedTuple):
 
 @dataclass(frozen=True)
 class FittedBeam:
-    """An inflatable beam and how well its constants are known."""
+    """An inflatable beam with confidence intervals of its constants."""
 
     radius: float  #: R of the tube [m]
-    constants: BeamConstants  #: the best ones
+    constants: BeamConstants  #: least-squares estimate
     low: BeamConstants  #: lower ends of the confidence intervals, of each constant on its own
-    high: BeamConstants  #: upper ends; infinite where the points do not bound a constant
+    high: BeamConstants  #: upper ends; infinite if unbounded by the points
     misfits: Mapping[str, float]  #: root mean square of ln(measured / fitted stiffness) by mode
 
     @property
@@ -62,7 +63,7 @@ class FittedBeam:
 
 def end_stiffness(tube: TubeStiffness, mode: str, length: ArrayLike, pressure: ArrayLike) -> Array:
     """
-    Return what a load at one end meets: the diagonal of (2).
+    Return the end stiffness: the diagonal of (2).
 
     :param tube: a model whose EI and GA do not depend on the length.
     :param mode: axial, transverse or rotary.
@@ -83,12 +84,12 @@ def fit_beam(
     """
     Fit the constants of an inflatable beam.
 
-    :param modes: (n,) number of the mode of each stiffness in MODES.
+    :param modes: (n,) index of the mode of each stiffness in MODES.
     :param lengths: (n,) pinch to pinch for the axial mode, ring to ring for the others [m].
     :param pressures: (n,) gauge [Pa].
     :param stiffnesses: (n,) [N/m], rotary [N m/rad].
     :param radius: R of the tube [m].
-    :raises MeasurementError: the points do not determine the constants; says what is missing.
+    :raises MeasurementError: the points do not determine the constants; names the missing ones.
     """
     _require_modes(modes)
     target = np.log(stiffnesses)
@@ -98,7 +99,7 @@ def fit_beam(
         return np.log(_stiffnesses(logs, *measured, radius)) - target
 
     start = _estimate(*measured, stiffnesses, radius)
-    reach = np.log(RANGE)
+    reach = np.log(SEARCH_FACTOR)
     found = least_squares(
         residual,
         start,
@@ -110,8 +111,8 @@ def fit_beam(
     )
     _require_determined(found.jac)
     width = half_widths(found.jac, found.fun)
-    # Where a constant does not act, any larger or smaller one fits as well.
-    width = np.where(np.linalg.norm(found.jac, axis=0) > INDIFFERENT, width, np.inf)
+    # Without effect, any larger or smaller constant fits as well.
+    width = np.where(np.linalg.norm(found.jac, axis=0) > MIN_SINGULAR_RATIO, width, np.inf)
     constants = np.exp(found.x)
     if constants.max() > MAX_MAGNITUDE:
         raise MeasurementError(
@@ -132,19 +133,19 @@ def outlying_ratios(
     modes: Indices, lengths: Array, pressures: Array, stiffnesses: Array, radius: float
 ) -> Array:
     """
-    Return by what factor stiffnesses are off the beam of the others, by a Cauchy loss.
+    Return factors between stiffnesses and the beam of the others, by a Cauchy loss.
 
-    :param modes: as of `fit_beam`, which says more of these parameters.
+    :param modes: modes, lengths, pressures and stiffnesses as in `fit_beam`.
     :param lengths: of the members [m].
     :param pressures: gauge [Pa].
     :param stiffnesses: [N/m], rotary [N m/rad].
     :param radius: R of the tube [m].
-    :return: (n,) 1 for those that are not off; all where too many are to be slips.
+    :return: (n,) factors of outliers, 1 for inliers; all 1 with too many outliers.
     :raises MeasurementError: the points do not determine the constants.
     """
     _require_modes(modes)
     measured, target = (modes, lengths, pressures), np.log(stiffnesses)
-    start, reach = _estimate(*measured, stiffnesses, radius), np.log(RANGE)
+    start, reach = _estimate(*measured, stiffnesses, radius), np.log(SEARCH_FACTOR)
     found = least_squares(
         lambda logs: np.log(_stiffnesses(logs, *measured, radius)) - target,
         start,
@@ -155,7 +156,9 @@ def outlying_ratios(
     )
     off = target - np.log(_stiffnesses(found.x, *measured, radius))
     out = np.abs(off) > LEAST_MISFIT
-    return np.exp(np.where(out, off, 0.0)) if out.mean() <= MOST_OUT else np.ones(len(off))
+    return (
+        np.exp(np.where(out, off, 0.0)) if out.mean() <= MAX_OUTLIER_SHARE else np.ones(len(off))
+    )
 
 
 def _stiffnesses(
@@ -173,9 +176,9 @@ def _stiffnesses(
 def _estimate(
     modes: Indices, lengths: Array, pressures: Array, stiffnesses: Array, radius: float
 ) -> Array:
-    """Return logarithms of constants of the right order, to begin with."""
+    """Return logarithms of constants of the right magnitude as the initial guess."""
     axial, transverse, rotary = (modes == mode for mode in range(3))
-    # Between EI/L and 4 EI/L; bending and shear give alike; the ends give as much as the wall.
+    # Between EI/L and 4 EI/L; equal compliance by bending and shear, by ends and wall.
     bending = np.where(rotary, 0.5 * stiffnesses * lengths, stiffnesses * lengths**3 / 6.0)
     shear = np.where(rotary, 4.0 * stiffnesses / lengths, 2.0 * stiffnesses * lengths)
     across = transverse | rotary
@@ -205,11 +208,11 @@ def _require_modes(modes: Indices) -> None:
 
 
 def _require_determined(sensitivity: Array) -> None:
-    """Refuse points that leave constants free to change together."""
+    """Raise if a combination of constants is undetermined."""
     _, sizes, directions = np.linalg.svd(sensitivity)
     free = np.abs(directions[-1])
-    # A constant that alone does not act does no harm: whatever it is, the stiffnesses fit.
-    if sizes[-1] < INDIFFERENT * sizes[0] and free.max() < 0.99:
+    # A single constant without effect is harmless: the stiffnesses fit for any value.
+    if sizes[-1] < MIN_SINGULAR_RATIO * sizes[0] and free.max() < 0.99:
         names = ' and '.join(
             name for name, part in zip(BeamConstants._fields, free, strict=True) if part > 0.05
         )

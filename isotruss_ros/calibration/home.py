@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Where the rollers' zeros are, from measured joints of the empty robot."""
+"""Roller offsets from measured joints of the empty robot."""
 
 from __future__ import annotations
 
@@ -21,32 +21,32 @@ from isotruss_ros.core.numerics.arrays import Array, finite_rows
 from isotruss_ros.core.numerics.records import Record
 import numpy as np
 
-#: Fewer measured joints are not relied on.
-FEWEST_JOINTS = 3
-#: A combination of zeros that moves the joints so much less than another one is not determined.
-INDIFFERENT = 1e-2
+#: Smallest number of measured joints.
+MIN_JOINTS = 3
+#: Smallest relative singular value of a determined combination of offsets [-].
+MIN_SINGULAR_RATIO = 1e-2
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class HomeCalibration(Record, headline=('zeros', 'deviations', 'residuals')):
-    """Zeros of the rollers, and the robot whose home is where the encoders read zero."""
+    """Roller offsets, and the robot with its home at zero encoder readings."""
 
     zeros: Array  #: (r,) travel since the home of the robot file where encoders read zero [m]
     deviations: Array  #: (r,) their standard deviations [m]
     residuals: Array  #: (k, 2) measured minus fitted joints, posture after posture [m]
-    description: RobotDescription  #: of the robot, with the home that was found
+    description: RobotDescription  #: the robot with the fitted home
 
 
 def calibrate_home(
     robot: Robot, postures: Sequence[Posture], deviation: float = 1e-3
 ) -> HomeCalibration:
     """
-    Find the zeros of the rollers by least squares over all postures.
+    Fit the roller offsets by least squares over all postures.
 
-    The Jacobian is that of (12). Zeros are found from the measured joints alone: no prior.
+    The Jacobian is that of (12). The fit has no prior.
 
-    :param robot: as its file has it.
-    :param postures: of the empty robot, whose joints no load moves.
+    :param robot: the robot of the robot file.
+    :param postures: postures of the empty robot, without loads.
     :param deviation: standard deviation of a measured coordinate, positive [m]; where the joints
         scatter more, the deviations follow from that.
     :raises GraspError: a joint is unknown.
@@ -58,9 +58,9 @@ def calibrate_home(
     known = {name for posture in postures for name in posture.joints}
     for name in known:
         check_joint(robot, name)
-    if len(known) < FEWEST_JOINTS:
+    if len(known) < MIN_JOINTS:
         raise MeasurementError(
-            f'joints {", ".join(sorted(known)) or "none"}: must be {FEWEST_JOINTS} or more'
+            f'joints {", ".join(sorted(known)) or "none"}: must be {MIN_JOINTS} or more'
         )
     if not 0.0 < deviation < math.inf:
         raise MeasurementError(f'deviation {deviation!r} m: must be a positive number')
@@ -87,7 +87,7 @@ def calibrate_home(
 def _require_determined(robot: Robot, known: Sequence[str], jacobian: Array) -> None:
     """Refuse joints that leave a combination of zeros undetermined; name joints that would not."""
     values, modes = np.linalg.svd(jacobian)[1:]
-    if len(values) == jacobian.shape[1] and values[-1] >= INDIFFERENT * values[0]:
+    if len(values) == jacobian.shape[1] and values[-1] >= MIN_SINGULAR_RATIO * values[0]:
         return
     nodes = (robot.home.node_jacobian @ modes[-1]).reshape(-1, 2)
     names = robot.topology.joint_names

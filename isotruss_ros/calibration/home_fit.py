@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Least squares of measured joints over the zeros of the rollers, and the frame of the tracker."""
+"""Least squares of measured joints over the roller offsets and the frame of the tracker."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
 import scipy
 
-#: A joint that is off the fit by more than so many standard deviations does not fit [-].
-GATE = 5.0
-#: Steps of a fit; one from the home of the robot file takes five to ten.
-MAX_STEPS = 100
-#: Of an error of a coordinate at least this share is left by a fit that can tell [-].
-LEAST_LEFT = 0.1
+#: Largest residual of a joint in standard deviations [-].
+GATE_SIGMAS = 5.0
+#: Iteration cap of a fit [-]; it takes five to ten from the home of the robot file.
+MAX_ITERATIONS = 100
+#: Smallest residual share (1 minus leverage) of a coordinate whose error is visible [-].
+MIN_RESIDUAL_SHARE = 0.1
 
 
 @dataclass(frozen=True)
 class Posture:
-    """Where joints of the empty robot were measured at one reading of the encoders."""
+    """Measured joints of the empty robot at one reading of the encoders."""
 
     roller_positions: Array  #: (r,) readings [m]
     joints: Mapping[str, tuple[float, float]]  #: (x, y) by the name of the joint, robot frame [m]
@@ -37,9 +37,9 @@ class HomeFit(NamedTuple):
     A fit to measured joints.
 
     :ivar zeros: (r,) travel since the home of the robot file where encoders read zero [m].
-    :ivar motion: (dx, dy, angle) that takes the frame of the tracker to the robot's [m, rad].
+    :ivar motion: transform (dx, dy, angle) from the frame of the tracker to the robot's [m, rad].
     :ivar residuals: (k, 2) measured minus fitted joints, posture after posture [m].
-    :ivar jacobian: (2k, p) of these.
+    :ivar jacobian: (2k, p) Jacobian of the residuals.
     """
 
     zeros: Array
@@ -50,9 +50,9 @@ class HomeFit(NamedTuple):
     @property
     def errors(self) -> tuple[Array, Array]:
         """
-        Return the errors of the coordinates as far as the fit leaves them, (k, 2) [m].
+        Return the estimated errors of the visible coordinates, (k, 2) [m].
 
-        :return: besides, the share of an error of each that is left: 1 minus its leverage, (k, 2).
+        :return: also the residual shares, 1 minus leverage, (k, 2).
         """
         basis = np.linalg.qr(self.jacobian)[0]
         left = np.sqrt(np.clip(1.0 - (basis**2).sum(axis=1), 1e-6, 1.0)).reshape(-1, 2)
@@ -60,26 +60,26 @@ class HomeFit(NamedTuple):
 
     def worst(self, deviation: float) -> tuple[int, float] | None:
         """
-        Return the number of the joint that fits least and its error [m]; None if all fit.
+        Return the index of the joint with the largest error [m]; None if all are consistent.
 
         :param deviation: standard deviation of a measured coordinate [m].
         """
         off, left = self.errors
         worst = int(off.max(axis=1).argmax())
         error = float(off[worst].max())
-        fits = error <= GATE * deviation or left[worst].max() <= LEAST_LEFT
+        fits = error <= GATE_SIGMAS * deviation or left[worst].max() <= MIN_RESIDUAL_SHARE
         return None if fits else (worst, error)
 
 
 def fit_home(robot: Robot, postures: Sequence[Posture], moved: bool = False) -> HomeFit:
     """
-    Fit the zeros of the rollers to measured joints; the Jacobian is that of (12).
+    Fit the roller offsets to measured joints, with the Jacobian of (12).
 
     :param robot: as its file has it.
-    :param postures: of the empty robot.
+    :param postures: postures of the empty robot.
     :param moved: whether the frame of the tracker is fitted as well.
     :raises GraspError: a joint is unknown.
-    :raises ConfigurationError: the joints fit no shape of the robot.
+    :raises ConfigurationError: no configuration fits the joints.
     """
     joints = [_numbers(robot, posture) for posture in postures]
     count = len(robot.roller_names)
@@ -104,19 +104,19 @@ def fit_home(robot: Robot, postures: Sequence[Posture], moved: bool = False) -> 
 
     start = np.zeros(count + 3 * moved)
     found = scipy.optimize.least_squares(
-        misfit, start, slope, method='lm', xtol=1e-12, max_nfev=MAX_STEPS
+        misfit, start, slope, method='lm', xtol=1e-12, max_nfev=MAX_ITERATIONS
     )
     return HomeFit(found.x[:count], found.x[count:], found.fun.reshape(-1, 2), found.jac)
 
 
 def home_jacobian(robot: Robot, postures: Sequence[Posture]) -> Array:
     """
-    Return the derivative of the measured joints by the zeros, where these are zero, (2k, r).
+    Return the Jacobian of the measured joints by the offsets at zero, (2k, r).
 
     :param robot: as its file has it.
-    :param postures: of the empty robot.
+    :param postures: postures of the empty robot.
     :raises GraspError: a joint is unknown.
-    :raises ConfigurationError: the robot has no such shape.
+    :raises ConfigurationError: no configuration exists.
     """
     shapes = [robot.home.moved_to(each.roller_positions) for each in postures]
     return _rates(shapes, [_numbers(robot, posture) for posture in postures])
@@ -139,7 +139,7 @@ def _places(posture: Posture) -> Array:
 
 
 def _numbers(robot: Robot, posture: Posture) -> Indices:
-    """Return the numbers of the measured joints."""
+    """Return the indices of the measured joints."""
     for name in posture.joints:
         check_joint(robot, name)
     names = robot.topology.joint_names

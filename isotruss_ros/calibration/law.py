@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Fit k = C p^a L^b to the stiffnesses of one mode, by least squares in logarithms."""
+"""Fit of k = C p^a L^b to the stiffnesses of one mode, by least squares in logarithms."""
 
 from __future__ import annotations
 
@@ -13,27 +13,27 @@ from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 from scipy.stats import t as student_t
 
-#: Logarithms that vary by no more than this do not vary.
-ROUNDING = 1e-12
+#: Rounding error of the variation of logarithms [-].
+VARIATION_TOLERANCE = 1e-12
 
 
 @dataclass(frozen=True)
 class FittedLaw:
-    """A stiffness law and how well it is known."""
+    """A stiffness law with confidence intervals."""
 
     law: Law  #: the law k = C p^a L^b in SI units
     low: Law  #: lower ends of the confidence intervals of C, a and b, each on its own
     high: Law  #: upper ends
-    r_squared: float  #: part of the variance of ln k that the law explains; NaN if k does not vary
+    r_squared: float  #: coefficient of determination of ln k; NaN if k is constant
     misfit: float  #: root mean square of ln(measured / fitted stiffness)
 
 
 def half_widths(matrix: Array, rest: Array) -> Array:
     """
-    Return half the widths of the 95 % confidence intervals of what was fitted, (k,).
+    Return half the widths of the 95 % confidence intervals of the estimates, (k,).
 
-    :param matrix: (n, k) of the least squares, their Jacobian at the solution.
-    :param rest: (n,) what they leave.
+    :param matrix: (n, k) Jacobian of the least squares at the solution.
+    :param rest: (n,) residuals.
     """
     freedom = len(rest) - matrix.shape[1]
     # pinv pinv^T is (X^T X)^-1 without squaring the condition of X.
@@ -48,7 +48,7 @@ def fit_law(pressures: Array, lengths: Array, stiffnesses: Array) -> FittedLaw:
     :param pressures: (n,) gauge [Pa].
     :param lengths: (n,) [m].
     :param stiffnesses: (n,) [N/m] or [N m/rad].
-    :raises MeasurementError: the points do not determine the exponents; says what is missing.
+    :raises MeasurementError: the points do not determine the exponents; names the missing ones.
     """
     n = len(stiffnesses)
     logs = np.column_stack([np.log(pressures), np.log(lengths)])
@@ -66,7 +66,7 @@ def fit_law(pressures: Array, lengths: Array, stiffnesses: Array) -> FittedLaw:
         _law(solution),
         _law(solution - reach),
         _law(solution + reach),
-        float(1.0 - rest @ rest / total) if total > n * ROUNDING**2 else np.nan,
+        float(1.0 - rest @ rest / total) if total > n * VARIATION_TOLERANCE**2 else np.nan,
         float(np.sqrt(np.mean(rest**2))),
     )
 
@@ -77,7 +77,7 @@ def _law(logarithmic: Array) -> Law:
 
 
 def _missing(pressures: Array, lengths: Array, logs: Array, n: int) -> list[str]:
-    """Return what has to be measured before a law can be fitted."""
+    """Return the measurements that are missing for a fit."""
     missing = []
     for name, symbol, values, unit in (
         ('pressure', 'a', pressures, 'Pa'),

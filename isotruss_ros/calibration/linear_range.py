@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The stiffness of a group of points: the slope through its linear range.
+Stiffness of a group of points: slope in the linear range.
 
-Tubes soften or stiffen as they are deformed further. The linear range of a group is the largest
-range |displacement| <= d in which a cubic is no better than a line, d being tried from the largest
-displacement down in steps of 5 % of it.
+Tubes soften or stiffen under large deformation. The linear range of a group is the largest range
+|displacement| <= d in which a cubic fits no better than a line; d decreases from the largest
+displacement in steps of 5 %.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from isotruss_ros.core.numerics.arrays import Array, Flags
 import numpy as np
 from scipy.stats import f as f_distribution
 
-#: A cubic that departs from the line by at most this part of the line's rise is still a line.
+#: Largest deviation of a cubic from the line in the linear range, as a share of the rise [-].
 TOLERANCE = 0.02
-#: Level of the F test by which a cubic may fit better by chance.
+#: Significance level of the F test of the cubic [-].
 SIGNIFICANCE = 0.01
-#: Ranges that are tried, in parts of the largest displacement.
+#: Candidate ranges relative to the largest displacement [-].
 RANGES = np.linspace(1.0, 0.1, 19)
 
 ALONE = 'the only displacement of its trial in the linear range; a slope needs two'
@@ -33,30 +33,30 @@ ALONE = 'the only displacement of its trial in the linear range; a slope needs t
 class Slope:
     """The slope of a group of points."""
 
-    group: Group  #: the measured points that it belongs to
-    stiffness: float  #: [N/m], rotary [N m/rad]; NaN if there is none
+    group: Group  #: measured points
+    stiffness: float  #: [N/m], rotary [N m/rad]; NaN if undetermined
     offsets: Array  #: (n,) load at zero displacement in the trial of each point
     limit: float  #: largest |displacement| of the linear range
-    used: Flags  #: (n,) points that the slope goes through
-    reasons: tuple[str, ...]  #: (n,) why the others are not used; empty for those that are
+    used: Flags  #: (n,) mask of the points in the fit
+    reasons: tuple[str, ...]  #: (n,) reasons of unused points, else empty
 
 
 def fit_slope(
     group: Group, tolerance: float = TOLERANCE, max_displacement: float | None = None
 ) -> Slope:
     """
-    Return the slope of load over displacement; each trial has an offset of its own.
+    Return the slope of load over displacement, with an offset for each trial.
 
     :param group: points of one mode, pressure and length.
-    :param tolerance: part of the line's rise by which a cubic may depart from a line.
-    :param max_displacement: the linear range, instead of the test for one [m or rad].
+    :param tolerance: largest deviation of a cubic from the line as a share of its rise [-].
+    :param max_displacement: given linear range, instead of the test [m or rad].
     """
     size = np.abs(group.displacements)
     if max_displacement is not None:
         inside = size <= max_displacement
         return _slope(group, inside, max_displacement)
     for limit in RANGES * size.max():
-        # The largest displacement itself is inside its own range, rounding or not.
+        # The largest displacement is inside its own range despite rounding.
         inside = size <= limit * (1.0 + 1e-12)
         if _is_linear(group, inside, tolerance):
             return _slope(group, inside, float(limit))
@@ -91,7 +91,7 @@ def _no_slope(group: Group, reason: str) -> Slope:
 
 
 def _spread(group: Group, inside: Flags) -> Flags:
-    """Return which points (n,) are in trials with two different displacements in the range."""
+    """Return the mask (n,) of points in trials with two different displacements in the range."""
     count = group.trials.max() + 1
     low, high = np.full(count, np.inf), np.full(count, -np.inf)
     np.minimum.at(low, group.trials[inside], group.displacements[inside])
@@ -121,8 +121,8 @@ def _fit(group: Group, used: Flags, degree: int) -> tuple[float, Array, Array, i
     """
     Fit a polynomial with an offset for each trial.
 
-    :return: slope at zero, offsets of the trials (t,), zero for one without a point, residuals of
-        the points used, degrees of freedom.
+    :return: slope at zero, offsets of the trials (t,) (zero without points), residuals of the used
+        points, degrees of freedom.
     """
     x, y, trials = group.displacements[used], group.loads[used], group.trials
     unit = np.abs(x).max()

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Fit the local stiffness of a tube to cylinders that were pressed into its side.
+Fit of the local stiffness of a tube to presses by cylinders.
 
-The beam is known from the other modes; what is left is how the section flattens, one factor on the
-theory of `flattening` for all pressures, cylinders and depths.
+The beam is given by the other modes. The only unknown is a factor on the flattening stiffness of
+`flattening`, for all pressures, cylinders and depths.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 from scipy.stats import t as student_t
 
-#: The factor is sought within this of the theory.
-RANGE = 100.0
-#: Of the logarithm of the factor, and of that of a load: what is less is rounding.
+#: Search range of the factor [-].
+SEARCH_FACTOR = 100.0
+#: Rounding tolerances of the logarithms of factor and load [-].
 TOLERANCE, EXACT = 1e-8, 1e-9
-#: Of the ends of its confidence interval, as logarithms.
-ENDS = 1e-4
-#: Where a tenth more of the factor changes no load by this share, the points do not show it.
-INDIFFERENT = 1e-3
+#: Tolerance of the logarithms of the confidence limits [-].
+LIMIT_TOLERANCE = 1e-4
+#: Smallest relative change of a load for 10 % of the factor that determines it [-].
+MIN_LOAD_CHANGE = 1e-3
 
 
 @dataclass(frozen=True)
 class FittedLocalStiffness:
-    """The local stiffness against that of the theory, and how well it is known."""
+    """Factor on the theoretical local stiffness, with its confidence interval."""
 
     value: float  #: the factor [-]
     low: float  #: lower end of its 95 % confidence interval, by the profile of the squares
@@ -54,7 +54,7 @@ def fit_local_stiffness(presses: Presses, beam: InflatableBeam) -> FittedLocalSt
     count = len(target)
     if count < 3:
         raise MeasurementError(f'{count} points of interference: must be three or more')
-    # A clamped tube bears F L / 8 at both ends and in the middle, and p pi R^3 / 2 wrinkles it.
+    # Moments of a clamped tube: F L / 8 at both ends and in the middle; wrinkling at p pi R^3 / 2.
     bearable = 4.0 * np.pi * beam.radius**3 * presses.pressures / presses.lengths
     wrinkled = np.flatnonzero(presses.loads > bearable)
     if len(wrinkled):
@@ -71,22 +71,27 @@ def fit_local_stiffness(presses: Presses, beam: InflatableBeam) -> FittedLocalSt
         away = np.log(_loads(presses, beam, float(np.exp(log_factor)))) - target
         return float(away @ away)
 
-    ends = (-np.log(RANGE), np.log(RANGE))
+    ends = (-np.log(SEARCH_FACTOR), np.log(SEARCH_FACTOR))
     found = minimize_scalar(misfit, bounds=ends, method='bounded', options={'xatol': TOLERANCE})
     best, least = float(found.x), float(found.fun)
     change = np.log(
         _loads(presses, beam, 1.1 * np.exp(best)) / _loads(presses, beam, np.exp(best))
     )
-    if float(np.sqrt(np.mean(change**2))) < INDIFFERENT:
+    if float(np.sqrt(np.mean(change**2))) < MIN_LOAD_CHANGE:
         raise MeasurementError(
             'the loads do not depend on the local stiffness: the tube bends and does not flatten; '
             'press a shorter piece, or narrower cylinders'
         )
-    # The interval of the profile: beyond it the squares are larger by more than noise makes them.
+    # Profile likelihood interval: the sum of squares increases beyond noise outside.
     share = student_t.ppf(0.975, count - 1) ** 2 / (count - 1)
     bound = (1.0 + share) * least + count * EXACT**2
     low, high = (
-        brentq(lambda log_factor: misfit(log_factor) - bound, best, end, xtol=ENDS)
+        brentq(
+            lambda log_factor: misfit(log_factor) - bound,
+            best,
+            end,
+            xtol=LIMIT_TOLERANCE,
+        )
         if misfit(end) > bound
         else end
         for end in ends
@@ -96,7 +101,7 @@ def fit_local_stiffness(presses: Presses, beam: InflatableBeam) -> FittedLocalSt
 
 
 def _loads(presses: Presses, beam: InflatableBeam, factor: float) -> Array:
-    """Return the loads (n,) that the points should have [N]."""
+    """Return the predicted loads (n,) of the points [N]."""
     return np.array(
         [
             depth

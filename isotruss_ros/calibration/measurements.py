@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Read measured points: a CSV file in, groups of points out, and every row that was not used."""
+"""Measured points from a CSV file: groups of points, and all unused rows."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ import numpy as np
 
 #: The modes of Fig. 2, in its order.
 MODES = ('axial', 'transverse', 'rotary')
-#: A cylinder that is pressed into the side of the tube, as in Fig. 6; needs its diameter.
+#: Mode of a cylinder pressed into the side of the tube, as in Fig. 6; needs its diameter.
 INTERFERENCE = 'interference'
 DIAMETER = 'diameter'
-NUMBERS = ('pressure', 'length', 'displacement', 'load')
-COLUMNS = ('mode', *NUMBERS)
+NUMBER_COLUMNS = ('pressure', 'length', 'displacement', 'load')
+COLUMNS = ('mode', *NUMBER_COLUMNS)
 TRIAL = 'trial'
 #: Ranges of the numbers of a row: pressures as in a robot file [Pa], tubes from a hand to a hall
 #: [m], and bars [m].
@@ -33,14 +33,14 @@ RANGES = {
     'length': (0.02, 100.0, 'm'),
     DIAMETER: (1e-3, 1.0, 'm'),
 }
-#: Largest angle of the rotary mode [rad]. In the others a tube moves no farther than it is long.
+#: Largest angle of the rotary mode [rad]; in other modes the length bounds the displacement.
 MAX_ANGLE = math.pi
-#: A million points; what is longer, or never ends, is something else.
+#: Largest file [bytes], about a million points.
 MAX_FILE_SIZE = 50_000_000
 
 
 class MeasurementError(IsotrussError, ValueError):
-    """A file of measured points cannot be read, or does not hold what a fit needs."""
+    """A file of measured points is unreadable or insufficient for a fit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,28 +51,28 @@ class Group:
     pressure: float  #: gauge [Pa]
     length: float  #: undeflected: pinch to pinch in the axial mode, ring to ring in the others [m]
     lines: Indices  #: (n,) line numbers in the file
-    trials: Indices  #: (n,) number of the trial of each, 0 ... t - 1
+    trials: Indices  #: (n,) index of the trial of each, 0 ... t - 1
     displacements: Array  #: (n,) [m], rotary [rad]
     loads: Array  #: (n,) [N], rotary [N m]
 
     def only(self, chosen: Flags) -> Group:
         """
-        Return a part of the group, with the same numbers of trials.
+        Return a subset of the group, with the same trial numbers.
 
-        :param chosen: which points (n,).
+        :param chosen: (n,) mask of the points.
         """
         names = ('lines', 'trials', 'displacements', 'loads')
         return replace(self, **{name: getattr(self, name)[chosen] for name in names})
 
     @property
     def name(self) -> str:
-        """Return what to call the group in messages."""
+        """Return the name of the group in messages."""
         return f'{self.mode}, {self.pressure:g} Pa, {self.length:g} m'
 
 
 @dataclass(frozen=True, eq=False)
 class Presses:
-    """Cylinders pressed into the middle of a clamped tube, one point each."""
+    """Presses by cylinders into the middle of a clamped tube, one point each."""
 
     pressures: Array  #: (n,) gauge [Pa]
     lengths: Array  #: (n,) of the tube between the clamps [m]
@@ -87,9 +87,9 @@ class Measurements:
 
     groups: tuple[Group, ...]  #: of the modes of a beam, ordered by mode, pressure and length
     presses: Presses  #: the points of the mode interference
-    unused: Mapping[str, list[int]]  #: lines of the rows in no group, by why they are not
+    unused: Mapping[str, list[int]]  #: line numbers of unused rows, by reason
     rows: int  #: number of rows in the file, the header aside
-    ignored_columns: tuple[str, ...]  #: columns of other names
+    ignored_columns: tuple[str, ...]  #: unknown columns
 
 
 def read_measurements(path: Path) -> Measurements:
@@ -119,7 +119,7 @@ def read_measurements(path: Path) -> Measurements:
                 unused.setdefault(complaint, []).append(reader.line_num)
                 continue
             values = dict(zip(header, cells, strict=True))
-            pressure, length, displacement, load = (float(values[name]) for name in NUMBERS)
+            pressure, length, displacement, load = (float(values[name]) for name in NUMBER_COLUMNS)
             if values['mode'] == INTERFERENCE:
                 cylinder = float(values[DIAMETER])
                 presses.append((pressure, length, cylinder, displacement, load))
@@ -148,7 +148,7 @@ def _text(path: Path) -> str:
 
 
 def _check_header(path: Path, header: Sequence[str]) -> tuple[str, ...]:
-    """Return the columns that are not known; raise if one that is needed is not there."""
+    """Return the unknown columns; raise for a missing one."""
     missing = [name for name in COLUMNS if header.count(name) != 1]
     if missing or header.count(TRIAL) > 1 or header.count(DIAMETER) > 1:
         found = ','.join(header)
@@ -161,12 +161,12 @@ def _check_header(path: Path, header: Sequence[str]) -> tuple[str, ...]:
 
 
 def _complaints(header: Sequence[str], cells: Sequence[str]) -> list[str]:
-    """Return what is wrong with the numbers of a row, each on its own."""
+    """Return the faults of the numbers of a row, each on its own."""
     return list(_find_complaints(header, cells))
 
 
 def _too_far(header: Sequence[str], cells: Sequence[str]) -> Iterator[str]:
-    """Yield that the end of a tube cannot have moved so far."""
+    """Yield an error for implausibly large displacements of a tube's end."""
     values = dict(zip(header, cells, strict=True))
     moved = abs(float(values['displacement']))
     if values['mode'] == 'rotary' and moved > MAX_ANGLE:
@@ -176,7 +176,7 @@ def _too_far(header: Sequence[str], cells: Sequence[str]) -> Iterator[str]:
 
 
 def _find_complaints(header: Sequence[str], cells: Sequence[str]) -> Iterator[str]:
-    """Yield what is wrong with a row."""
+    """Yield the faults of a row."""
     if len(cells) != len(header):
         yield f'{len(cells)} values for {len(header)} columns'
         return
@@ -190,13 +190,13 @@ def _find_complaints(header: Sequence[str], cells: Sequence[str]) -> Iterator[st
         shown = repr(cell if len(cell) <= 30 else cell[:27] + '...')
         if name == 'mode' and cell not in (*MODES, INTERFERENCE):
             yield f'mode {shown}: must be one of {", ".join((*MODES, INTERFERENCE))}'
-        elif name in NUMBERS or (pressed and name == DIAMETER):
+        elif name in NUMBER_COLUMNS or (pressed and name == DIAMETER):
             try:
                 value = float(cell)
             except ValueError:
                 yield f'{name} {shown}: must be a number'
                 continue
-            # Beyond what a robot file takes a number is a slip and overflows in products; so do
+            # Numbers beyond the range of a robot file are errors and overflow in products; so do
             # reciprocals.
             if not abs(value) <= MAX_MAGNITUDE:
                 yield f'{name} {shown}: must be finite, at most {MAX_MAGNITUDE:g}'

@@ -14,53 +14,53 @@ import numpy as np
 from numpy.typing import ArrayLike
 import scipy
 
-#: Poses from fewer cycles than this determine no oscillation.
-FEWEST = 20
-#: A fit that leaves more than this share of the motion is of no single oscillation [-].
-LARGEST_REST = 0.5
-#: So strongly damped that no frequency is seen [-].
-LARGEST_DAMPING = 0.7
+#: Smallest number of poses.
+MIN_POSES = 20
+#: Largest residual of a single oscillation relative to the motion [-].
+MAX_RESIDUAL_SHARE = 0.5
+#: Largest damping ratio with an identifiable frequency [-].
+MAX_DAMPING_RATIO = 0.7
 
 
 class Oscillation(NamedTuple):
     """One damped oscillation."""
 
-    frequency: float  #: undamped [rad/s]
-    damping_ratio: float  #: against the critical damping [-]
-    amplitude: float  #: largest distance from the place of rest in the measured time [m]
+    frequency: float  #: undamped natural frequency [rad/s]
+    damping_ratio: float  #: damping ratio [-]
+    amplitude: float  #: largest distance from rest in the measured time [m]
 
 
 def fit_oscillation(times: ArrayLike, poses: ArrayLike, arm: float) -> Oscillation:
     """
     Fit one damped oscillation to the poses of an object after a push.
 
-    The coordinates share frequency and damping; amplitudes and the place of rest follow by linear
+    The coordinates share frequency and damping; amplitudes and position of rest follow by linear
     least squares (variable projection, Golub and Pereyra 1973).
 
-    :param times: (n,) of the poses, ascending [s].
+    :param times: (n,) times of the poses, ascending [s].
     :param poses: (n, 3) x, y [m] and angle [rad].
-    :param arm: of the object, at which turns count [m].
-    :raises MeasurementError: numbers that are not finite, too few poses, or one damped
-        oscillation does not explain them.
+    :param arm: characteristic radius of the object, which scales rotation [m].
+    :raises MeasurementError: numbers that are not finite, too few poses, or poses without a single
+        damped oscillation.
     """
     moved = finite_rows(poses, 3, 'poses (x, y, angle) [m, rad]', MeasurementError, MAX_DISTANCE)
     at = finite_array(times, len(moved), 'times [s]', MeasurementError)
     finite_array([arm], 1, 'arm [m]', MeasurementError, MAX_DISTANCE)
-    if len(at) < FEWEST or not (np.diff(at) > 0.0).all():
+    if len(at) < MIN_POSES or not (np.diff(at) > 0.0).all():
         raise MeasurementError(
-            f'{len(at)} poses: must be {FEWEST} or more, at ascending times, to fit an oscillation'
+            f'{len(at)} poses: must be {MIN_POSES} or more, at ascending times, for an oscillation'
         )
     at, moved = at - at[0], (moved - moved.mean(axis=0)) * (1.0, 1.0, arm)
 
     def split(shape: Array) -> tuple[Array, Array]:
-        """Return the fitted motion with its place of rest, and what is left."""
+        """Return the fitted motion with its position of rest, and the residual."""
         damped, frequency = np.exp(-shape[0] * at), shape[1]
         basis = damped * np.array([np.cos(frequency * at), np.sin(frequency * at)])
         columns = np.column_stack([*basis, np.ones_like(at)])
         parts = np.linalg.lstsq(columns, moved, rcond=None)[0]
         return columns[:, :2] @ parts[:2], moved - columns @ parts
 
-    # Without units, so that the search ends by shares of the motion.
+    # Dimensionless, so that the tolerances are relative to the motion.
     size = float(np.linalg.norm(moved))
     if size == 0.0:
         raise MeasurementError('the poses are all the same: nothing oscillates')
@@ -72,7 +72,11 @@ def fit_oscillation(times: ArrayLike, poses: ArrayLike, arm: float) -> Oscillati
     frequency = float(np.hypot(decay, damped))
     rest = 2.0 * found.cost
     periods = abs(damped) * at[-1] / (2.0 * np.pi)
-    if rest > LARGEST_REST or periods < 1.0 or not 0.0 <= decay < LARGEST_DAMPING * frequency:
+    if (
+        rest > MAX_RESIDUAL_SHARE
+        or periods < 1.0
+        or not 0.0 <= decay < MAX_DAMPING_RATIO * frequency
+    ):
         raise MeasurementError(
             'the poses are not one damped oscillation: what is left of them is '
             f'{rest:.0%}, the damping ratio {decay / frequency:.2g}, and {periods:.2g} periods '
@@ -83,7 +87,7 @@ def fit_oscillation(times: ArrayLike, poses: ArrayLike, arm: float) -> Oscillati
 
 
 def _strongest_frequency(at: Array, moved: Array) -> float:
-    """Return the strongest frequency of a motion resampled evenly [rad/s]."""
+    """Return the strongest frequency of a uniformly resampled motion [rad/s]."""
     even = np.linspace(0.0, at[-1], len(at))
     spread = np.array([np.interp(even, at, each) for each in moved.T])
     power = (np.abs(np.fft.rfft(spread)) ** 2).sum(axis=0)

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Points that are off the line of the others of their group: slips of the pen."""
+"""Outliers of the line of a group of points, such as typing errors."""
 
 from __future__ import annotations
 
@@ -10,36 +10,35 @@ from isotruss_ros.core.numerics.arrays import Array, Flags
 import numpy as np
 from scipy.stats import t as student_t
 
-#: Probability with which a group of clean points loses one of them [-].
-POINT_LEVEL = 1e-5
-#: A point less far off the line of the others than this share of its rise stays, however straight
-#: they are [-]: a third of it takes points of tubes that soften, three times of it leaves typing
-#: errors of half the load.
-LEAST_SHARE = 0.2
-#: At most this share of the points of a group is off the others [-].
-MOST_SHARE = 0.2
+#: Probability of a false outlier in a group [-].
+FALSE_OUTLIER_PROBABILITY = 1e-5
+#: Smallest deviation of an outlier relative to the rise of the line [-]: a third removes points of
+#: softening tubes, three times keeps typing errors of half the load.
+MIN_DEVIATION_SHARE = 0.2
+#: Largest share of outliers in a group [-].
+MAX_OUTLIER_SHARE = 0.2
 
 
 def outlying_points(group: Group) -> tuple[Flags, Array]:
     """
-    Find the points of a group that are off the line of the others.
+    Return the outliers of the line of a group.
 
-    By the externally studentised residuals of a line with an offset for each trial, the largest
+    Uses externally studentised residuals of a line with an offset for each trial, the largest
     first.
 
     :param group: points of one mode, pressure and length.
-    :return: which points (n,), and how far they are off the line of the others (n,) [N or N m].
+    :return: mask of outliers (n,), and deviations from the line of the others (n,) [N or N m].
     """
     off, out = np.zeros(len(group.loads)), np.zeros(len(group.loads), dtype=bool)
-    for _ in range(int(MOST_SHARE * len(out))):
+    for _ in range(int(MAX_OUTLIER_SHARE * len(out))):
         rest, scale, rise = _deleted(group, ~out)
         with np.errstate(divide='ignore', invalid='ignore'):
             ratio = np.abs(rest) / scale
         worst = int(np.nan_to_num(ratio, nan=0.0, posinf=np.inf).argmax())
         freedom = int((~out).sum()) - 3 - int(group.trials.max())
-        if freedom < 2 or abs(rest[worst]) <= LEAST_SHARE * rise[worst]:
+        if freedom < 2 or abs(rest[worst]) <= MIN_DEVIATION_SHARE * rise[worst]:
             break
-        if 2.0 * student_t.sf(ratio[worst], freedom) * len(out) > POINT_LEVEL:
+        if 2.0 * student_t.sf(ratio[worst], freedom) * len(out) > FALSE_OUTLIER_PROBABILITY:
             break
         out[worst], off[worst] = True, rest[worst]
     return out, off
@@ -47,9 +46,9 @@ def outlying_points(group: Group) -> tuple[Flags, Array]:
 
 def _deleted(group: Group, used: Flags) -> tuple[Array, Array, Array]:
     """
-    Return residuals (n,) of points against the line of the others, their scale and its rise.
+    Return deleted residuals (n,), the scale of the others and the rise of their line.
 
-    Zero residuals where a point is not used, or the others tell no line.
+    The residual is zero for an unused point, or if the others determine no line.
     """
     n, x, y = len(used), group.displacements, group.loads
     trials = group.trials[:, None] == np.arange(group.trials.max() + 1)
@@ -65,7 +64,7 @@ def _deleted(group: Group, used: Flags) -> tuple[Array, Array, Array]:
     told = free > 1e-6
     deleted = np.where(told, left / np.where(told, free, 1.0), 0.0)
     squares = np.maximum(left @ left - deleted**2 * free, 0.0)
-    # Rounding is no scatter of the others.
+    # Lower bound of the scatter by rounding.
     least = np.finfo(float).eps * np.abs(y[used]).max()
     rest[used] = deleted
     scale[used] = np.maximum(np.sqrt(squares / freedom), least) / np.sqrt(np.maximum(free, 1e-6))

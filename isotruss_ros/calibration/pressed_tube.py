@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A tube with clamped ends and a cylinder pressed into its side: the test of Fig. 6."""
+"""A clamped tube with a cylinder pressed into its side: the test of Fig. 6."""
 
 from __future__ import annotations
 
@@ -19,26 +19,26 @@ from isotruss_ros.core.statics.beam_column import local_stiffness
 from isotruss_ros.core.statics.section import TubeStiffness
 import numpy as np
 
-#: Of the points that the cylinder could touch [m].
-SPACING = 0.001
+#: Spacing of the contact points [m].
+CONTACT_SPACING = 0.001
 
 
 @dataclass(frozen=True)
 class ClampedTube:
-    """A straight tube whose ends do not move."""
+    """A straight tube with fixed ends."""
 
-    stiffness: TubeStiffness  #: of the tube as a beam, and the constants of its wall
-    radius: float  #: R [m]
-    length: float  #: between the clamps [m]
-    local_stiffness: float = 1.0  #: against flattening, over that of the theory [-]
-    pinned: bool = False  #: whether the ends turn freely, instead of being clamped
+    stiffness: TubeStiffness  #: beam model with the constants of its wall
+    radius: float  #: radius R [m]
+    length: float  #: length between the clamps [m]
+    local_stiffness: float = 1.0  #: factor on the theoretical flattening stiffness [-]
+    pinned: bool = False  #: whether the ends are hinged instead of clamped
 
 
 @dataclass(frozen=True)
 class Pressed:
-    """What it takes to press the cylinder in."""
+    """Response of the tube to the press."""
 
-    stiffness: float  #: force across the tube over the depth [N/m]
+    stiffness: float  #: transverse force divided by depth [N/m]
     contact: float  #: length of tube in contact [m]
 
 
@@ -51,22 +51,22 @@ def press(
     flattens: bool = True,
 ) -> Pressed:
     """
-    Press a cylinder into the side of the tube, from above: (5) to (8).
+    Press a cylinder into the side of the tube from above: (5) to (8).
 
     :param tube: the tube.
-    :param pressure: in the tube, gauge [Pa].
-    :param position: of the cylinder's centre along the tube [m].
-    :param cylinder: its own diameter [m].
-    :param depth: of the cylinder below the skin of the undeformed tube [m].
-    :param flattens: whether the tube's section flattens; if not, its centre line meets a disc that
-        is wider by the tube, as in the paper.
+    :param pressure: gauge pressure [Pa].
+    :param position: position of the cylinder's centre along the tube [m].
+    :param cylinder: diameter of the cylinder [m].
+    :param depth: penetration below the skin of the undeformed tube [m].
+    :param flattens: whether the tube's section flattens; if not, its centre line touches a disc
+        enlarged by the tube's radius, as in the paper.
     """
     center = complex(position, 0.5 * cylinder + tube.radius - depth)
     body = ConvexObject.disc((center.real, center.imag), cylinder)
     surface = surface_of(body, 0.0 if flattens else tube.radius)
     radius = surface.reach
-    reach = np.arange(-int(radius / SPACING) - 2, int(radius / SPACING) + 3)
-    places = position + SPACING * reach
+    reach = np.arange(-int(radius / CONTACT_SPACING) - 2, int(radius / CONTACT_SPACING) + 3)
+    places = position + CONTACT_SPACING * reach
     places = places[(places > 0.0) & (places < tube.length)]
     points = _contact_points(tube, pressure, places, flattens)
     contact = solve_contact(points, surface)
@@ -77,7 +77,7 @@ def press(
 def _contact_points(
     tube: ClampedTube, pressure: float, places: Array, flattens: bool
 ) -> ContactPoints:
-    """Return points inside one member whose ends turn, if they are pinned, or stand still."""
+    """Return contact points inside one member with hinged or fixed ends."""
     only, length = np.zeros(len(places), dtype=np.intp), np.array([tube.length])
     section = tube.stiffness.section_stiffness(length, pressure)
     beam = Beams(length, *section, pinned=np.array([False]))
@@ -93,7 +93,7 @@ def _contact_points(
             tube.radius, pressure, tube.stiffness.fabric, local_stiffness=tube.local_stiffness
         )
         skin = points + 1j * kernel.radius
-        dents = kernel.compliance(places, only, only, SPACING)
+        dents = kernel.compliance(places, only, only, CONTACT_SPACING)
     return ContactPoints(
         points=points,
         skin=skin,
@@ -101,7 +101,7 @@ def _contact_points(
         place=places,
         pieces=np.zeros(1, dtype=np.intp),
         piece=only,
-        spacing=SPACING,
+        spacing=CONTACT_SPACING,
         axis=np.ones(len(places), dtype=np.complex128),
         inside=inside,
         spread=shapes.swapaxes(0, 1),

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is printed: rows that were not used, the tables, the block for the robot file."""
+"""Printed report: unused rows, tables, and the block for the robot file."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ SYMBOLS = {
     'end_softening': 'c',
 }
 
-#: A beam nearer to the points of a mode than this is not said to miss them.
-MISSED = 0.05
+#: Smallest reported misfit of the beam in a mode [-].
+REPORTED_MISFIT = 0.05
 
 
 def unused_rows(unused: Mapping[str, Sequence[int]], rows: int) -> Iterator[str]:
     """
-    Yield lines that name and count the rows that were not used.
+    Yield lines with the names and numbers of unused rows.
 
     :param unused: line numbers by reason.
     :param rows: number of rows in the file.
@@ -43,7 +43,7 @@ def unused_rows(unused: Mapping[str, Sequence[int]], rows: int) -> Iterator[str]
 
 
 def _stretches(lines: Sequence[int]) -> str:
-    """Return sorted line numbers as 3-7, 9, 12-14."""
+    """Return sorted line numbers as ranges: 3-7, 9, 12-14."""
     names = []
     for _, run in itertools.groupby(enumerate(lines), lambda pair: pair[1] - pair[0]):
         numbers = [line for _, line in run]
@@ -55,7 +55,7 @@ def beam_table(fitted: FittedBeam) -> Table:
     """
     Return the constants of the beam with their confidence intervals.
 
-    :param fitted: the beam, and how well its constants are known.
+    :param fitted: the beam with its confidence intervals.
     """
     result = _table(f'Inflatable beam, {2.0 * fitted.radius:g} m in diameter, all modes')
     result.add_column('constant', no_wrap=True)
@@ -74,9 +74,9 @@ def beam_table(fitted: FittedBeam) -> Table:
 
 def local_line(analysis: Analysis) -> str:
     """
-    Return the local stiffness in words, or why there is none; empty without such points.
+    Return the local stiffness or the reason of its absence in words; empty without such points.
 
-    :param analysis: what was fitted.
+    :param analysis: results of the fits.
     """
     local = analysis.local
     if local is None:
@@ -90,7 +90,7 @@ def local_line(analysis: Analysis) -> str:
 
 def law_table(analysis: Analysis) -> Table:
     """
-    Return the power laws in the manner of Table I, and how far the beam is from each mode.
+    Return the power laws in the form of Table I, with the misfit of the beam in each mode.
 
     :param analysis: with slopes in some of the modes.
     """
@@ -111,7 +111,7 @@ def law_table(analysis: Analysis) -> Table:
             fitted = analysis.laws[mode]
             law, low, high = fitted.law, fitted.low, fitted.high
             constants = [
-                # The interval of C is not symmetric: it is that of ln C.
+                # The interval of C is asymmetric: it is that of ln C.
                 f'{law.C:.4g}\n{low.C:.4g} to {high.C:.4g}',
                 f'{law.a:.4f}\n± {high.a - law.a:.2g}',
                 f'{law.b:.4f}\n± {high.b - law.b:.2g}',
@@ -129,16 +129,16 @@ def law_table(analysis: Analysis) -> Table:
 
 def missed_modes(analysis: Analysis) -> Iterator[str]:
     """
-    Yield a line for each mode whose points the beam does not pass through.
+    Yield a line for each mode with a misfit of the beam.
 
-    A power law has three constants for one mode, the beam three for all: where the law passes
-    through the points and the beam does not, it is the theory that misses, and not the scatter.
+    A power law has three constants for one mode, the beam three for all: if the law fits and the
+    beam does not, the misfit is that of the theory, not scatter.
 
-    :param analysis: what was fitted.
+    :param analysis: results of the fits.
     """
     beam = analysis.fitted.misfits if analysis.fitted else {}
     for mode, law in analysis.laws.items():
-        if beam.get(mode, 0.0) > max(MISSED, 2.0 * law.misfit):
+        if beam.get(mode, 0.0) > max(REPORTED_MISFIT, 2.0 * law.misfit):
             yield (
                 f'the beam misses the points of mode {mode} by {100.0 * beam[mode]:.0f} %, their '
                 f'own power law by {100.0 * law.misfit:.0f} %: check the units, the diameter and '
@@ -152,10 +152,10 @@ def _table(title: str) -> Table:
 
 def block(fitted: FittedBeam, local: FittedLocalStiffness | None = None) -> str:
     """
-    Return the block `stiffness` of a robot file, indented to go under the key `tube`.
+    Return the block `stiffness` of a robot file, indented for the key `tube`.
 
     :param fitted: the beam.
-    :param local: the local stiffness; left out if None.
+    :param local: the local stiffness; omitted if None.
     """
     lines = [f'  local_stiffness: {local.value:.8e}'] if local else []
     lines += [
@@ -163,6 +163,6 @@ def block(fitted: FittedBeam, local: FittedLocalStiffness | None = None) -> str:
         '    model: inflatable_beam',
     ]
     for name, value in zip(SYMBOLS, fitted.constants, strict=True):
-        # In this notation both YAML 1.1 and 1.2 read a number.
+        # YAML 1.1 and 1.2 both read this notation as a number.
         lines.append(f'    {name}: {value:.8e}')
     return '\n'.join(lines)

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Measured joints of the empty robot in CSV files, and what they tell in a robot file."""
+"""Measured joints of the empty robot in CSV files, and calibrated robot files."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ import numpy as np
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
-#: Of a table of measured joints; a column for each roller comes on top.
+#: Columns of a table of measured joints, followed by one for each roller.
 COLUMNS = ('posture', 'joint', 'x', 'y')
 
 
 def read_postures(path: Path, robot: Robot) -> list[Posture]:
     """
-    Read measured joints: a row each, with the posture, the joint, x, y and all encoders.
+    Read measured joints, with posture, joint, x, y and all encoders in each row.
 
-    :param path: of the CSV file: the columns are `COLUMNS` and the names of the rollers [m].
-    :param robot: whose joints they are.
-    :raises MeasurementError: names the line, the value and what would be right.
+    :param path: path of the CSV file with the columns `COLUMNS` and the names of the rollers [m].
+    :param robot: the robot.
+    :raises MeasurementError: names the line, the value and the valid range.
     """
     rollers = robot.roller_names
     try:
@@ -79,12 +79,12 @@ def write_robot_file(
     stiffness: StiffnessCalibration | None = None,
 ) -> None:
     """
-    Write the robot file again, with what was measured; comments and all else stay.
+    Write a copy of the robot file with calibrated values; comments are preserved.
 
-    :param robot: as it was read from its file.
-    :param path: of the new file, which may be the old one.
-    :param home: where the encoders read zero.
-    :param stiffness: of the tubes.
+    :param robot: the robot of the robot file.
+    :param path: path of the new file, possibly the old one.
+    :param home: calibrated home.
+    :param stiffness: calibrated stiffness of the tubes.
     :raises MeasurementError: a file cannot be read or written.
     """
     with _changing(robot, path) as content:
@@ -101,11 +101,11 @@ def write_robot_file(
 
 def write_checked_rollers(robot: Robot, path: Path, names: Sequence[str]) -> None:
     """
-    Write the robot file again, with the rollers that were checked.
+    Write a copy of the robot file with the checked rollers.
 
-    :param robot: as it was read from its file.
-    :param path: of the new file, which may be the old one.
-    :param names: of the rollers.
+    :param robot: the robot of the robot file.
+    :param path: path of the new file, possibly the old one.
+    :param names: names of the rollers.
     :raises MeasurementError: a file cannot be read or written.
     """
     with _changing(robot, path) as content:
@@ -114,7 +114,7 @@ def write_checked_rollers(robot: Robot, path: Path, names: Sequence[str]) -> Non
 
 @contextlib.contextmanager
 def _changing(robot: Robot, path: Path) -> Iterator[CommentedMap]:
-    """Read the file of a robot, and write what the caller makes of it to another one."""
+    """Read the file of a robot, yield its content, and write it to another file."""
     yaml = YAML()
     yaml.preserve_quotes = True  # type: ignore[assignment]
     yaml.width = 200  # type: ignore[assignment]
@@ -128,7 +128,7 @@ def _changing(robot: Robot, path: Path) -> Iterator[CommentedMap]:
 
 
 def _in_one_line(values: Sequence[float | str]) -> CommentedSeq:
-    """Return a list of YAML in one line."""
+    """Return a list of YAML in flow style."""
     found = CommentedSeq(values)
     found.fa.set_flow_style()
     return found

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Which roller turned, which way and how far, from the joints that it moved."""
+"""Identification of the moved roller, its direction and travel from the joints."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from isotruss_ros.core.model.pose import MAX_DISTANCE
 from isotruss_ros.core.numerics.arrays import finite_array, finite_rows
 import numpy as np
 
-#: A roller whose travel is off by more than this share is not right.
-LARGEST_ERROR = 0.2
+#: Largest relative error of the travel of a correct roller [-].
+MAX_TRAVEL_ERROR = 0.2
 
 
 def judge_roller(
@@ -26,15 +26,15 @@ def judge_roller(
     deviation: float,
 ) -> str:
     """
-    Return what is wrong with a roller that was told to turn; empty where nothing is.
+    Return the fault of a commanded roller in words; empty without one.
 
-    :param config: where the robot was in between.
-    :param roller: its name.
-    :param travel: commanded [m].
+    :param config: configuration in the middle of the motion.
+    :param roller: name of the roller.
+    :param travel: commanded travel [m].
     :param moved: (dx, dy) of measured joints, by name [m].
     :param deviation: standard deviation of a measured coordinate [m].
     :raises GraspError: a joint is unknown.
-    :raises MeasurementError: there is no joint, or a number is not finite.
+    :raises MeasurementError: no joint was measured, or a number is not finite.
     """
     what = 'displacements of joints (dx, dy) [m]'
     finite_rows(list(moved.values()), 2, what, MeasurementError, MAX_DISTANCE)
@@ -46,11 +46,11 @@ def judge_roller(
         return f'no measured joint moves: {1e3 * farthest:.1g} mm'
     if found != roller:
         return f'{found} turned in its place, by {1e3 * turned:+.1f} mm'
-    if rest > 5.0 * deviation + LARGEST_ERROR * abs(travel):
+    if rest > 5.0 * deviation + MAX_TRAVEL_ERROR * abs(travel):
         return f'the joints do not move as with any roller: {1e3 * rest:.0f} mm are left'
     if turned * travel < 0.0:
         return f'it turned the other way, by {1e3 * turned:+.1f} mm'
-    if abs(turned - travel) > LARGEST_ERROR * abs(travel):
+    if abs(turned - travel) > MAX_TRAVEL_ERROR * abs(travel):
         return f'it turned by {1e3 * turned:+.1f} mm in place of {1e3 * travel:+.1f} mm'
     return ''
 
@@ -59,10 +59,9 @@ def _identify_roller(
     config: Configuration, moved: Mapping[str, tuple[float, float]]
 ) -> tuple[str, float, float]:
     """
-    Find the one roller that moved the joints of the empty robot, to first order by (12).
+    Return the single roller that explains the joint motion to first order by (12).
 
-    :return: its name, its travel [m], and what that leaves of the displacements, root mean
-        square [m].
+    :return: its name, its travel [m], and the root mean square residual of the displacements [m].
     """
     robot = config.robot
     names = robot.topology.joint_names

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Commands that need no ROS.
+Commands without ROS.
 
-Entry points: `main` of each module, as setup.py names them.
+Entry points: `main` of each module, listed in setup.py.
 Imports `core`, `calibration`, `mujoco_plant`, `plotting` and `viewer`.
 """

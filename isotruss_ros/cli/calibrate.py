@@ -4,7 +4,7 @@
 """
 Executables `calibrate_home` and `calibrate_stiffness`.
 
-From measured joints of the empty robot to a robot file.
+They fit measured joints of the empty robot and write a robot file.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ import numpy as np
 
 def home(arguments: Sequence[str] | None = None) -> int:
     """
-    Print the zeros of the rollers, and write the robot file with its home there.
+    Print the roller offsets, and write the robot file with the corrected home.
 
-    :param arguments: of the command line; those of the process if None.
-    :return: exit code, 1 where the joints do not tell.
+    :param arguments: arguments of the command line; None: those of the process.
+    :return: exit code, 1 if the joints do not determine the result.
     """
     parser = _parser('calibrate_home', 'Find where the encoders read zero.')
     parser.add_argument('joints', type=Path, help=_FILE)
@@ -37,10 +37,10 @@ def home(arguments: Sequence[str] | None = None) -> int:
 
 def stiffness(arguments: Sequence[str] | None = None) -> int:
     """
-    Print the stiffness of the tubes against the model, and write it to the robot file.
+    Print the scale of the tube stiffness, and write it to the robot file.
 
-    :param arguments: of the command line; those of the process if None.
-    :return: exit code, 1 where the joints do not tell.
+    :param arguments: arguments of the command line; None: those of the process.
+    :return: exit code, 1 if the joints do not determine the result.
     """
     parser = _parser('calibrate_stiffness', 'Find how stiff the tubes are, from a known pull.')
     parser.add_argument('before', type=Path, help=f'without the pull: {_FILE}')
@@ -73,7 +73,7 @@ def _run(
     arguments: Sequence[str] | None,
     calibrate: Callable[[argparse.Namespace], None],
 ) -> int:
-    """Calibrate, or print why not."""
+    """Calibrate, or print the reason of a failure."""
     options = parser.parse_args(arguments)
     try:
         calibrate(options)
@@ -116,7 +116,7 @@ def _calibrate_stiffness(options: argparse.Namespace) -> None:
 
 
 def _only_posture(path: Path, postures: Sequence[Posture]) -> Posture:
-    """Return the one posture of a file."""
+    """Return the single posture of a file."""
     if len(postures) != 1:
         raise MeasurementError(f'{path}: {len(postures)} postures: must be one')
     return postures[0]

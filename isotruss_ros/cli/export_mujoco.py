@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Executable `export_mujoco`: write a robot as a MuJoCo model, self-contained."""
+"""Executable `export_mujoco`: export of a robot as a self-contained MuJoCo model."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     Write the model and return the exit code.
 
-    :param arguments: of the command line; those of the process if None.
+    :param arguments: arguments of the command line; None: those of the process.
     """
     options = _parser().parse_args(arguments)
     try:
@@ -39,7 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _place(file: str, *pose: str) -> ConvexObject:
-    """Return the object of a file in its place."""
+    """Return the object of a file at its pose."""
     try:
         x, y, angle = map(float, pose)
     except ValueError as error:

@@ -11,7 +11,7 @@ import math
 from pathlib import Path
 import sys
 
-from isotruss_ros.calibration.analysis import analyse, Analysis, DIAMETER
+from isotruss_ros.calibration.analysis import analyse, Analysis, DEFAULT_DIAMETER
 from isotruss_ros.calibration.linear_range import TOLERANCE
 from isotruss_ros.calibration.measurements import (
     COLUMNS,
@@ -36,8 +36,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     Read the points, print the tables and the block, draw the figure.
 
-    :param arguments: of the command line; those of the process if None.
-    :return: exit code, 1 where there is no block for a robot file.
+    :param arguments: arguments of the command line; None: those of the process.
+    :return: exit code, 1 without a block for a robot file.
     """
     options = _parser().parse_args(arguments)
     try:
@@ -60,7 +60,7 @@ def _run(options: argparse.Namespace) -> int:
     print()
     console = Console(highlight=False)
     if not console.is_terminal:
-        console.width = max(console.width, 100)  # files and pipes need no narrow columns
+        console.width = max(console.width, 100)  # full width for files and pipes
     if analysis.fitted:
         console.print(beam_table(analysis.fitted), '')
     if local := local_line(analysis):
@@ -77,7 +77,7 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _finish(analysis: Analysis, path: Path | None) -> int:
-    """Print the block for the robot file, or why there is none."""
+    """Print the block for the robot file, or the reason of its absence."""
     if analysis.fitted is None:
         print(
             f'fit_tube_stiffness: no block for the robot file: {analysis.refusal}', file=sys.stderr
@@ -104,7 +104,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         '--diameter',
         type=_positive,
-        default=DIAMETER,
+        default=DEFAULT_DIAMETER,
         help='of the tube [m] (default %(default)s)',
     )
     parser.add_argument('--figure', type=Path, help='draw points and fits to this file')

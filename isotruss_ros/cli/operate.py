@@ -4,8 +4,8 @@
 """
 Commands `isotruss pick`, `move`, `place`, `stop` and `release`.
 
-One goal for the running node `pick_and_place`, or a call of `manipulation`; where there is no
-`ros2` command, or none that one wants to type.
+They send one goal to the running node `pick_and_place`, or one call to `manipulation`, without the
+`ros2` command.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ from rclpy.node import Node
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-#: A server that is running is discovered within this time [s].
-DISCOVERY_TIME = 5.0
+#: Timeout of the discovery of a server [s].
+DISCOVERY_TIMEOUT = 5.0
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """
-    Send one goal or call, and print what came of it.
+    Send one goal or call, and print its result.
 
-    :param arguments: of the command line; those of the process if None.
-    :return: 0 where it succeeded, 1 if not, 130 after Ctrl-C, which cancels the goal.
+    :param arguments: arguments of the command line; None: those of the process.
+    :return: 0 on success, 1 on failure, 130 after Ctrl-C, which cancels the goal.
     """
     options = _parser().parse_args(arguments)
     rclpy.init(args=[])
@@ -83,7 +83,7 @@ def _place(node: Node, _options: argparse.Namespace) -> int:
 def _send(node: Node, kind: Any, name: str, goal: Any) -> int:
     """Send a goal and wait for its result; Ctrl-C cancels it."""
     client = ActionClient(node, kind, name)
-    if not client.wait_for_server(DISCOVERY_TIME):
+    if not client.wait_for_server(DISCOVERY_TIMEOUT):
         return _fail(f'no action {name}: pick_and_place is not running')
     handle = _await(node, client.send_goal_async(goal))
     if not handle.accepted:
@@ -102,7 +102,7 @@ def _send(node: Node, kind: Any, name: str, goal: Any) -> int:
 def _call(node: Node, options: argparse.Namespace) -> int:
     """Call a service of the node `manipulation`."""
     client = node.create_client(Trigger, options.service)
-    if not client.wait_for_service(DISCOVERY_TIME):
+    if not client.wait_for_service(DISCOVERY_TIMEOUT):
         return _fail(f'no service {options.service}: manipulation is not running')
     answer = _await(node, client.call_async(Trigger.Request()))
     print(f'{options.service}: {answer.message}')

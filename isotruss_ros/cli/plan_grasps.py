@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Executable `plan_grasps`: find grasps of a free object, and the motions to them."""
+"""Executable `plan_grasps`: search for grasps of a free object, with the motions to them."""
 
 from __future__ import annotations
 
@@ -38,15 +38,15 @@ from isotruss_ros.core.planning.searcher import Stop
 from isotruss_ros.core.planning.workers import WorkerPool
 from rich.console import Console
 
-#: Exit codes. One who does not wait for the end of Ctrl-C gets what shells make of a signal.
+#: Exit codes; after a second Ctrl-C that of the signal.
 FOUND, NONE_FOUND, BAD_ARGUMENTS, FAILED, INTERRUPTED = 0, 1, 2, 3, 130
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """
-    Search, print what was found, and return the exit code.
+    Search, print the grasps, and return the exit code.
 
-    :param arguments: of the command line; those of the process if None.
+    :param arguments: arguments of the command line; None: those of the process.
     """
     options = _parser().parse_args(arguments)
     try:
@@ -68,7 +68,7 @@ def _run(options: argparse.Namespace) -> int:
         config = robot.configuration(options.rollers)
     body, needs = _read_object(options), requirements(options)
     if options.json is not None:
-        options.json.touch()  # better known before the search than after it
+        options.json.touch()  # fail before the search rather than after it
     plan = _search(config, body, needs, options)
     _tell(plan, needs)
     if options.json is not None:
@@ -78,7 +78,7 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _read_object(options: argparse.Namespace) -> ConvexObject:
-    """Return the object where it lies."""
+    """Return the object at its pose."""
     if options.object is None:
         return ConvexObject.disc(tuple(options.center), options.diameter)
     return read_object(options.object).moved_to((*options.center, options.angle))
@@ -90,16 +90,16 @@ def _search(
     needs: GraspRequirements,
     options: argparse.Namespace,
 ) -> GraspPlan:
-    """Search on the cores asked for, until it is done, interrupted, or its time is up."""
+    """Search on the given number of cores, until finished, interrupted or timed out."""
     stop = Stop(options.time_limit)
-    # One worker is a process of its own too: with other BLAS threads the last digits differ.
+    # A single worker is also a separate process: the last digits depend on the BLAS threads.
     with WorkerPool(options.workers) as pool, show_progress() as show, _interruptible(stop):
         return plan_grasps(config, body, needs, options.seed, pool.executor, show, stop)
 
 
 @contextlib.contextmanager
 def _interruptible(stop: Stop) -> Iterator[None]:
-    """Let Ctrl-C end the search with the best so far, and a second one the command."""
+    """End the search at the first Ctrl-C, with its best grasps, the command at the second."""
 
     def ask(_signal: int, _frame: FrameType | None) -> None:
         stop.requested = True
@@ -115,7 +115,7 @@ def _interruptible(stop: Stop) -> Iterator[None]:
 def _tell(plan: GraspPlan, needs: GraspRequirements) -> None:
     console = Console(highlight=False)
     if not console.is_terminal:
-        console.width = max(console.width, 120)  # files and pipes need no narrow columns
+        console.width = max(console.width, 120)  # full width for files and pipes
     if plan.grasps:
         console.print(table(plan, needs))
     console.print(plan_in_words(plan), soft_wrap=True)

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Command-line options that say what a grasp must fulfil."""
+"""Command-line options of the requirements of a grasp."""
 
 from __future__ import annotations
 
@@ -16,8 +16,7 @@ from isotruss_ros.core import GraspRequirements
 from isotruss_ros.core.planning.requirements import Measure
 from isotruss_ros.core.planning.workers import MAX_WORKERS
 
-#: Of each requirement that is an option: what stands for its value, or for each of several, and
-#: what it is.
+#: Placeholders of the values and help texts, by requirement.
 OPTIONS = {
     'friction': ('MU', 'between tubes and object (default %(default)s)'),
     'external_wrench': (('FX', 'FY', 'M'), 'on the object about its centre [N, N m]'),
@@ -45,7 +44,7 @@ def add_requirements(parser: argparse.ArgumentParser) -> None:
     """
     Add an option for each requirement.
 
-    :param parser: gets the options.
+    :param parser: parser of the options.
     """
     group = parser.add_argument_group('requirements')
     for field in fields(GraspRequirements):
@@ -67,9 +66,9 @@ def add_requirements(parser: argparse.ArgumentParser) -> None:
 
 def add_search(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
     """
-    Return the group of options of a search, with its seed and its processes.
+    Add the group of options of a search, with seed and number of processes, and return it.
 
-    :param parser: gets the options.
+    :param parser: parser of the options.
     """
     group = parser.add_argument_group('search')
     group.add_argument('--seed', type=_seed, default=0, help='the same seed, the same answer')
@@ -85,16 +84,16 @@ def add_search(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
 
 def requirements(options: argparse.Namespace) -> GraspRequirements:
     """
-    Return the requirements that the options ask for.
+    Return the requirements of the given options.
 
     :param options: the parsed command line.
-    :raises GraspError: a value is not usable; says which and what would be right.
+    :raises GraspError: a value is invalid; names it and its valid range.
     """
     return GraspRequirements(**{name: getattr(options, name) for name in OPTIONS})
 
 
 def _read_number(kind: type, high: float, words: str) -> Callable[[str], float]:
-    """Return what reads a number from 0 to the highest; the words say what it must be."""
+    """Return a function that reads a number from 0 to the highest."""
 
     def read(text: str) -> float:
         try:

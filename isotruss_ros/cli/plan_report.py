@@ -32,7 +32,7 @@ def table(plan: GraspPlan, requirements: GraspRequirements) -> Table:
     Return one row for each grasp, best first.
 
     :param plan: the plan.
-    :param requirements: with the measure that the grasps are ranked by.
+    :param requirements: requirements with the criterion of the ranking.
     """
     found = Table(title=f'grasps, best first by {requirements.measure.value}')
     found.add_column('module')
@@ -52,10 +52,10 @@ def table(plan: GraspPlan, requirements: GraspRequirements) -> Table:
 
 def as_json(plan: GraspPlan, robot: Robot) -> dict[str, Any]:
     """
-    Return all of a plan that JSON can hold; what is not finite is null.
+    Return the data of a plan for JSON; values that are not finite become null.
 
     :param plan: the plan.
-    :param robot: whose rollers the plan moves.
+    :param robot: the robot.
     """
     miss = plan.closest_violation
     return {

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How far a search is, on the terminal."""
+"""Progress bar of a search on the terminal."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
 @contextlib.contextmanager
 def show_progress() -> Iterator[Callable[[SearchProgress], None]]:
-    """Yield what shows the progress of a search on standard error, while that is a terminal."""
+    """Yield a function that shows the progress of a search on standard error, if a terminal."""
     console = Console(stderr=True)
     if not console.is_terminal:
         yield lambda _: None

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Executable `replay`: shows a recording in the browser, without ROS, or writes it as a page."""
+"""Executable `replay`: playback of a recording in the browser without ROS, or as a page."""
 
 from __future__ import annotations
 
@@ -23,20 +23,19 @@ from isotruss_ros.viewer.picture import Picture
 if TYPE_CHECKING:
     from isotruss_ros.viewer.view import View
 
-#: Pictures per second [Hz].
-RATE = 20.0
+#: Frame rate [Hz].
+FRAME_RATE = 20.0
 
 
 def replay(view: View, path: Path, speed: float, wait: Callable[[float], None]) -> str:
     """
-    Show a recording once, and return where it breaks off, in words; empty where it does not.
+    Show a recording once; return the fault at which it ends in words, or an empty text.
 
-    :param view: shows it.
-    :param path: of the MCAP file.
-    :param speed: against that of the recording.
-    :param wait: called after each picture with the time at which the next may be shown, from the
-        first on [s].
-    :raises RecordingError: the file cannot be read, or holds no complete message.
+    :param view: view for the playback.
+    :param path: path of the MCAP file.
+    :param speed: factor on the speed of the recording [-].
+    :param wait: callback after each frame with the time of the next one, from the first on [s].
+    :raises RecordingError: the file cannot be read, or has no complete message.
     """
     from isotruss_ros.viewer.recording import BrokenRecordingError, read_recording, show_message
 
@@ -51,7 +50,7 @@ def replay(view: View, path: Path, speed: float, wait: Callable[[float], None]) 
                 if topic not in faults:
                     print(f'replay: {topic}: {error}', file=sys.stderr)
                 faults.add(topic)
-            if now - shown >= speed / RATE:
+            if now - shown >= speed / FRAME_RATE:
                 view.update(now)
                 shown = now
                 wait((now - first) / speed)
@@ -61,13 +60,13 @@ def replay(view: View, path: Path, speed: float, wait: Callable[[float], None]) 
 
 
 def _wait_on_the_wall() -> Callable[[float], None]:
-    """Return a function that sleeps until so much time has passed since this call [s]."""
+    """Return a function that sleeps until a given time after this call [s]."""
     began = time.monotonic()
     return lambda end: time.sleep(max(0.0, end - (time.monotonic() - began)))
 
 
 def _write_page(view: View, path: Path, speed: float, page: Path) -> None:
-    """Write a page that plays a recording, and needs neither a server nor a network."""
+    """Write a page that plays a recording without a server or network."""
     scene, written = view.server.get_scene_serializer(), 0.0
 
     def keep(end: float) -> None:
@@ -82,7 +81,7 @@ def _write_page(view: View, path: Path, speed: float, page: Path) -> None:
 
 
 def _repeat(view: View, options: argparse.Namespace) -> None:
-    """Show a recording until Ctrl-C, or once; print once where it breaks off."""
+    """Show a recording until Ctrl-C, or once; print its fault once."""
     printed = ''
     while True:
         end = replay(view, options.file, options.speed, _wait_on_the_wall())
@@ -96,9 +95,9 @@ def _repeat(view: View, options: argparse.Namespace) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """
-    Show a recording again and again until Ctrl-C, or write the page that does.
+    Show a recording repeatedly until Ctrl-C, or write a page that plays it.
 
-    :param arguments: of the command line; those of the process if None.
+    :param arguments: arguments of the command line; None: those of the process.
     :return: 0 after Ctrl-C or with the page, 1 where the recording cannot be shown.
     """
     parser = argparse.ArgumentParser(prog='isotruss replay', description=__doc__)
@@ -119,7 +118,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         except ModuleNotFoundError as error:
             raise MissingPackageError(error) from error
         robot = load_robot(options.robot)
-        # What is written needs no port of its own; any does for the time of writing.
+        # Writing needs no fixed port.
         port = options.port if options.page is None else 0
         with contextlib.closing(View(Picture(robot, options.diameter), LOCAL, port)) as view:
             if options.page is not None:

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-`python -m isotruss_ros.cli.sweep`: search for grasps over robots and objects, as CSV.
+`python -m isotruss_ros.cli.sweep`: grasp search over robots and objects, as CSV.
 
 Each pair is a task of a Dask cluster, of two workers or more, on this machine or on several. Needs
 `distributed`, the extra `sweep` of this package; no ROS.
@@ -37,7 +37,7 @@ COLUMNS = (
     *('total_force', 'utilisation', 'travel', 'rigidity', 'roller_positions'),
     *('violated_requirement', 'violation_value', 'violation_bound', 'evaluations', 'error'),
 )
-#: Numbers of robot and object, and both.
+#: Indices of robot and object, and both.
 Pair: TypeAlias = tuple[tuple[int, int], RobotDescription, ConvexObject]
 
 
@@ -45,9 +45,9 @@ def evaluate(pair: Pair, needs: GraspRequirements, seed: int) -> dict[str, Any]:
     """
     Return the best grasp of one object by one robot, as a row of the table.
 
-    :param pair: numbers of robot and object, and both.
-    :param needs: what a grasp must fulfil.
-    :param seed: of the search.
+    :param pair: indices of robot and object, and both.
+    :param needs: requirements of a grasp.
+    :param seed: seed of the search.
     """
     (robot, item), description, body = pair
     row = {'robot': robot, 'object': item, 'name': description.name, 'diameter': 2.0 * body.arm}
@@ -55,7 +55,7 @@ def evaluate(pair: Pair, needs: GraspRequirements, seed: int) -> dict[str, Any]:
     try:
         plan = plan_grasps(Robot(description).home, body, needs, seed)
     except IsotrussError as error:
-        return row | {'error': str(error)}  # one robot that cannot work ends no sweep
+        return row | {'error': str(error)}  # an invalid robot does not end the sweep
     row |= {'found': len(plan.grasps), 'evaluations': plan.evaluations}
     found = export_figures(plan.grasps[0]) if plan.grasps else {}
     return row | export_violation(plan.closest_violation) | found
@@ -69,13 +69,13 @@ def sweep(
     seed: int = 0,
 ) -> Iterator[dict[str, Any]]:
     """
-    Yield a row for each pair of robot and object, as they come.
+    Yield a row for each pair of robot and object, in order of completion.
 
-    :param client: of the cluster; its workers have this package, and one thread each.
+    :param client: client of the cluster, whose workers have this package and one thread each.
     :param robots: descriptions of the robots.
     :param objects: the objects.
-    :param needs: what a grasp must fulfil.
-    :param seed: of every search.
+    :param needs: requirements of a grasp.
+    :param seed: seed of every search.
     """
     pairs = [
         ((i, j), robots[i], objects[j])
@@ -94,7 +94,7 @@ def read_objects(path: Path) -> list[ConvexObject]:
     Read discs, one a row, from a CSV file with the columns x, y and diameter [m].
 
     :param path: path of the CSV file.
-    :raises IsotrussError: names the file, the row and what would be right.
+    :raises IsotrussError: names the file, the row and the valid value.
     """
     with path.open(encoding='utf-8', newline='') as file:
         rows = list(csv.DictReader(file))
@@ -114,9 +114,9 @@ def read_objects(path: Path) -> list[ConvexObject]:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """
-    Sweep, write each row as it comes, and return the exit code.
+    Sweep, write each row on completion, and return the exit code.
 
-    :param arguments: of the command line; those of the process if None.
+    :param arguments: arguments of the command line; None: those of the process.
     """
     parser = argparse.ArgumentParser(prog='python -m isotruss_ros.cli.sweep', description=__doc__)
     parser.add_argument('robots', nargs='+', help='presets or robot files')
@@ -156,7 +156,7 @@ def _run(options: argparse.Namespace) -> None:
         for row in bar.track(rows, total=count, description='sweeping'):
             lists = {key: ' '.join(map(str, v)) for key, v in row.items() if isinstance(v, list)}
             table.writerow(row | lists)
-            file.flush()  # what is there when it ends early is whole
+            file.flush()  # complete rows after an early end
             found += row['found'] > 0
     print(f'{count} pairs: {found} grasped')
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The mathematics of isoperimetric truss robots, without ROS.
+Mechanics, estimation and control of isoperimetric truss robots, without ROS.
 
 robot -> configuration -> grasp -> twist to rollers (docs/kinematics.md);
 robot -> structure -> contact -> closure (docs/statics.md).

@@ -1,43 +1,43 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The exceptions of the package, all of one base class."""
+"""Exceptions of the package, with one base class."""
 
 
 class IsotrussError(Exception):
-    """Base of every error that this package raises on purpose."""
+    """Base class of all exceptions that this package raises deliberately."""
 
 
 class RobotFileError(IsotrussError, ValueError):
-    """A robot file cannot be read, or describes no robot that could work."""
+    """A robot file is unreadable, or describes no working robot."""
 
 
 class ConfigurationError(IsotrussError, ValueError):
-    """No configuration of the robot belongs to what was given."""
+    """No configuration of the robot fulfils the constraints."""
 
 
 class GraspError(IsotrussError, ValueError):
-    """The grasp, the twist or the list of failed rollers is not usable."""
+    """The grasp, the twist or the list of failed rollers is invalid."""
 
 
 class GainError(GraspError):
-    """A gain of the user's own is beyond what the held object allows."""
+    """A user-defined gain is beyond the stable range of the held object."""
 
 
 class ObjectFileError(GraspError):
-    """A file or a text describes no object that could be held."""
+    """A file or text describes no valid object."""
 
 
 class SolverError(IsotrussError, RuntimeError):
-    """A quadratic program was not solved, although it has a solution."""
+    """The solver failed on a quadratic program that has a solution."""
 
 
 class StructureError(IsotrussError, ValueError):
-    """A structure cannot carry what it is asked to, or its stiffness laws are contradictory."""
+    """A structure is unstable under its loads, or its stiffness laws are contradictory."""
 
 
 class PathError(IsotrussError, ValueError):
-    """A path of the object, or what is asked of following it, is not usable."""
+    """A path of the object, or a request to follow it, is invalid."""
 
 
 class NoMotionError(PathError):
@@ -46,9 +46,9 @@ class NoMotionError(PathError):
 
 def quote(name: str, longest: int = 80) -> str:
     """
-    Return a name in quotes for an error, cut off where it is long.
+    Return a name in quotes for an error message, truncated if long.
 
-    :param name: of any length, such as one from a message.
-    :param longest: number of characters that are kept.
+    :param name: name of any length, for example from a message.
+    :param longest: largest number of characters.
     """
     return repr(name if len(name) <= longest else f'{name[:longest]}…')

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Inputs of a control loop: the rule for stamps, the latest value of each, whether it can be used.
+Inputs of a control loop: rule for stamps, latest value of each input and its validity.
 
-And the commands that were sent since: with them the travel since an old measurement is predicted.
+A history of commands predicts the travel since an old measurement.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
-#: Stamps may be this far ahead, since clocks are never exactly synchronous [s].
+#: Largest lead of a stamp [s]; clocks are never exactly synchronous.
 CLOCK_SKEW = 0.01
-#: Pressures change slowly, and are measured now and then [s].
+#: Largest age of pressures [s]; they change slowly and are measured rarely.
 PRESSURE_TIMEOUT = 2.0
-#: Share of a pressure that is taken for noise, and changes the squeeze by 0.1 %.
+#: Relative noise of a pressure [-]; changes the squeeze by 0.1 %.
 PRESSURE_CHANGE = 0.02
 
 
 class RejectedInput(NamedTuple):
     """
-    An input that was received and cannot be used.
+    A received but invalid input.
 
-    :ivar reason: what is wrong with it.
-    :ivar fault: INVALID, or STALE for one that is too old; see `InputError`.
+    :ivar reason: fault in words.
+    :ivar fault: INVALID or STALE, see `InputError`.
     """
 
     reason: str
@@ -43,8 +43,8 @@ class StampedInput(NamedTuple):
     A measured or commanded value.
 
     :ivar value: the value.
-    :ivar time: time for which it holds [s].
-    :ivar rejected: the last message since then that was rejected; None without one.
+    :ivar time: time at which it is valid [s].
+    :ivar rejected: the last message rejected since then; None without one.
     """
 
     value: Any
@@ -58,8 +58,7 @@ class RollerState(NamedTuple):
 
     :ivar positions: (r,) travel since home [m].
     :ivar velocities: (r,) speeds [m/s]; zeros where not measured.
-    :ivar offsets: (r,) what an estimate added to the readings of the encoders for the positions
-        [m].
+    :ivar offsets: (r,) estimated roller offsets, included in the positions [m].
     """
 
     positions: Array
@@ -67,18 +66,18 @@ class RollerState(NamedTuple):
     offsets: Array | float = 0.0
 
 
-#: The latest of an input; None before the first.
+#: Latest value of an input; None before the first.
 Input = StampedInput | RejectedInput | None
 
 
 class InputError(IsotrussError):
     """
-    An input cannot be used.
+    An input is missing, stale or invalid.
 
     :ivar fault: NO, STALE or INVALID.
     :ivar name: name of the input.
-    :ivar code: both, such as NO_TWIST, STALE_TWIST or INVALID_TWIST; the codes of statuses and
-        reports have these names.
+    :ivar code: both, for example NO_TWIST, STALE_TWIST or INVALID_TWIST, as in the codes of
+        statuses and reports.
     :param fault: NO, STALE or INVALID.
     :param name: name of the input.
     :param message: the reason in words.
@@ -93,16 +92,16 @@ def check_stamp(
     name: str, stamp: float, now: float, timeout: float, setting: str = 'command_timeout'
 ) -> float:
     """
-    Return the time that counts for a stamp: the stamp, or now where it is ahead by the skew.
+    Return the effective time of a stamp: at most the current time.
 
-    This is the rule for all stamps of all nodes (docs/safety.md). The age of an input from ahead
-    counts from when it is received.
+    This is the rule for all stamps of all nodes (docs/safety.md). The age of an input from the
+    future is counted from its reception.
 
-    :param name: of the input, with underscores for spaces.
+    :param name: name of the input, with underscores for spaces.
     :param stamp: time of the input [s].
     :param now: time on the same clock [s].
     :param timeout: largest age [s].
-    :param setting: name of the timeout, for the error; empty where no parameter sets it.
+    :param setting: parameter of the timeout, for the error; empty without one.
     :raises InputError: the stamp is too old, or in the future by more than `CLOCK_SKEW`.
     """
     words, age = name.replace('_', ' '), now - stamp
@@ -123,15 +122,15 @@ def check_stamp(
 
 def keep_latest(kept: Input, received: StampedInput | RejectedInput, now: float) -> Input:
     """
-    Return the input to keep when another one is received, whose stamp was checked.
+    Return the valid latest of two inputs with checked stamps.
 
-    Messages overtake each other in transport: an earlier one does not count. A rejected one never
-    erases a measurement, whose age decides; the reason is kept with it.
+    Messages may arrive out of order: earlier ones are dropped. A rejected message does not erase a
+    measurement, which is used until it times out; the reason is stored with it.
 
-    :param kept: the input so far.
-    :param received: the other one.
-    :param now: time on the clock of the stamps [s]: what is kept from after it was stamped before
-        the clock was set back.
+    :param kept: the previous input.
+    :param received: the new input.
+    :param now: time on the clock of the stamps [s]; a later `kept` is from before the clock was
+        set back, and dropped.
     """
     if not isinstance(kept, StampedInput) or kept.time > now + CLOCK_SKEW:
         return received
@@ -144,14 +143,13 @@ def require_fresh(
     now: float, timeout: float, setting: str = 'command_timeout', **inputs: Input
 ) -> tuple[StampedInput, ...]:
     """
-    Return inputs that can be used.
+    Return the values of inputs that are all valid and fresh.
 
     :param now: time on the clock of the inputs [s].
     :param timeout: largest age [s].
     :param setting: see `check_stamp`.
     :param inputs: the inputs by name, with underscores for spaces.
-    :raises InputError: the first of them that is missing, rejected, timed out, or stamped in the
-        future.
+    :raises InputError: an input is missing, rejected, timed out, or stamped in the future.
     """
     for name, given in inputs.items():
         if given is None:
@@ -170,11 +168,11 @@ def require_fresh(
 
 def fresh_pressures(now: float, timeout: float, pressures: Input) -> tuple[float, ...] | None:
     """
-    Return the measured gauge pressures of the tubes (t,) [Pa]; None where none ever came.
+    Return the measured gauge pressures of the tubes (t,) [Pa]; None if none was ever received.
 
     :param now: time on the clock of the input [s].
     :param timeout: largest age [s].
-    :param pressures: input of them.
+    :param pressures: input of pressures.
     :raises InputError: rejected, timed out, or stamped in the future.
     """
     if pressures is None:
@@ -187,10 +185,10 @@ def steady_pressures(
     kept: tuple[float, ...] | None, pressures: tuple[float, ...] | None
 ) -> tuple[float, ...] | None:
     """
-    Return the pressures to model tubes with: changes of less than 2 % are none, but noise.
+    Return the model pressures, updated only for changes above `PRESSURE_CHANGE`.
 
-    :param kept: (t,) modelled so far, gauge, by tube [Pa]; None for those of the robot file.
-    :param pressures: (t,) measured; None for those of the file.
+    :param kept: (t,) previous gauge pressures by tube [Pa]; None: those of the robot file.
+    :param pressures: (t,) measured pressures [Pa]; None: those of the robot file.
     """
     if kept is None or pressures is None:
         return pressures
@@ -199,36 +197,36 @@ def steady_pressures(
 
 
 class Timeline:
-    """A quantity, a number or an array, that changes evenly from each known time to the next."""
+    """Piecewise linear function of time, scalar or array."""
 
     def __init__(self) -> None:
         self._known: deque[tuple[float, float | Array]] = deque()
 
     def __bool__(self) -> bool:
-        """Return whether a value is known."""
+        """Return whether it has a value."""
         return bool(self._known)
 
     @property
     def first(self) -> tuple[float, float | Array]:
-        """Return the first time that is kept [s] and the value then."""
+        """Return the first time [s] and its value."""
         return self._known[0]
 
     @property
     def last(self) -> tuple[float, float | Array]:
-        """Return the last time [s] and the value then."""
+        """Return the last time [s] and its value."""
         return self._known[-1]
 
     @property
     def values(self) -> list[float | Array]:
-        """Return the values that are kept, in order."""
+        """Return all values in order of time."""
         return [value for _, value in self._known]
 
     def add(self, time: float, value: float | Array) -> None:
         """
-        Add a value, which takes the place of those at that time and later.
+        Add a value; values at that time and later are removed.
 
         :param time: [s].
-        :param value: then.
+        :param value: value at that time.
         """
         while self._known and self._known[-1][0] >= time:
             self._known.pop()
@@ -240,7 +238,7 @@ class Timeline:
 
     def discard_before(self, time: float) -> None:
         """
-        Drop what tells nothing of a time and later.
+        Remove values that do not affect a given time and later.
 
         :param time: [s].
         """
@@ -249,7 +247,7 @@ class Timeline:
 
     def at(self, time: float) -> float | Array:
         """
-        Return the value at a time; before the first it is the first, and after the last the last.
+        Return the interpolated value at a time, constant beyond both ends.
 
         :param time: [s].
         """
@@ -262,9 +260,9 @@ class Timeline:
 
 class CommandHistory:
     """
-    Commanded roller speeds, each from its time until the next.
+    Commanded roller speeds, piecewise constant in time.
 
-    :ivar last: (r,) speeds that were commanded last [m/s]; None where nothing is recorded.
+    :ivar last: (r,) last commanded speeds [m/s]; None without entries.
     :param count: number of rollers.
     """
 
@@ -275,14 +273,14 @@ class CommandHistory:
     def clear(self) -> None:
         """Drop all entries."""
         self.last: Array | None = None
-        self._travel = Timeline()  # commanded until each time, from any start [m]
+        self._travel = Timeline()  # integral of the commands up to each time, from any start [m]
 
     def discard_old(self, now: float, span: float) -> None:
         """
-        Drop old entries; all where the clock ran back, or the last one is older than the span.
+        Remove old entries; all if the clock ran back or the last one is before the span.
 
         :param now: time on the clock of the entries [s].
-        :param span: how far back entries are needed [s].
+        :param span: required length of the history [s].
         """
         if self.last is not None and not 0.0 <= now - self._travel.last[0] <= span:
             self.clear()
@@ -293,7 +291,7 @@ class CommandHistory:
         Return the time since the last command [s].
 
         :param now: time on the clock of the entries [s].
-        :param default: where nothing is recorded [s].
+        :param default: result without entries [s].
         """
         return default if self.last is None else now - self._travel.last[0]
 
@@ -301,7 +299,7 @@ class CommandHistory:
         """
         Record a command.
 
-        :param now: not before that of the last entry [s].
+        :param now: time, not before the last entry [s].
         :param speeds: (r,) [m/s].
         """
         none = np.zeros(self._count)
@@ -310,7 +308,7 @@ class CommandHistory:
 
     def travel(self, begin: float, end: float, before: Array) -> Array:
         """
-        Return the roller travel that was commanded between two times (r,) [m].
+        Return the commanded roller travel between two times (r,) [m].
 
         :param begin: [s].
         :param end: the travel is negative where that is earlier [s].
@@ -324,18 +322,18 @@ class CommandHistory:
         self, rollers: StampedInput, then: float, now: float, ahead: float, still: Array
     ) -> tuple[Array, Array, Array]:
         """
-        Return how far the rollers travel after their measurement.
+        Return the predicted roller travel since their measurement.
 
-        They follow the commands. Measured speeds count for the time before the first one, when
-        another client may have moved them.
+        The rollers are assumed to follow the commands. Before the first command, measured speeds
+        are used, since another client may have moved the rollers.
 
         :param rollers: the measured `RollerState`.
-        :param then: a time in between [s].
+        :param then: intermediate time [s].
         :param now: time on the clock of the entries [s].
-        :param ahead: for so long after now [s].
-        :param still: (r,) whether each roller does not follow commands.
-        :return: (r,) each: travel until then, until the end [m], and the speeds with which they
-            get from now to there [m/s].
+        :param ahead: prediction horizon after now [s].
+        :param still: (r,) mask of the rollers that do not follow commands.
+        :return: (r,) each: travel until `then`, until the end [m], and mean speeds from now to the
+            end [m/s].
         """
         measured = rollers.value.velocities
         last = np.where(still, 0.0, measured if self.last is None else self.last)
@@ -345,7 +343,7 @@ class CommandHistory:
         return before, travel + ahead * last, last
 
     def _until(self, time: float, before: Array) -> Array:
-        """Return the travel until a time (r,), where the speeds before the first are known [m]."""
+        """Return the commanded travel until a time (r,), given the initial speeds [m]."""
         (first, _), (last, travel) = self._travel.first, self._travel.last
         if time > last:
             return travel + (time - last) * self.last

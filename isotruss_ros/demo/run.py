@@ -22,7 +22,7 @@ from isotruss_ros.demo.processes import keep_to_this_machine, running_nodes
 from isotruss_ros.demo.record import PhaseRecord
 from isotruss_ros.demo.sensors import PERFECT, REAL, REAL_SENSORS, truth_table
 from isotruss_ros.demo.tables import contact_table, grasp_table, motion_table, plan_table
-from isotruss_ros.mujoco_plant.options import ROUND
+from isotruss_ros.mujoco_plant.options import RIGID_SECTION_STIFFNESS
 from isotruss_ros.mujoco_plant.rendering import require_egl
 from isotruss_ros.nodes.grasp.grasp_report import GraspCode
 from isotruss_ros.viewer.names import ELASTIC, MUJOCO
@@ -206,7 +206,7 @@ def _write_round_robot(output: Path) -> Path:
     # The order of tubes is that of the rollers.
     yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
     content = yaml.load(find_robot_file(ROBOT).read_text(encoding='utf-8'))
-    content['tube']['local_stiffness'] = ROUND
+    content['tube']['local_stiffness'] = RIGID_SECTION_STIFFNESS
     path = output.resolve() / f'{ROBOT}_round.yaml'
     with path.open('w', encoding='utf-8') as file:
         yaml.dump(content, file)

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The robot in MuJoCo: any robot file as a model, and a plant that rollers drive.
+MuJoCo plant: export of robot files as models, driven by rollers.
 
 Entry points: `plant.MujocoPlant`, `mjcf`, `driven_robot.DrivenRobot`.
 Imports `core` and MuJoCo.

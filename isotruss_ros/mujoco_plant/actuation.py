@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Actuators and sensors of an exported model, by the names of rollers, joints and objects.
+Actuators and sensors of an exported model, named by rollers, joints and objects.
 
 A roller is a slide joint of its name, whose position is its travel. The rest length of member m
 changes by phi_i - phi_j of the rollers at its ends: each elastic slide q of it, of the share s of
@@ -16,15 +16,15 @@ import xml.etree.ElementTree as ET
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.numerics.arrays import Indices
 
-#: Mass of what a roller moves beside the tubes [kg]: invented, as those of the bodies.
+#: Moving mass of a roller without the tubes [kg]; assumed, like those of the bodies.
 ROLLER_MASS = 0.1
-#: Stiffness of a drive that holds its position [N/m] and its damping [N s/m]: the tubes give, with
-#: 1e4 to 1e5 N/m, not it.
+#: Stiffness [N/m] and damping [N s/m] of a position-controlled drive, stiff against the tubes with
+#: 1e4 to 1e5 N/m.
 DRIVE_STIFFNESS, DRIVE_DAMPING = 1e6, 1e3
-#: A roller travels no farther [m].
-LONGEST_TRAVEL = 100.0
-#: Attributes of a slide that its tendon takes over.
-MOVED = ('stiffness', 'damping')
+#: Largest travel of a roller [m].
+MAX_TRAVEL = 100.0
+#: Attributes of a slide that move to its tendon.
+TENDON_ATTRIBUTES = ('stiffness', 'damping')
 
 
 def add_actuation(root: ET.Element, robot: Robot, objects: int, segments: Indices) -> None:
@@ -52,7 +52,7 @@ def add_actuation(root: ET.Element, robot: Robot, objects: int, segments: Indice
             joint=name,
             kp=f'{DRIVE_STIFFNESS:g}',
             kv=f'{DRIVE_DAMPING:g}',
-            actrange=f'-{LONGEST_TRAVEL:g} {LONGEST_TRAVEL:g}',
+            actrange=f'-{MAX_TRAVEL:g} {MAX_TRAVEL:g}',
             ctrlrange=f'-{robot.description.max_speed:g} {robot.description.max_speed:g}',
         )
         ET.SubElement(sensors, 'jointpos', name=name, joint=name)
@@ -67,14 +67,14 @@ def add_actuation(root: ET.Element, robot: Robot, objects: int, segments: Indice
 
 
 def _couple(root: ET.Element, tendon: ET.Element, robot: Robot, segments: Indices) -> None:
-    """Let the rest lengths of the members follow the rollers."""
+    """Couple the rest lengths of the members to the rollers."""
     topology = robot.topology
     joints = {joint.get('name'): joint for joint in root.iter('joint')}
     for i, name in enumerate(topology.module_names):
         count = int(segments[i])
         for piece in range(1, count + 2):
             slide = joints[f'{name}:x{piece}']
-            moved = {key: slide.attrib.pop(key) for key in MOVED}
+            moved = {key: slide.attrib.pop(key) for key in TENDON_ATTRIBUTES}
             fixed = ET.SubElement(tendon, 'fixed', moved, name=slide.get('name'), springlength='0')
             ET.SubElement(fixed, 'joint', joint=slide.get('name'), coef='1')
             share = (0.5 if piece in (1, count + 1) else 1.0) / count

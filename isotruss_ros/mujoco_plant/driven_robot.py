@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A robot in MuJoCo that follows roller commands, as `core.SimulatedRobot` does."""
+"""A MuJoCo robot with the interface of `core.SimulatedRobot`."""
 
 from __future__ import annotations
 
@@ -14,25 +14,26 @@ from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
 
-#: Simulated for the tubes to bend around an object that is grasped at the start [s].
-SETTLING = 1.0
+#: Simulated time in which the tubes settle on an object grasped at the start [s].
+SETTLING_TIME = 1.0
 
 
 class DrivenRobot(DrivenRollers):
     """
-    MuJoCo moves robot and object; encoders measure the rollers.
+    Robot and object in MuJoCo, driven by rollers with encoders.
 
     :ivar plant: the robot in MuJoCo.
-    :ivar lag: time that was not simulated, because more than `longest_step` was due at once [s].
-    :param robot: starts at home.
-    :param body: the object in its place.
-    :param is_free: the object is free from the start; if false, the tubes bend around it first.
+    :ivar lag: time not simulated, since more than `longest_step` was due at once [s].
+    :param robot: the robot, initially at home.
+    :param body: the object at its pose.
+    :param is_free: whether the object is free from the start; otherwise the tubes settle on it
+        first.
     :param options: masses, friction, gravity and mesh.
-    :param faults: how the rollers differ from perfect ones.
-    :param seed: of the noise and the slip.
-    :param longest_step: a call of `advance` simulates no more than this [s].
+    :param faults: faults of the rollers.
+    :param seed: seed of noise and slip.
+    :param longest_step: longest simulated time of a call of `advance` [s].
     :raises PlantError: MuJoCo is not installed, or the start is unstable.
-    :raises GraspError: a stuck roller that the robot does not have.
+    :raises GraspError: unknown stuck roller.
     :raises ConfigurationError: a slip out of its range.
     :raises StructureError: the stiffness model has no stiffness for a member.
     """
@@ -54,7 +55,7 @@ class DrivenRobot(DrivenRollers):
         self._longest_step = longest_step
         if not is_free:
             self.plant.hold_object(body.pose)
-            self.plant.settle(SETTLING)
+            self.plant.settle(SETTLING_TIME)
             self.plant.release_object()
 
     @property
@@ -64,7 +65,7 @@ class DrivenRobot(DrivenRollers):
 
     def place_object(self, pose: Pose) -> None:
         """
-        Put the object elsewhere, free and at rest; the robot stays as it is.
+        Set the object to another pose, free and at rest, without moving the robot.
 
         :param pose: (x, y, angle) in the robot frame [m, rad].
         :raises PlantError: not finite.
@@ -74,11 +75,11 @@ class DrivenRobot(DrivenRollers):
 
     def advance(self, duration: float) -> None:
         """
-        Let time pass.
+        Simulate an interval of time.
 
         :param duration: not negative [s].
-        :raises ConfigurationError: the rollers would force the robot into a shape that it cannot
-            take, by forward kinematics; they block.
+        :raises ConfigurationError: no configuration exists at the commanded roller travel; the
+            rollers block.
         :raises PlantError: the simulation became unstable.
         """
         simulated = min(duration, self._longest_step)
@@ -86,13 +87,13 @@ class DrivenRobot(DrivenRollers):
         speeds = self._speeds()
         blocked: ConfigurationError | None = None
         try:
-            # Rollers have no force limit here: MuJoCo would tear the robot apart.
+            # Rollers without a force limit would tear the robot apart.
             travel = self.plant.travel + simulated * self._grips * speeds
             self._config = self._config.moved_to(travel)
         except ConfigurationError as error:
             blocked, speeds = error, np.zeros_like(speeds)
         self.plant.advance(simulated, self._grips * speeds)
-        # From the plant, which advances by whole steps: so the encoders agree with it.
+        # Travel of the plant, which advances by whole steps, so that the encoders agree with it.
         self.roller_positions = self.plant.travel / self._grips
         self.roller_velocities = self.plant.speeds / self._grips
         if blocked is not None:

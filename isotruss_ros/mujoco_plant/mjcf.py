@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The robot as a MuJoCo model (MJCF): one body a joint, hinged modules, tubes as chains of capsules.
+MuJoCo model (MJCF) of the robot: hinged modules, tubes as chains of capsules.
 
-A module hangs on its joint by a hinge. At its B a rigid guide arm BD is hinged; from D a chain of
-rigid capsules leads to E', with elastic joints between them (see `springs`), and ends in the
-guide arm E'C', which an equality connects to C' of the next module. Bisection (3) is one fixed
-tendon a module, linear in the angles of the joints.
+A module is hinged at its joint. A rigid guide arm BD is hinged at its B; a chain of rigid capsules
+with elastic joints (see `springs`) leads from D to E', and ends in the guide arm E'C', which an
+equality connects to C' of the next module. Bisection (3) is one fixed tendon per module, linear in
+the joint angles.
 """
 
 from __future__ import annotations
@@ -34,19 +34,19 @@ from isotruss_ros.mujoco_plant.scenery import (
 from isotruss_ros.mujoco_plant.springs import Springs, springs_of
 import numpy as np
 
-#: Mass of a joint [kg], of a piece of tube and of a guide arm [kg]: invented.
+#: Masses of a joint, a tube segment and a guide arm [kg]; assumed.
 JOINT_MASS, PIECE_MASS = 0.1, 0.05
 #: Moment of inertia of light bodies [kg m^2] and drag of hinges without a spring [N m s].
 INERTIA, HINGE_DRAG = 1e-3, 0.05
-#: The armature of an elastic joint is its stiffness times the square of the time step times this:
-#: its oscillation is slow enough for the integrator, and fast against the motion of the robot.
-ARMATURE = 10.0
-#: Damping of contacts against the critical one: with 1, objects crept by 0.7 mm/s.
-CONTACT_DAMPING = 2.0
-#: Friction of the floor under a module as firm as this hardly creeps (MuJoCo's `solimpfriction`).
-FIRM = '0.9999 0.9999'
-#: Arm of the friction under a disc that weighs evenly, as a share of its radius.
-EVEN_DISC = 2.0 / 3.0
+#: Armature of an elastic joint in units of stiffness times squared time step [-]: its oscillation
+#: is slow enough for the integrator, and fast against the motion of the robot.
+ARMATURE_FACTOR = 10.0
+#: Damping ratio of contacts [-]; with 1, objects crept by 0.7 mm/s.
+CONTACT_DAMPING_RATIO = 2.0
+#: MuJoCo's `solimpfriction` of floor friction under modules, almost without creep.
+FLOOR_SOLIMP = '0.9999 0.9999'
+#: Moment arm of friction under a disc of uniform pressure, as a share of its radius [-].
+DISC_FRICTION_ARM = 2.0 / 3.0
 
 
 def spring_damping(stiffness: Array, along: Array, options: PlantOptions) -> Array:
@@ -54,12 +54,12 @@ def spring_damping(stiffness: Array, along: Array, options: PlantOptions) -> Arr
     Return the damping of elastic joints, (k,) [N s/m or N m s].
 
     :param stiffness: (k,) of the joints [N/m or N m].
-    :param along: (k,) whether a joint is a slide along the tube. Rollers change its rest length,
-        which losses of the tube would resist: it has only what the time step demands.
+    :param along: (k,) mask of slides along the tube. They have only the damping required by the
+        time step, since material losses would resist the rollers.
     :param options: losses of the tubes, and the time step.
     """
     losses = np.where(along, 0.0, options.tube_relaxation)
-    return stiffness * (losses + np.sqrt(ARMATURE) * options.time_step)
+    return stiffness * (losses + np.sqrt(ARMATURE_FACTOR) * options.time_step)
 
 
 def export_mjcf(
@@ -112,7 +112,7 @@ def _add_options(root: ET.Element, options: PlantOptions) -> None:
     # The stiffest equality and contact that the time step allows: the tubes give, not they. An
     # object between two pieces of a coarse mesh chatters where its contact has less damping.
     quick = f'{2.0 * options.time_step:g}'
-    stiff = {'solref': f'{quick} {CONTACT_DAMPING:g}', 'solimp': '0.99 0.999 0.0001'}
+    stiff = {'solref': f'{quick} {CONTACT_DAMPING_RATIO:g}', 'solimp': '0.99 0.999 0.0001'}
     ET.SubElement(default, 'equality', solref=f'{quick} 1', solimp='0.999 0.9999 0.0001')
     untouched = {'contype': '0', 'conaffinity': '0', 'condim': '3'}
     ET.SubElement(default, 'geom', {**untouched, **stiff}, friction=f'{options.friction:g} 0 0')
@@ -126,7 +126,7 @@ def _add_joints(world: ET.Element, robot: Robot, options: PlantOptions) -> list[
     rubs: dict[str, Any] = {
         'damping': options.joint_drag,
         'frictionloss': options.module_friction,
-        'solimpfriction': FIRM,
+        'solimpfriction': FLOOR_SOLIMP,
     }
     for node, name in enumerate(topology.joint_names):
         body = ET.SubElement(world, 'body', name=name, pos=_place(points[node]))
@@ -165,7 +165,7 @@ def _add_member(
     def spring(stiffness: float, along: bool = False) -> dict[str, float]:
         return {
             'stiffness': stiffness,
-            'armature': ARMATURE * stiffness * options.time_step**2,
+            'armature': ARMATURE_FACTOR * stiffness * options.time_step**2,
             'damping': float(spring_damping(np.array(stiffness), np.array(along), options)),
         }
 
@@ -197,7 +197,7 @@ def _add_member(
 def _add_constraints(
     equality: ET.Element, tendon: ET.Element, robot: Robot, i: int, counts: Indices
 ) -> None:
-    """Connect member i with C of the next module; bisect at module i."""
+    """Connect member i with C of the next module; add bisection at module i."""
     topology, names = robot.topology, robot.topology.module_names
     ring = robot.description.module.guide_ring_distance
     ET.SubElement(
@@ -222,7 +222,7 @@ def _add_constraints(
 def _add_object(
     world: ET.Element, equality: ET.Element, number: int, held: ConvexObject, options: PlantOptions
 ) -> ET.Element:
-    """Add an object with planar joints, and equalities that can hold it; return its body."""
+    """Add an object with planar joints and equalities to hold it; return its body."""
     name, radius, shape = f'object{number}', held.arm, held.shape
     mass = options.object_mass if held.mass is None else held.mass
     own = held.center_of_mass
@@ -232,14 +232,14 @@ def _add_object(
     drag, rub = options.object_drag, options.ground_friction
     for axis, letter in enumerate('xy'):
         _slide(body, f'{name}:{letter}', axis, damping=drag, frictionloss=rub)
-    turning = {'damping': drag * radius**2, 'frictionloss': rub * EVEN_DISC * radius}
+    turning = {'damping': drag * radius**2, 'frictionloss': rub * DISC_FRICTION_ARM * radius}
     _hinge(body, f'{name}:turn', **turning)
     for letter in ('x', 'y', 'turn'):
         hold = {'name': f'{name}:hold_{letter}', 'joint1': f'{name}:{letter}', 'active': 'false'}
         ET.SubElement(equality, 'joint', hold)
     touched = {'contype': '1', 'conaffinity': '1', 'rgba': OBJECT_COLOR, 'group': HIDDEN}
     if held.friction is not None:
-        # Of two geoms, the one of higher priority has its friction in the contact.
+        # The geom of higher priority determines the friction of a contact.
         touched |= {'friction': f'{held.friction:g} 0 0', 'priority': '1'}
     for part, geom in enumerate(object_geoms(held)):
         ET.SubElement(body, 'geom', {**touched, **geom}, name=f'{name}#{part}')
@@ -252,12 +252,12 @@ def _capsule(body: ET.Element, name: str, length: float, radius: float) -> None:
         'geom',
         name=name,
         type='capsule',
-        # Set by `pos` and `size`, because the plant moves both with the length of the piece.
+        # Given by `pos` and `size`, which the plant changes with the length of the segment.
         pos=_text([0.5 * length, 0.0, 0.0]),
         euler=_text([0.0, 0.5 * np.pi, 0.0]),
         size=_text([radius, 0.5 * length]),
         conaffinity='1',
-        # Not zero, so that the compiler counts it among the conveyors.
+        # Nonzero, so that the compiler treats it as a conveyor.
         surfacevel='0 0 1e-9',
         rgba=TUBE_COLOR,
     )

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Objects as MuJoCo's primitives, which collide with the capsules of the tubes in the plane."""
+"""Objects as MuJoCo primitives in contact with the capsules of the tubes in the plane."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from isotruss_ros.core.model.polygon import Polygon
 from isotruss_ros.core.model.shapes import Disc
 import numpy as np
 
-#: Sharp corners get this radius [m]: capsules have no edges.
-SHARP = 1e-3
+#: Radius of sharp corners [m], since capsules have no edges.
+MIN_CORNER_RADIUS = 1e-3
 
 
 def object_geoms(held: ConvexObject) -> list[dict[str, str]]:
     """
-    Return the attributes of the geoms of an object, whose body is not turned.
+    Return the attributes of the geoms of an object with an unrotated body.
 
     A disc is a sphere and an ellipse an ellipsoid; a polygon is a capsule along each side and a
     sphere at each corner.
 
-    :param held: the object, in its place.
+    :param held: the object at its pose.
     """
     return GEOMS[type(held.shape)](held)
 
@@ -45,7 +45,9 @@ def _ellipse_geoms(held: ConvexObject) -> list[dict[str, str]]:
 def _polygon_geoms(held: ConvexObject) -> list[dict[str, str]]:
     shape: Any = held.shape
     turn = held.turn
-    blunt = replace(shape, corner_radius=tuple(np.maximum(shape.radii, SHARP).tolist()))
+    blunt = replace(
+        shape, corner_radius=tuple(np.maximum(shape.radii, MIN_CORNER_RADIUS).tolist())
+    )
     centers, radii, normals = blunt.arc_centers, blunt.radii, blunt.normals
     radius = float(radii.min())
     begin = centers + (radii - radius) * normals
@@ -63,7 +65,7 @@ def _sphere(center: complex, radius: float) -> dict[str, str]:
     return {'type': 'sphere', 'pos': place, 'size': f'{radius:.9g}'}
 
 
-#: What makes the geoms of each kind of shape.
+#: Functions that make the geoms, by kind of shape.
 GEOMS: dict[type, Callable[[ConvexObject], list[dict[str, str]]]] = {
     Disc: _disc_geoms,
     Ellipse: _ellipse_geoms,

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-MuJoCo itself, an optional dependency, and what the robot file does not say of its model.
+MuJoCo as an optional dependency, and the settings of its model.
 
-That is masses, damping, mesh and contact.
+Settings that the robot file lacks: masses, damping, mesh and contact.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.model.convex_object import DEFAULT_FRICTION
 import numpy as np
 
-#: Value of `local_stiffness` in the file of a robot whose tubes stay round where they are touched,
-#: as they do in MuJoCo: dents stay below a micrometre.
-ROUND = 1e4
-#: Largest number of segments of a member; finer ones only cost time.
+#: Value of `local_stiffness` for robots with sections that do not flatten, as in MuJoCo: dents are
+#: below a micrometre.
+RIGID_SECTION_STIFFNESS = 1e4
+#: Largest number of segments of a member [-]; more do not increase the accuracy.
 MAX_SEGMENTS = 64
-POSITIVE = ('object_mass', 'module_mass', 'time_step')
-NOT_NEGATIVE = (
+POSITIVE_OPTIONS = ('object_mass', 'module_mass', 'time_step')
+NONNEGATIVE_OPTIONS = (
     'friction',
     'joint_drag',
     'object_drag',
@@ -37,7 +37,7 @@ NOT_NEGATIVE = (
 
 
 class PlantError(IsotrussError, ValueError):
-    """The MuJoCo plant cannot be made, or it left what it can simulate."""
+    """The MuJoCo plant cannot be created, or the simulation diverged."""
 
 
 @functools.cache
@@ -45,7 +45,7 @@ def load_mujoco() -> ModuleType:
     """
     Return the module `mujoco`.
 
-    :raises PlantError: it is not installed; the text says how to install it.
+    :raises PlantError: MuJoCo is not installed; names the command to install it.
     """
     try:
         return importlib.import_module('mujoco')
@@ -62,11 +62,11 @@ class PlantOptions:
     """
     Settings of the MuJoCo model.
 
-    :ivar tube_relaxation: time in which a tube that bends or shears would come to rest by its own
-        losses, had it no mass [s].
-    :ivar roller_force: largest force along the tube of a roller, its torque over its radius; it
-        stands where the members it feeds pull harder against its motion [N].
-    :raises PlantError: a value is not usable.
+    :ivar tube_relaxation: relaxation time of a massless tube in bending and shear by material
+        losses [s].
+    :ivar roller_force: largest force of a roller along the tube, torque over radius [N]; a roller
+        stops if the tension of its members against the motion is larger.
+    :raises PlantError: a value is invalid.
     """
 
     friction: float = DEFAULT_FRICTION  #: coefficient between tube and object
@@ -74,20 +74,23 @@ class PlantOptions:
     module_mass: float = 1.0  #: of each roller module [kg]
     gravity: tuple[float, float] = (0.0, 0.0)  #: (x, y) in the plane of the robot [m/s^2]
     time_step: float = 0.002  #: of the integrator [s]
-    segments: int = 8  #: of each member: fewer press too little on an object
-    joint_drag: float = 5.0  #: resistance of each joint of the robot against its speed [N s/m]
+    segments: int = 8  #: segments of each member; fewer underestimate the squeeze
+    joint_drag: float = 5.0  #: viscous drag of each joint of the robot [N s/m]
     tube_relaxation: float = 0.1
-    object_drag: float = 0.5  #: resistance of the ground against an object's speed [N s/m]
-    ground_friction: float = 0.0  #: at which a lying object begins to slide [N]
-    module_friction: float = 0.0  #: the same for each joint of the robot with its modules [N]
-    roller_lag: float = 0.0  #: time constant of the rollers' speeds behind their commands [s]
+    object_drag: float = 0.5  #: viscous drag of the ground on an object [N s/m]
+    ground_friction: float = 0.0  #: friction force of the ground on an object [N]
+    module_friction: float = 0.0  #: friction force of the ground on each joint and its modules [N]
+    roller_lag: float = 0.0  #: time constant of the rollers' speeds [s]
     roller_force: float = float('inf')
 
     def __post_init__(self) -> None:
         """Check the values."""
-        for name in POSITIVE + NOT_NEGATIVE:
-            value, words = getattr(self, name), 'positive' if name in POSITIVE else 'not negative'
-            if not 0.0 <= value < math.inf or (name in POSITIVE and value == 0.0):
+        for name in POSITIVE_OPTIONS + NONNEGATIVE_OPTIONS:
+            value, words = (
+                getattr(self, name),
+                'positive' if name in POSITIVE_OPTIONS else 'not negative',
+            )
+            if not 0.0 <= value < math.inf or (name in POSITIVE_OPTIONS and value == 0.0):
                 raise PlantError(f'MuJoCo plant: {name} {value!r}: must be {words} and finite')
         if not self.roller_force > 0.0:
             raise PlantError(f'MuJoCo plant: roller_force {self.roller_force!r} N: not positive')

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The plant: a MuJoCo model whose tubes are driven by the rollers."""
+"""MuJoCo plant with roller-driven tubes."""
 
 from __future__ import annotations
 
@@ -13,39 +13,39 @@ from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices
-from isotruss_ros.mujoco_plant.mjcf import ARMATURE, export_mjcf, spring_damping
+from isotruss_ros.mujoco_plant.mjcf import ARMATURE_FACTOR, export_mjcf, spring_damping
 from isotruss_ros.mujoco_plant.options import load_mujoco, PlantError, PlantOptions
 from isotruss_ros.mujoco_plant.springs import springs_of
 import numpy as np
 from numpy.typing import ArrayLike
 
-#: Rows of the table of stiffnesses: slides along, at an end or not, hinges at the rings; joints
-#: across and in bending by their names.
+#: Rows of the table of stiffnesses: axial slides (inner, end), hinges at the rings; transverse
+#: slides and bending hinges by name.
 END, MIDDLE, RING = 0, 1, 4
-ACROSS = (('y', 2), ('bend', 3))
-#: Steps after which stiffness and geometry follow the lengths of the members.
-REFRESH = 10
+TRANSVERSE_ROWS = (('y', 2), ('bend', 3))
+#: Steps between updates of stiffness and geometry by the member lengths [-].
+UPDATE_INTERVAL = 10
 
 
 class ContactForce(NamedTuple):
     """The force of a member on an object."""
 
-    normal: float  #: with which it presses [N]
-    friction: float  #: on the object, counter-clockwise positive [N]
-    point: complex  #: where the resultant acts, x + iy in the robot frame [m]
+    normal: float  #: normal force [N]
+    friction: float  #: friction force on the object, counter-clockwise positive [N]
+    point: complex  #: centre of pressure, x + iy in the robot frame [m]
 
 
 class MujocoPlant:
     """
-    A robot with objects that MuJoCo moves.
+    A robot with objects in MuJoCo.
 
-    The rollers travel as they are commanded, but for their lag and their largest force.
+    The rollers follow their commands up to lag and largest force.
 
     :ivar travel: (r,) travel of the tube through each roller since home [m].
-    :ivar text: of MuJoCo's model at home (MJCF).
+    :ivar text: MuJoCo's model at home (MJCF).
     :ivar model: MuJoCo's model.
     :ivar data: MuJoCo's state.
-    :param robot: starts at home.
+    :param robot: the robot, initially at home.
     :param objects: cylinders or convex objects, free from the start.
     :param options: masses, mesh and contact; the defaults if None.
     :param segments: (m,) numbers of segments of the members; `options.segments` each if None.
@@ -100,17 +100,17 @@ class MujocoPlant:
         """
         Return the pose of an object; its angle counts turns.
 
-        :param number: of the object.
+        :param number: index of the object.
         """
         moved = self.data.qpos[self._object_qpos[number]]
         return Pose(*(moved + self._objects[number].pose).tolist())
 
     def hold_object(self, pose: ArrayLike, number: int = 0) -> None:
         """
-        Hold an object fast at a pose until it is released.
+        Fix an object at a pose until its release.
 
         :param pose: (x, y, angle) in the robot frame [m, rad].
-        :param number: of the object.
+        :param number: index of the object.
         :raises PlantError: not three finite numbers.
         """
         place = finite_array(pose, 3, 'the pose (x, y, angle) of the object', PlantError)
@@ -123,18 +123,18 @@ class MujocoPlant:
 
     def release_object(self, number: int = 0) -> None:
         """
-        Let go an object that was held fast.
+        Release a fixed object.
 
-        :param number: of the object.
+        :param number: index of the object.
         """
         self.data.eq_active[self._object_holds[number]] = 0
 
     def pull(self, wrench: ArrayLike, number: int = 0) -> None:
         """
-        Pull at an object from now on.
+        Apply an external wrench to an object from now on.
 
         :param wrench: (fx, fy, m) about its centre, robot frame [N, N m].
-        :param number: of the object.
+        :param number: index of the object.
         :raises PlantError: not three finite numbers.
         """
         pulling = finite_array(wrench, 3, 'the wrench (fx, fy, m)', PlantError)
@@ -142,7 +142,7 @@ class MujocoPlant:
 
     def load_joint(self, joint: str, force: ArrayLike) -> None:
         """
-        Pull at a joint of the robot from now on.
+        Apply an external force to a joint of the robot from now on.
 
         :param joint: name of the joint.
         :param force: (fx, fy) in the robot frame [N].
@@ -161,13 +161,13 @@ class MujocoPlant:
 
     def advance(self, duration: float, speeds: ArrayLike) -> None:
         """
-        Let time pass by whole steps; what is left of the duration counts for the next call.
+        Simulate whole steps; the rest of the duration is added to the next call.
 
         :param duration: not negative [s].
-        :param speeds: (r,) of the tube through each roller [m/s].
+        :param speeds: (r,) speeds of the tube through each roller [m/s].
         :raises PlantError: the simulation became unstable.
         :raises ConfigurationError: not one finite speed a roller.
-        :raises StructureError: a member has no length left.
+        :raises StructureError: a member has no length.
         """
         commanded = self.robot.check_rollers(speeds, 'roller velocities [m/s]')
         self._due += duration
@@ -180,7 +180,7 @@ class MujocoPlant:
             if self._speeds.any():
                 self.travel = self.travel + self.options.time_step * self._speeds
                 self._set_rest_lengths()
-                if self._since_refresh >= REFRESH:
+                if self._since_refresh >= UPDATE_INTERVAL:
                     self._refresh()
             self._since_refresh += 1
             self._mj.mj_step(self.model, self.data)
@@ -195,14 +195,14 @@ class MujocoPlant:
 
     def settle(self, duration: float = 2.0) -> None:
         """
-        Let the robot come to rest with its rollers still.
+        Simulate until the robot is at rest, with fixed rollers.
 
-        :param duration: simulated [s].
+        :param duration: simulated time [s].
         """
         self.advance(duration, np.zeros_like(self.travel))
 
     def save(self) -> Array:
-        """Return MuJoCo's state, to come back to with `restore` as long as no roller turns."""
+        """Return MuJoCo's state for `restore`, valid while no roller moves."""
         kind = self._mj.mjtState.mjSTATE_INTEGRATION
         state = np.empty(self._mj.mj_stateSize(self.model, kind))
         self._mj.mj_getState(self.model, self.data, state, kind)
@@ -210,9 +210,9 @@ class MujocoPlant:
 
     def restore(self, state: Array) -> None:
         """
-        Return to a saved state, what pulls at the objects included.
+        Restore a saved state, including external wrenches.
 
-        :param state: by `save`; the rollers have not turned since.
+        :param state: state of `save`; the rollers have not moved since.
         """
         kind = self._mj.mjtState.mjSTATE_INTEGRATION
         self._mj.mj_setState(self.model, self.data, state, kind)
@@ -220,9 +220,9 @@ class MujocoPlant:
 
     def contact_forces(self, number: int = 0) -> dict[str, ContactForce]:
         """
-        Return the forces of members on an object, by member; none where nothing touches.
+        Return the forces of members on an object by member; empty without contact.
 
-        :param number: of the object.
+        :param number: index of the object.
         """
         mine = self._object_geoms[number]
         found: dict[str, list[tuple[complex, complex, complex]]] = {}
@@ -234,7 +234,7 @@ class MujocoPlant:
             if member < 0 or not (second or pair[0] in mine):
                 continue
             self._mj.mj_contactForce(self.model, self.data, index, wrench)
-            # The frame's axes are its rows; the first, the normal, is from the first geom on.
+            # The rows of the frame are its axes; the first is the normal, out of the first geom.
             sign = 1.0 if second else -1.0
             axes = sign * contact.frame.reshape(3, 3)[:, :2] @ np.array([1.0, 1.0j])
             part = axes @ wrench[:3], axes[0] * wrench[0], complex(*contact.pos[:2])
@@ -242,7 +242,7 @@ class MujocoPlant:
         return {name: _resultant(parts) for name, parts in found.items()}
 
     def _find_addresses(self) -> None:
-        """Look up where joints, bodies and geoms of all members stand in MuJoCo's arrays."""
+        """Look up the indices of joints, bodies and geoms of all members in MuJoCo's arrays."""
         model, topology = self.model, self.robot.topology
         names, warning = topology.module_names, self._mj.mjtWarning
         bad = warning.mjWARN_BADQPOS, warning.mjWARN_BADQVEL, warning.mjWARN_BADQACC
@@ -250,15 +250,19 @@ class MujocoPlant:
         self._joint_bodies = [self._body(name) for name in topology.joint_names]
         self._b_bodies = [self._body(f'{name}/B') for name in names]
         self._c_sites = [model.site(f'{name}/C').id for name in names]
-        # Rows (joint, member, place in the table of stiffnesses), (geom, member, length, place).
+        # Rows (joint, member, row of the table of stiffnesses), (geom, member, length, position).
         springs, pieces = [], []
         for i, (name, count) in enumerate(zip(names, self._counts.tolist(), strict=True)):
             along = [END, *[MIDDLE] * (count - 1), END]
             kinds = [(f'x{k}', place) for k, place in enumerate(along, 1)]
-            kinds += [(f'{kind}{k}', place) for k in range(1, count + 1) for kind, place in ACROSS]
+            kinds += [
+                (f'{kind}{k}', place)
+                for k in range(1, count + 1)
+                for kind, place in TRANSVERSE_ROWS
+            ]
             kinds += [('ring', RING), ('end', RING)]
             springs += [(model.joint(f'{name}:{joint}').id, i, place) for joint, place in kinds]
-            # A piece's origin has gone along by its share of the member's change of length.
+            # The origin of a segment moves by its share of the member's change of length.
             whole = [*[1.0] * (count - 1), 0.5]
             parts = [('B', 0.0, 0.0), ('0', 0.5, 0.0), ('E', 0.0, 1.0)]
             parts += [(str(k), size, (k - 0.5) / count) for k, size in enumerate(whole, 1)]
@@ -279,7 +283,7 @@ class MujocoPlant:
         self._object_geoms = [
             set(np.flatnonzero(model.geom_bodyid == self._body(name)).tolist()) for name in objects
         ]
-        # The three joints of an object, and what holds them, follow each other.
+        # The three joints of an object and their equalities are consecutive.
         first = [model.joint(f'{name}:x') for name in objects]
         holds = [model.equality(f'{name}:hold_x').id for name in objects]
         self._object_qpos = [slice(j.qposadr[0], j.qposadr[0] + 3) for j in first]
@@ -290,7 +294,7 @@ class MujocoPlant:
         return int(self.model.body(name).id)
 
     def _driven_speeds(self, commanded: Array) -> Array:
-        """Return the speeds (r,) of the rollers, which lag and are not of any strength [m/s]."""
+        """Return the speeds (r,) of the rollers after lag and force limit [m/s]."""
         options, speeds = self.options, commanded
         if options.roller_lag > 0.0:
             passed = -math.expm1(-options.time_step / options.roller_lag)
@@ -298,7 +302,7 @@ class MujocoPlant:
         if options.roller_force < math.inf:
             give = self.data.qpos[self._first_slide] - self.model.qpos_spring[self._first_slide]
             tension = self.model.jnt_stiffness[self._first_joint] * give
-            # What the tension of the members does to the tube at a roller, in the sense of travel.
+            # Force of the members' tension on the tube at a roller, in the sense of travel.
             pulled = self.robot.topology.incidence.T @ tension
             speeds = np.where(-np.sign(speeds) * pulled > options.roller_force, 0.0, speeds)
         return speeds
@@ -308,7 +312,7 @@ class MujocoPlant:
         self.model.qpos_spring[self._slide_qpos] = self._slide_rest * change[self._slide_member]
 
     def _move_surface(self) -> None:
-        """Give each piece the speed of the tube along it."""
+        """Set the surface speed of each segment to that of the tube's material."""
         topology = self.robot.topology
         through = np.zeros(topology.n_modules)
         through[topology.driven] = self._speeds
@@ -320,7 +324,7 @@ class MujocoPlant:
         )
 
     def _refresh(self) -> None:
-        """Let stiffness, damping and geometry follow the lengths of the members."""
+        """Update stiffness, damping and geometry by the member lengths."""
         self._since_refresh = 0
         lengths = self._home + self.robot.topology.incidence @ self.travel
         springs = springs_of(self.robot, lengths, self._counts)
@@ -329,7 +333,7 @@ class MujocoPlant:
         )
         stiffness = table[self._spring_kind, self._spring_member]
         self.model.jnt_stiffness[self._spring_joint] = stiffness
-        armature = ARMATURE * stiffness * self.options.time_step**2
+        armature = ARMATURE_FACTOR * stiffness * self.options.time_step**2
         self.model.dof_armature[self._spring_dof] = armature
         along = self._spring_kind <= MIDDLE
         damping = spring_damping(stiffness, along, self.options)
@@ -343,7 +347,7 @@ class MujocoPlant:
 
 
 def _resultant(parts: Sequence[tuple[complex, complex, complex]]) -> ContactForce:
-    """Return the resultant of contacts: forces, their normal parts, and where they act, x + iy."""
+    """Return the forces, normal components and centre of pressure x + iy of contacts."""
     forces, pressing, points = np.array(parts).T
     sizes, inward = np.abs(pressing), complex(pressing.sum())
     if not sizes.any():

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Recordings of a plant's states, of which every one can be drawn later, without the plant.
+Recordings of plant states, for rendering without the plant.
 
-A file has the model as text, then state after state: time, MuJoCo's coordinates, and length and
-place of the pieces of tube, which follow the rollers. It is complete after every state.
+A file has the model as text and a sequence of states: time, MuJoCo's coordinates, length and
+position of the tube segments, which change with the rollers. It is complete after every state.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ from isotruss_ros.mujoco_plant.options import PlantError
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
 
-#: States in a second of simulated time [Hz].
-RATE = 25.0
+#: Rate of states in simulated time [Hz].
+STATE_RATE = 25.0
 
 
 class PlantRecorder:
     """
     Writes the states of a plant to a file.
 
-    :param plant: whose states are written.
-    :param path: of the file; one that is there is replaced.
-    :param rate: of the states, by the time that is given with them [Hz].
+    :param plant: the plant.
+    :param path: path of the file; an existing one is replaced.
+    :param rate: rate of the states by their times [Hz].
     :raises PlantError: the file cannot be written.
     """
 
-    def __init__(self, plant: MujocoPlant, path: Path, rate: float = RATE) -> None:
+    def __init__(self, plant: MujocoPlant, path: Path, rate: float = STATE_RATE) -> None:
         self._plant, self._period, self._next = plant, 1.0 / rate, -np.inf
         try:
             self._file: BinaryIO = path.open('wb')
@@ -43,9 +43,9 @@ class PlantRecorder:
 
     def record(self, time: float) -> None:
         """
-        Write the present state, if it is time for one.
+        Write the current state, if due.
 
-        :param time: which it gets [s].
+        :param time: time of the state [s].
         """
         if time < self._next:
             return
@@ -56,17 +56,17 @@ class PlantRecorder:
         self._file.flush()
 
     def close(self) -> None:
-        """Write no more."""
+        """Close the file."""
         self._file.close()
 
 
 @dataclass(frozen=True, eq=False)
 class PlantRecording:
     """
-    States of a plant.
+    Recorded states of a plant.
 
-    :ivar states: (n, k) coordinates, then for each geom the second number of its size and the
-        first one of its place, as MuJoCo has them.
+    :ivar states: (n, k) coordinates, then for each geom the second component of its size and the
+        first one of its position.
     """
 
     text: str  #: of the model (MJCF)
@@ -75,9 +75,9 @@ class PlantRecording:
 
     def at(self, time: float) -> Array:
         """
-        Return the last state until a time (k,), or the first one.
+        Return the last state (k,) at or before a time, or the first one.
 
-        :param time: by the clock of the recording [s].
+        :param time: time of the recording [s].
         """
         place = int(np.searchsorted(self.times, time, side='right')) - 1
         return self.states[max(place, 0)]
@@ -85,10 +85,10 @@ class PlantRecording:
 
 def read_recording(path: Path) -> PlantRecording:
     """
-    Read a recording; a state whose writing was interrupted is left out.
+    Read a recording; an incomplete last state is dropped.
 
-    :param path: of the file.
-    :raises PlantError: it cannot be read, or has no state.
+    :param path: path of the file.
+    :raises PlantError: the file cannot be read, or has no state.
     """
     rows: list[Array] = []
     try:

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Correct planned grasps by what MuJoCo measures: squeeze and slip margin, by their gradients."""
+"""Correction of planned grasps by squeeze and slip margin measured in MuJoCo."""
 
 from __future__ import annotations
 
@@ -15,43 +15,43 @@ from isotruss_ros.core.planning.grasp_plan import PlannedGrasp
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
 
-#: By which squeeze and slip margin may differ, as a share of the planned ones; most measurements.
+#: Relative tolerance of squeeze and slip margin [-]; largest number of measurements [-].
 TOLERANCE, ROUNDS = 0.02, 10
-#: Where an object waits while the rollers move: x, y [m], angle [rad].
-AWAY = (5.0, 5.0, 0.0)
-#: Duration of a motion of the rollers, and of the rest after it [s].
+#: Pose of an object outside the robot while the rollers move: x, y [m], angle [rad].
+PARKING_POSE = (5.0, 5.0, 0.0)
+#: Durations of a motion of the rollers and of the rest after it [s].
 MOTION, REST = 2.0, 2.0
-#: Pulls are this share of the planned slip margin, and last so long [s].
+#: Pulls as a share of the planned slip margin [-], and their duration [s].
 SHARE, PULL = 0.1, 0.5
-#: No roller is corrected by more in a round [m].
-LARGEST = 0.03
+#: Largest correction of a roller per iteration [m].
+MAX_CORRECTION = 0.03
 
 
 class RefinedGrasp(NamedTuple):
     """
-    A grasp that was corrected by what a plant measures.
+    A grasp corrected by measurements in a plant.
 
-    :ivar grasp: the plan, with other roller positions behind where its members touch; the rest of
-        it is as planned.
+    :ivar grasp: the plan with corrected roller positions after first contact; the rest is as
+        planned.
     """
 
     grasp: PlannedGrasp
-    measured: Array  #: (n, 2) squeeze and slip margin in each round [N]
-    agrees: bool  #: whether the last ones are those that were planned
+    measured: Array  #: (n, 2) squeeze and slip margin in each iteration [N]
+    agrees: bool  #: whether the last ones are within tolerance
 
 
 def refine_grasp(grasp: PlannedGrasp, plant: MujocoPlant) -> RefinedGrasp:
     """
-    Correct a planned grasp until the plant presses, and bears, what was planned.
+    Correct a planned grasp until squeeze and slip margin in the plant are as planned.
 
-    In each round the tubes bend around the object, which is held fast at its planned place without
-    friction, and then let it go. The rollers are corrected by the gradients of squeeze and slip
-    margin at the equilibrium where the object rests.
+    In each iteration the tubes settle on the object, fixed at its planned pose without friction;
+    then it is released. The rollers are corrected by the gradients of squeeze and slip margin at
+    the equilibrium of the released object.
 
-    :param grasp: the plan, of an object that two members hold.
-    :param plant: of the same robot with the same object as its only one; nothing else pulls.
+    :param grasp: the plan, with two grasping members.
+    :param plant: plant of the same robot and object only, without external loads.
     :raises PlantError: the simulation became unstable.
-    :raises GraspError: where the object rests our model has no equilibrium.
+    :raises GraspError: the model has no equilibrium near the pose of the plant.
     """
     planned, found = np.array([grasp.squeeze, grasp.slip_margin]), []
     config, grip, step = grasp.config, grasp.grip, None
@@ -69,11 +69,11 @@ def refine_grasp(grasp: PlannedGrasp, plant: MujocoPlant) -> RefinedGrasp:
             slopes = np.stack([gradient.squeeze, gradient.slip_margin])
             slopes = slopes[:, gradient.parameters.rollers] / planned[:, None]
         else:
-            # Broyden's update: what the last step did is known.
+            # Broyden's update by the result of the last step.
             change = (found[-1] - found[-2]) / planned - slopes @ step
             slopes = slopes + np.outer(change, step) / (step @ step)
         step = np.linalg.lstsq(slopes, -off, rcond=None)[0]
-        step /= max(1.0, float(np.abs(step).max()) / LARGEST)
+        step /= max(1.0, float(np.abs(step).max()) / MAX_CORRECTION)
         config = config.moved_to(config.roller_positions + step)
     path, touch = grasp.path.copy(), grasp.touch
     shares = np.linspace(0.0, 1.0, len(path) - touch)
@@ -83,9 +83,9 @@ def refine_grasp(grasp: PlannedGrasp, plant: MujocoPlant) -> RefinedGrasp:
 
 
 def _press(plant: MujocoPlant, grasp: PlannedGrasp, travel: Array) -> None:
-    """Let the members press on the object in its planned place, and let go of it."""
+    """Settle the tubes on the object fixed at its planned pose, and release it."""
     plant.set_friction(0.0)
-    plant.hold_object(AWAY)
+    plant.hold_object(PARKING_POSE)
     plant.advance(MOTION, (travel - plant.travel) / MOTION)
     plant.hold_object(grasp.grip.body.pose)
     plant.settle(REST)
@@ -95,7 +95,7 @@ def _press(plant: MujocoPlant, grasp: PlannedGrasp, travel: Array) -> None:
 
 
 def _measure(plant: MujocoPlant, grasp: PlannedGrasp) -> Array:
-    """Return squeeze and slip margin, by small pulls both ways, (2,) [N]."""
+    """Return squeeze and slip margin (2,), measured by small pulls in both directions [N]."""
     arm, state, pull = grasp.grip.body.arm, plant.save(), SHARE * grasp.slip_margin
     forces, changes = _forces(plant, grasp), []
     for wrench in pull * np.diag([1.0, 1.0, arm]):

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Pictures of recorded states, drawn by MuJoCo without a screen: with EGL, on the processor."""
+"""Offscreen rendering of recorded states by MuJoCo with EGL on the processor."""
 
 from __future__ import annotations
 
@@ -18,25 +18,25 @@ from isotruss_ros.mujoco_plant.recording import PlantRecording
 import numpy as np
 from numpy.typing import NDArray
 
-#: Free space around everything that moves, as a share of its extent.
-MARGIN = 0.06
-#: States by which the extent is found.
-LOOKED_AT = 60
+#: Margin around all moving parts as a share of their extent [-].
+VIEW_MARGIN = 0.06
+#: Number of states that determine the extent [-].
+EXTENT_SAMPLES = 60
 #: Height of lines and arrows above the plane of the tubes [m], and their radius [m].
 ABOVE, LINE, ARROW = 0.08, 0.008, 0.016
 #: Their colours: red, green, blue, opacity.
 LINE_COLOR, ARROW_COLOR = (0.17, 0.545, 0.243, 1.0), (0.851, 0.282, 0.059, 1.0)
-#: Lines and arrows that fit into a picture, beside the model.
-EXTRA = 1000
-#: Where MuJoCo's free camera looks straight down and y is up [degrees].
+#: Largest number of lines and arrows in a picture [-].
+MAX_EXTRA_GEOMS = 1000
+#: Angles of MuJoCo's free camera for a top view with y up [degrees].
 NORTH_UP, DOWN = 90.0, -90.0
 
 
 def require_egl() -> Any:
     """
-    Return MuJoCo's contexts that need no screen.
+    Return MuJoCo's offscreen contexts.
 
-    :raises PlantError: MuJoCo is not installed, or there is no EGL; the text says what to do.
+    :raises PlantError: MuJoCo is not installed, or EGL is missing; names the remedy.
     """
     load_mujoco()
     try:
@@ -54,13 +54,13 @@ def require_egl() -> Any:
 
 class PlantRenderer:
     """
-    Draws states of a recording as seen from above, all from one place; a context manager.
+    Renders states of a recording in a fixed top view; a context manager.
 
-    :ivar recording: whose states are drawn.
+    :ivar recording: the states.
     :param recording: the states.
-    :param width: of the pictures [pixels].
-    :param height: of the pictures [pixels].
-    :raises PlantError: MuJoCo is not installed, or there is no EGL.
+    :param width: width of the pictures [pixels].
+    :param height: height of the pictures [pixels].
+    :raises PlantError: MuJoCo is not installed, or EGL is missing.
     """
 
     def __init__(self, recording: PlantRecording, width: int, height: int) -> None:
@@ -70,7 +70,7 @@ class PlantRenderer:
         self._model.vis.global_.offwidth, self._model.vis.global_.offheight = width, height
         self._data = self._mj.MjData(self._model)
         self._options, self._camera = self._mj.MjvOption(), self._look_at_all()
-        self._scene = self._mj.MjvScene(self._model, self._model.ngeom + EXTRA)
+        self._scene = self._mj.MjvScene(self._model, self._model.ngeom + MAX_EXTRA_GEOMS)
         self._context = egl.GLContext(width, height)
         self._context.make_current()
         self._drawing = self._mj.MjrContext(self._model, self._mj.mjtFontScale.mjFONTSCALE_100)
@@ -88,7 +88,7 @@ class PlantRenderer:
     ) -> None:
         """Release the context."""
         self._drawing.free()
-        # PyOpenGL raises where the display is gone already.
+        # PyOpenGL raises if the display is already closed.
         with suppress(Exception):
             self._context.free()
 
@@ -101,9 +101,9 @@ class PlantRenderer:
         """
         Return a picture (height, width, 3).
 
-        :param time: of the state, by the clock of the recording [s].
-        :param line: (x, y) of the points of a line to draw above the robot [m].
-        :param arrow: tail and tip, (x, y) each, of an arrow to draw [m]; None for none.
+        :param time: time of the state in the recording [s].
+        :param line: points (x, y) of a line above the robot [m].
+        :param arrow: tail and tip (x, y) of an arrow [m]; None: no arrow.
         """
         self._go_to(self.recording.at(time))
         mj, scene = self._mj, self._scene
@@ -127,7 +127,7 @@ class PlantRenderer:
         return np.flipud(picture)
 
     def _go_to(self, state: Array) -> None:
-        """Put everything where it was."""
+        """Set the model to a recorded state."""
         model, data, mj = self._model, self._data, self._mj
         coordinates, sizes, places = np.split(state, [model.nq, model.nq + model.ngeom])
         model.geom_size[:, 1], model.geom_pos[:, 0] = sizes, places
@@ -137,14 +137,14 @@ class PlantRenderer:
         mj.mj_camlight(model, data)
 
     def _look_at_all(self) -> Any:
-        """Return a camera above the middle of all that moves, from where it sees everything."""
+        """Return a camera above the centre of all moving parts, with all of them in view."""
         low, high = np.full(2, np.inf), np.full(2, -np.inf)
         states = self.recording.states
-        for state in states[:: max(1, len(states) // LOOKED_AT)]:
+        for state in states[:: max(1, len(states) // EXTENT_SAMPLES)]:
             self._go_to(state)
             places = self._data.xpos[1:, :2]
             low, high = np.minimum(low, places.min(axis=0)), np.maximum(high, places.max(axis=0))
-        extent = (1.0 + 2.0 * MARGIN) * (high - low)
+        extent = (1.0 + 2.0 * VIEW_MARGIN) * (high - low)
         upright = max(extent[1], extent[0] * self._height / self._width)
         camera = self._mj.MjvCamera()
         camera.azimuth, camera.elevation = NORTH_UP, DOWN
@@ -161,7 +161,7 @@ class PlantRenderer:
         end: tuple[float, float],
         color: Sequence[float],
     ) -> None:
-        """Add a body from one place to another to the picture, above the tubes."""
+        """Add a cylinder or arrow between two points to the picture, above the tubes."""
         scene, mj = self._scene, self._mj
         if scene.ngeom >= scene.maxgeom:
             return

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a MuJoCo model shows and nothing touches: ground, light, joints, outlines of objects."""
+"""Visual elements of a MuJoCo model without contact: ground, light, joints, outlines."""
 
 from __future__ import annotations
 
@@ -14,28 +14,27 @@ import numpy as np
 #: Colours by kind of body.
 TUBE_COLOR, MODULE_COLOR, OBJECT_COLOR = '0.25 0.5 0.75 1', '0.2 0.2 0.2 1', '0.85 0.45 0.15 1'
 MARK_COLOR = '1 1 1 1'
-#: Radius of the ball of a joint [m]; the geoms that collide, where others show an object, are in
-#: this group, which viewers do not show at first.
+#: Radius of the ball of a joint [m]; group of colliding geoms, hidden by default in viewers.
 BALL, HIDDEN = 0.03, '3'
-#: The ground lies so far below the tubes [m], and reaches so far [m].
+#: Depth of the ground below the tubes [m], and its half width [m].
 BELOW, GROUND = 0.01, 10.0
-#: Points of the outline of an object are so far apart, as a share of its arm.
-SPACING = 0.05
-#: The mark that shows how an object is turned: length as a share of its arm, and radius [m].
+#: Spacing of the outline points of an object, as a share of its characteristic radius [-].
+OUTLINE_SPACING = 0.05
+#: Orientation mark of an object: length as a share of its characteristic radius [-], radius [m].
 MARK, MARK_RADIUS = 0.9, 0.008
 
 
 def add_scenery(root: ET.Element, world: ET.Element, robot: Robot) -> None:
     """
-    Add light, and the ground below the plane in which the robot moves.
+    Add light and the ground below the plane of the robot.
 
     :param root: element of the model.
     :param world: element of its bodies.
-    :param robot: whose tubes lie above the ground.
+    :param robot: the robot.
     """
     visual, asset = ET.SubElement(root, 'visual'), ET.SubElement(root, 'asset')
     ET.SubElement(visual, 'global', offwidth='1280', offheight='960')
-    # Twice this is the width of what shadows fall on: all that the robot reaches.
+    # Half the width of the shadow area, which covers the reach of the robot.
     reach = float(np.ptp(robot.home.points.real) + np.ptp(robot.home.points.imag))
     middle = robot.home.points.mean()
     center = f'{middle.real:.6g} {middle.imag:.6g} 0'
@@ -58,15 +57,15 @@ def add_scenery(root: ET.Element, world: ET.Element, robot: Robot) -> None:
 
 def add_look(root: ET.Element, body: ET.Element, held: ConvexObject, thickness: float) -> None:
     """
-    Show an object as a plate with the outline that it has in the plane, and how it is turned.
+    Add a plate with the outline of an object in the plane, and a mark of its orientation.
 
     :param root: element of the model.
     :param body: element of the object.
-    :param held: the object, in its place.
-    :param thickness: of the plate [m].
+    :param held: the object at its pose.
+    :param thickness: thickness of the plate [m].
     """
     name, half = body.get('name'), 0.5 * thickness
-    outline = held.outline(SPACING * held.arm) - held.center
+    outline = held.outline(OUTLINE_SPACING * held.arm) - held.center
     corners = [f'{p.real:.6g} {p.imag:.6g} {z:.6g}' for z in (-half, half) for p in outline]
     (asset,) = root.iter('asset')
     ET.SubElement(asset, 'mesh', name=name, vertex='  '.join(corners))

@@ -2,13 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The springs of a tube cut into rigid pieces.
+Springs of a tube divided into rigid segments.
 
-A long tube piece DE' of length L becomes N segments of length l = L / N with one elastic joint in
-the middle of each. About its middle a Timoshenko segment has the diagonal compliance l / EA,
-l / GA + l^3 / (12 EI), l / EI: so loads at the ends of a member bend it exactly as its beam,
-whatever N. The guide arms BD and CE, pinned at B and C, turn by g / (3 EI) + 1 / (GA g) per unit
-moment at D and E, and stretch with the first and last piece.
+A long tube piece DE' of length L is divided into N segments of length l = L / N with one elastic
+joint in the middle of each. The compliance of a Timoshenko segment about its middle is diagonal: l
+/ EA, l / GA + l^3 / (12 EI), l / EI. So the end compliance of a member is exactly that of its beam
+for any N. The guide arms BD and CE, pinned at B and C, rotate by g / (3 EI) + 1 / (GA g) per unit
+moment at D and E; their extension is added to the first and last segment.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ class Springs:
     """Stiffness and rest length of the elastic joints, member by member."""
 
     segment: Array  #: (m,) length of a segment [m]
-    middle_slide: Array  #: (m,) along, of the joints between whole pieces [N/m]
-    end_slide: Array  #: (m,) along, of the first and the last [N/m]
-    shear: Array  #: (m,) across [N/m]
+    middle_slide: Array  #: (m,) axial, of the inner joints [N/m]
+    end_slide: Array  #: (m,) axial, of the first and the last [N/m]
+    shear: Array  #: (m,) transverse [N/m]
     bend: Array  #: (m,) hinges within the piece [N m/rad]
     ring: Array  #: (m,) hinges at D and E' [N m/rad]
 
@@ -37,8 +37,8 @@ def springs_of(robot: Mechanism, lengths: Array, segments: Indices) -> Springs:
     """
     Return the springs of all members.
 
-    :param robot: its file has the stiffness model.
-    :param lengths: (m,) of the members, pinch to pinch, without load [m].
+    :param robot: the robot with the stiffness model.
+    :param lengths: (m,) unloaded lengths of the members, pinch to pinch [m].
     :param segments: (m,) numbers of segments.
     :raises StructureError: the stiffness model has no stiffness for a length.
     """

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The ROS nodes: messages in, messages out; the mathematics is in `isotruss_ros.core`.
+ROS nodes, the interface between messages and `isotruss_ros.core`.
 
 Entry points: a module or a package for each node, run by `isotruss_ros.executables`.
 Imports `core` and all packages before `nodes` in test/style/test_architecture.py.
@@ -10,12 +10,12 @@ Imports `core` and all packages before `nodes` in test/style/test_architecture.p
 
 import os
 
-# Before NumPy is loaded: our matrices are small. With threads, BLAS workers that spin between the
-# cycles took 8.6 s of kernel time in a run of 12 s at 200 Hz; without them 0.13 s.
+# Set before NumPy is loaded, for small matrices: in a run of 12 s at 200 Hz busy-waiting BLAS
+# threads took 8.6 s of kernel time, without them 0.13 s.
 for _variable in ('OPENBLAS_NUM_THREADS', 'OMP_NUM_THREADS', 'MKL_NUM_THREADS'):
     os.environ.setdefault(_variable, '1')
 
-#: In the words of a terminal, since that is where it is read.
+#: Error text for a terminal.
 NO_MESSAGES = (
     'isotruss_msgs, the interface package of isotruss_ros, is not built. It is the folder\n'
     'msg_defs of isotruss_ros, where colcon does not look by itself. In the workspace:\n'

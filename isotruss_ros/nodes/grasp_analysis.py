@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node `grasp_analysis`: publishes contact forces and force closure of the measured object."""
+"""Node `grasp_analysis`: contact forces and force closure of the measured object."""
 
 from __future__ import annotations
 
@@ -49,11 +49,11 @@ SPECS = (
     common.COMMAND_TIMEOUT,
     common.PRESSURE_TIMEOUT,
     common.AMBIENT_PRESSURE,
-    # Not finer: for an object as large as the robot, memory grows with the square of the points.
+    # Lower bound: memory grows with the square of the number of points.
     Spec(
         'spacing',
         0.005,
-        'Distance of the points that can touch, along the tubes [m]',
+        'Spacing of the contact points along the tubes [m]',
         (0.002, 0.1),
     ),
     Spec(
@@ -63,17 +63,17 @@ SPECS = (
         'and only whether the object is held with flattening',
     ),
 )
-#: Markers are published at most this often, as RViz draws [s].
+#: Shortest period of markers, the frame rate of RViz [s].
 MARKER_PERIOD = 1.0 / 30.0
 
 
 class GraspAnalysisNode(ManagedNode):
-    """Analyse the grasp in every cycle from the latest inputs."""
+    """Analyses the grasp in every cycle from the latest inputs."""
 
     node_name = 'grasp_analysis'
     specs = SPECS
     awaited = ('joint_states', 'object_pose')
-    #: When markers were published last.
+    #: Time of the last markers.
     _drawn = 0.0
 
     def configure(self) -> None:
@@ -99,13 +99,13 @@ class GraspAnalysisNode(ManagedNode):
         self.inputs.keep(WrenchStamped, 'external_wrench', self._read_wrench, 'wrench')
 
     def _read_wrench(self, message: WrenchStamped) -> tuple[float, float, float]:
-        """Return an external wrench, of the aligned frame or of the object's own."""
+        """Return an external wrench, given in the aligned frame or in the object's frame."""
         pose = self._monitor.pose
         known = isinstance(pose, StampedInput)
         return read_external_wrench(message, self.robot.frame, pose.value.angle if known else None)
 
     def _make_query(self) -> GraspQuery:
-        """Return what is analysed by the parameters; the object's own friction counts first."""
+        """Return the query of the parameters; the object's own friction has precedence."""
         values = self.values
         body = self._described or ConvexObject(Disc(values.object_diameter))
         friction = values.friction if body.friction is None else body.friction
@@ -146,7 +146,7 @@ class GraspAnalysisNode(ManagedNode):
         self._closures.publish(Bool(data=state.force_closure))
         words, level = f'{report.code}: {report.message}', DiagnosticStatus.ERROR
         if report.grasp is not None:
-            # A wrench has no code: without a result, none is published.
+            # A wrench message has no code: without a result none is published.
             header = make_header(report.time, name_aligned_frame(self.robot.frame))
             self._wrenches.publish(WrenchStamped(header=header, wrench=state.normal_wrench))
             grasp = report.grasp
@@ -172,7 +172,7 @@ class GraspAnalysisNode(ManagedNode):
             self._forces.publish(message)
 
     def _draw(self, report: GraspReport) -> None:
-        """Publish markers if there is a subscriber, at the rate at which they are drawn."""
+        """Publish markers if there is a subscriber, at the frame rate."""
         now = time.monotonic()
         if now - self._drawn >= MARKER_PERIOD and self._arrays.get_subscription_count():
             self._arrays.publish(to_marker_array(report, self.robot.frame, self.now()))

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node `grasp_planner`: searches for grasps of a free object."""
+"""Node `grasp_planner`: search for grasps of a free object."""
 
 from __future__ import annotations
 
@@ -29,17 +29,19 @@ from isotruss_ros.nodes.framework.single_goal import BusyError, SingleGoal
 SPECS = (
     common.OBJECT,
     common.COMMAND_TIMEOUT,
-    FixedSpec('workers', 0, 'Processes that search, one for each core if 0', (0, MAX_WORKERS)),
+    FixedSpec(
+        'workers', 0, 'Number of search processes, one for each core if 0', (0, MAX_WORKERS)
+    ),
 )
-#: The node polls a search this often [s].
-PERIOD = 0.02
+#: Polling period of a search [s].
+POLLING_PERIOD = 0.02
 
 
 class GraspPlanner(ManagedNode):
     """
-    Execute one goal at a time, and refuse others meanwhile.
+    Executes one goal at a time, and refuses others in the meantime.
 
-    The search has a thread and processes of its own; a timer polls it.
+    The search runs in a thread and processes of its own, polled by a timer.
     """
 
     node_name = 'grasp_planner'
@@ -54,7 +56,7 @@ class GraspPlanner(ManagedNode):
         self._shape = TrackedShape(self.robot, self.values.command_timeout)
         self.inputs = Inputs(self, self.robot, self._shape)
         self.inputs.keep_joint_states()
-        # There while the node is inactive too, so that a goal that ends then gets its result.
+        # Exists while the node is inactive as well, so that a goal that ends then gets its result.
         self._goal = SingleGoal(
             self,
             PlanGrasp,
@@ -68,7 +70,7 @@ class GraspPlanner(ManagedNode):
     def activate(self) -> None:
         """Accept goals from now on."""
         self.diagnostics.set_status(DiagnosticStatus.OK, 'no search')
-        create_steady_timer(self, PERIOD, self._poll)
+        create_steady_timer(self, POLLING_PERIOD, self._poll)
 
     def deactivate(self) -> None:
         """End the search and its processes."""
@@ -116,7 +118,7 @@ class GraspPlanner(ManagedNode):
         self.diagnostics.set_status(DiagnosticStatus.OK, 'searching')
 
     def _poll(self) -> None:
-        """Publish feedback of the search, or end the goal with its answer."""
+        """Publish feedback of the search, or end the goal with its result."""
         self._shape.track()
         answer = self._searcher.answer()
         if answer is not None:

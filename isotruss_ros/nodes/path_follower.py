@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node `path_follower`: moves the grasped object along a path, by twists for `manipulation`."""
+"""Node `path_follower`: tracking of object paths by twists for `manipulation`."""
 
 from __future__ import annotations
 
@@ -39,38 +39,38 @@ SPECS = (
     replace(common.RATE, bounds=(10.0, 1000.0)),
     common.COMMAND_TIMEOUT,
     common.USE_STAMPED_TWIST,
-    Spec('position_gain', 2.0, 'Rate at which errors of position decay [1/s]', (0.0, 20.0)),
-    Spec('angle_gain', 2.0, 'Rate at which errors of orientation decay [1/s]', (0.0, 20.0)),
-    Spec('ramp_time', 0.5, 'From rest to the speed of the path, and back [s]', (0.01, 10.0)),
+    Spec('position_gain', 2.0, 'Decay rate of the position error [1/s]', (0.0, 20.0)),
+    Spec('angle_gain', 2.0, 'Decay rate of the orientation error [1/s]', (0.0, 20.0)),
+    Spec('ramp_time', 0.5, 'Time from rest to the speed of the path, and back [s]', (0.01, 10.0)),
     Spec(
         'progress_timeout',
         3.0,
-        'A goal is aborted after this long without progress [s]',
+        'Time without progress after which a goal is aborted [s]',
         (0.5, 600.0),
     ),
-    Spec('smooth_path', False, 'Round the corners of paths; straight from pose to pose if not'),
+    Spec('smooth_path', False, 'Spline through the poses; straight from pose to pose if false'),
     *common.OBJECT_SPECS,
 )
 
 
-#: Feedback while a path is foreseen.
-UNKNOWN = FollowObjectPath.Feedback(
+#: Feedback during the feasibility check of a path.
+NO_FEEDBACK = FollowObjectPath.Feedback(
     position_error=np.nan, angle_error=np.nan, progress=0.0, time_left=np.nan
 )
 
 
 class PathFollower(ManagedNode):
     """
-    Follow one path at a time; publish nothing on `cmd_vel` while there is none.
+    Follows one path at a time; silent on `cmd_vel` without a path.
 
-    The action's callbacks only begin and end a goal; the cycle publishes the twists.
+    The callbacks of the action begin and end a goal; the cycle publishes the twists.
     """
 
     node_name = 'path_follower'
     specs = SPECS
     awaited = ('follow_object_path',)
     _last: Tracking | None = None
-    #: A path that is being foreseen, in a thread, so that inputs are received meanwhile.
+    #: Feasibility check of a path in a thread, so that inputs are received in the meantime.
     _waiting: tuple[Future[None], ObjectPath, TrackingSettings] | None = None
 
     def create(self) -> None:
@@ -92,7 +92,7 @@ class PathFollower(ManagedNode):
         )
         read = partial(read_grip, robot=self.robot)
         self.inputs.keep(HeldGrip, 'manipulation/grip', read, 'held_grip')
-        # There while the node is inactive too, so that a goal that ends then gets its result.
+        # Exists while the node is inactive as well, so that a goal that ends then gets its result.
         self._goal = SingleGoal(
             self,
             FollowObjectPath,
@@ -111,7 +111,7 @@ class PathFollower(ManagedNode):
         self.cycle = Cycle(self, self._step, self.inputs.clear, self._abort_on_stopped_clock)
 
     def deactivate(self) -> None:
-        """Leave the object at rest."""
+        """Bring the object to rest."""
         self._end(Outcome.STOPPED, 'the node was deactivated')
 
     def details(self) -> dict[str, object]:
@@ -123,14 +123,14 @@ class PathFollower(ManagedNode):
         return details  # type: ignore[return-value]
 
     def _apply(self) -> None:
-        """Apply the parameters; gains and the like from the next goal on."""
+        """Apply the parameters, gains and similar ones from the next goal on."""
         self._servo.timeout = self.values.command_timeout
         self._servo.period = 1.0 / self.values.rate
 
     # -- The action --
 
     def _read(self, goal: FollowObjectPath.Goal) -> tuple[ObjectPath | None, TrackingSettings]:
-        """Return path and settings of a goal; no path to where the object is already."""
+        """Return path and settings of a goal; None as path to the current pose."""
         values = self.values
         settings = TrackingSettings(
             goal.position_tolerance,
@@ -152,7 +152,7 @@ class PathFollower(ManagedNode):
         return path, settings
 
     def _begin(self, asked: tuple[ObjectPath | None, TrackingSettings]) -> None:
-        """Begin to foresee a path."""
+        """Start the feasibility check of a path."""
         self._last, (path, settings) = None, asked
         if path is None:
             self._end(Outcome.REACHED, 'the object is there already')
@@ -163,7 +163,7 @@ class PathFollower(ManagedNode):
         self._waiting = foreseen, path, settings
 
     def _begin_foreseen(self) -> None:
-        """Begin to follow the path that was foreseen, or abort the goal with the reason."""
+        """Start to follow the checked path, or abort the goal with the reason."""
         foreseen, path, settings = self._waiting
         if not foreseen.done():
             return
@@ -198,7 +198,7 @@ class PathFollower(ManagedNode):
             self._publish_twist(np.zeros(3))
             self._begin_foreseen()
             if self._waiting is not None:
-                self._goal.publish_feedback(lambda: UNKNOWN)
+                self._goal.publish_feedback(lambda: NO_FEEDBACK)
             return
         step = self._servo.decide(now)
         self._last = step.tracking or self._last
@@ -210,13 +210,13 @@ class PathFollower(ManagedNode):
         self.diagnostics.set_status(DiagnosticStatus.OK, step.tracking.phase.name.lower())
 
     def _abort_on_stopped_clock(self, now: float) -> None:
-        """Abort the goal: while the clock is stopped, old inputs do not age."""
+        """Abort the goal: inputs do not age while the clock is stopped."""
         self.inputs.clear()
         self._end(Outcome.STOPPED, f'simulated time stopped at {now:.3f} s')
 
 
 def _find_outcome(error: IsotrussError) -> Outcome:
-    """Return how a goal ends: an input is missing, or it is none that can be followed."""
+    """Return the final outcome of a goal: a missing input, or an infeasible path."""
     return Outcome.STOPPED if isinstance(error, InputError) else Outcome.BAD_GOAL
 
 
@@ -228,12 +228,11 @@ def _check_path(
     robot: Robot, values: Parameters, servo: PathServo, path: ObjectPath, now: float
 ) -> None:
     """
-    Check that the model of the held object can follow a path with the squeeze that it has.
+    Check the feasibility of a path with the current squeeze, by the model of the held object.
 
-    It begins with the grip that the loop of `manipulation` has, where that regulates the squeeze.
-
-    Without roller positions, or where no members hold the object as it is described at the
-    beginning of the path, nothing is foreseen: what members push has no slip margin.
+    The check starts from the grip of the loop of `manipulation`, if that regulates the squeeze.
+    There is no check without roller positions, or if the described object is not held at the start
+    of the path: a pushed object has no slip margin.
     """
     try:
         (state,) = require_fresh(now, servo.timeout, joint_states=servo.rollers)

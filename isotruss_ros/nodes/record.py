@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node `record`: writes what the view shows to an MCAP file."""
+"""Node `record`: recording of the topics of the viewer to an MCAP file."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from mcap.writer import Writer
 
 SPECS = (
-    FixedSpec('file', '', 'MCAP file to be written, never over another; empty: by date and time'),
+    FixedSpec('file', '', 'MCAP file to be written, never overwritten; empty: by date and time'),
 )
 TOPICS = {
     'joint_states': JointState,
@@ -47,10 +47,10 @@ TOPICS = {
     'grasp/markers': MarkerArray,
     '/diagnostics': DiagnosticArray,
 } | ({} if TFMessage is None else {'/tf': TFMessage})
-#: The number of a publisher's messages is not known to subscribers; the format takes zero.
-NO_SEQUENCE = 0
-#: What was received is written this often: a recorder that is killed loses no more [s].
-PERIOD = 0.5
+#: Sequence number of all messages, unknown to subscribers.
+UNKNOWN_SEQUENCE_NUMBER = 0
+#: Period of writing, the largest loss of a killed recorder [s].
+WRITING_PERIOD = 0.5
 
 
 class RecordError(IsotrussError, OSError):
@@ -58,18 +58,18 @@ class RecordError(IsotrussError, OSError):
 
 
 class Record(StoppableNode):
-    """Write every message of the topics that the view shows, from the first one on."""
+    """Records every message of the topics of the viewer, from the first one on."""
 
     node_name = 'record'
     specs = SPECS
 
     def start(self) -> None:
-        """Subscribe; nothing is written before there is a file."""
+        """Subscribe; nothing is written before the file is open."""
         self._writer: Writer | None = None
         self._channels: dict[str, int] = {}
         self.count = 0
         for topic, kind in TOPICS.items():
-            # The bytes as they were sent: rclpy would serialise a message with bytes left over.
+            # Raw bytes: rclpy would serialise a message with trailing bytes.
             self.create_subscription(
                 kind,
                 topic,
@@ -77,13 +77,13 @@ class Record(StoppableNode):
                 EVENTS if topic == 'emergency_stop' else NEWEST,
                 raw=True,
             )
-        create_steady_timer(self, PERIOD, self._flush)
+        create_steady_timer(self, WRITING_PERIOD, self._flush)
 
     def begin(self) -> None:
         """
         Create the file, and print its path.
 
-        :raises ParameterError: it exists or cannot be created.
+        :raises ParameterError: the file exists or cannot be created.
         :raises MissingPackageError: mcap is not installed.
         """
         try:
@@ -103,7 +103,7 @@ class Record(StoppableNode):
         """
         Finish the file.
 
-        :raises RecordError: there is no room for the rest.
+        :raises RecordError: the disk is full.
         """
         if self._writer is not None:
             with self._writing():
@@ -119,17 +119,19 @@ class Record(StoppableNode):
         with self._writing():
             if topic not in self._channels:
                 self._channels[topic] = self._register(topic)
-            self._writer.add_message(self._channels[topic], now, message, now, NO_SEQUENCE)
+            self._writer.add_message(
+                self._channels[topic], now, message, now, UNKNOWN_SEQUENCE_NUMBER
+            )
         self.count += 1
 
     def _register(self, topic: str) -> int:
-        """Add a channel, with the quality of service of its publishers as rosbag2 keeps it."""
+        """Add a channel with the quality of service of its publishers, as rosbag2."""
         kind = TOPICS[topic]
         schema = self._writer.register_schema(
             type_name(kind), 'ros2msg', schema_text(kind).encode()
         )
         offered = [p.qos_profile for p in self.get_publishers_info_by_topic(topic)]
-        # rosbag2 reads YAML, of which JSON is a part.
+        # rosbag2 reads YAML, a superset of JSON.
         qualities = {'offered_qos_profiles': json.dumps(list(map(_describe_quality, offered)))}
         name = self.resolve_topic_name(topic)
         return self._writer.register_channel(name, 'cdr', schema, qualities)
@@ -141,16 +143,16 @@ class Record(StoppableNode):
 
     @contextlib.contextmanager
     def _writing(self) -> Iterator[None]:
-        """Give the file up where there is no room."""
+        """Close the file on a full disk."""
         try:
             yield
         except OSError as error:
             self._writer = None
-            # It tries to write the rest once more.
+            # Closing retries the last write.
             with contextlib.suppress(OSError):
                 self._stream.close()
             raise RecordError(
-                f'{self._stream.name}: {error.strerror}: `replay` shows what was written so far'
+                f'{self._stream.name}: {error.strerror}: `replay` shows the written part'
             ) from error
 
 

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node `state_estimator`: where the robot is and how hard it squeezes, by all its sensors."""
+"""Node `state_estimator`: configuration and squeeze of the robot from all its sensors."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ from isotruss_ros.nodes.framework.parameters import FixedSpec, Spec, Value
 from isotruss_ros.nodes.framework.sensors import Inputs
 from isotruss_ros.nodes.framework.topics import RELIABLE
 
-#: The weight of a robot that stands upright is looked for this often [s].
+#: Period of the search for the sag of an upright robot [s].
 SAG_PERIOD = 2.0
-#: What is known of a robot that was not homed.
-KNOWN = EstimatorSettings()
+#: Prior of a robot that was not homed.
+PRIOR = EstimatorSettings()
 SPECS = (
     common.OBJECT_DIAMETER,
     common.OBJECT,
@@ -54,24 +54,24 @@ SPECS = (
     ),
     FixedSpec(
         'zero_deviation',
-        KNOWN.zeros,
-        "Standard deviation of the rollers' zeros; 0.001 after calibrate_home [m]",
+        PRIOR.zeros,
+        'Standard deviation of the roller offsets; 0.001 after calibrate_home [m]',
         (1e-6, 1.0),
     ),
     FixedSpec(
-        'slip', KNOWN.slip, 'Share of its travel that a roller is expected to slip', (0.0, 1.0)
+        'slip', PRIOR.slip, 'Expected slip of a roller as a share of its travel [-]', (0.0, 1.0)
     ),
     FixedSpec(
         'stiffness_deviation',
-        KNOWN.stiffness,
-        'Standard deviation of the stiffness of the tubes, as a share of it',
+        PRIOR.stiffness,
+        'Relative standard deviation of the stiffness of the tubes [-]',
         (0.0, 1.0),
     ),
 )
 
 
 class StateEstimatorNode(ManagedNode):
-    """Take the measurements in once in every cycle, and publish the estimate."""
+    """Updates the estimate with the new measurements, and publishes it, in every cycle."""
 
     node_name = 'state_estimator'
     specs = SPECS
@@ -110,14 +110,14 @@ class StateEstimatorNode(ManagedNode):
         self._estimator = self._last = None
 
     def details(self) -> dict[str, object]:
-        """Return what is trusted."""
+        """Return the measurements in use and the faults of sensors."""
         estimate = self._last
         if estimate is None:
             return {}
         details: dict[str, object] = {
-            'joints whose markers are used': ', '.join(estimate.used) or 'none',
-            'joints whose markers are left out': ', '.join(estimate.left_out) or 'none',
-            'rollers that seem to slip': ', '.join(estimate.slipping) or 'none',
+            'joints with valid markers': ', '.join(estimate.used) or 'none',
+            'joints with rejected markers': ', '.join(estimate.left_out) or 'none',
+            'slipping rollers': ', '.join(estimate.slipping) or 'none',
         }
         if estimate.pose is not None:
             words = describe_squeeze(estimate.squeeze, estimate.squeeze_deviation)
@@ -125,7 +125,7 @@ class StateEstimatorNode(ManagedNode):
         return details
 
     def _begin(self) -> None:
-        """Begin with zeros that are not known: also after a jump of the clock."""
+        """Reset the estimate to the prior, also after a jump of the clock."""
         values = self.values
         self.inputs.clear()
         settings = EstimatorSettings(
@@ -139,7 +139,7 @@ class StateEstimatorNode(ManagedNode):
         self._apply()
 
     def _apply(self) -> None:
-        """Expect the object between the members of the parameters from now on."""
+        """Set the object of the parameters between the grasping members."""
         values = self.values
         self.timeout, self.pressure_timeout = values.command_timeout, values.pressure_timeout
         members = common.select_grip(self.robot, values.grip, values.grip_module)
@@ -160,7 +160,7 @@ class StateEstimatorNode(ManagedNode):
         self._waiting.append(partial(estimator.take_markers, given.time, given.value, deviation))
 
     def _take_waiting(self) -> None:
-        """Take poses and markers in; name and leave those that are not usable."""
+        """Update with the new poses and markers; log and reject invalid ones."""
         waiting, self._waiting = self._waiting, []
         for take in waiting:
             try:
@@ -169,7 +169,7 @@ class StateEstimatorNode(ManagedNode):
                 self.warn('measurement', str(error))
 
     def _take_pressures(self, now: float) -> str:
-        """Model the tubes with measured pressures; tell why, where the last ones stay."""
+        """Use measured pressures in the model; return why, if the last ones remain."""
         try:
             found = fresh_pressures(now, self.pressure_timeout, self.pressures)
         except InputError as error:
@@ -211,18 +211,18 @@ class StateEstimatorNode(ManagedNode):
 
 
 def _rejection(given: Input) -> str:
-    """Return why the last message of an input was rejected; empty where it was not."""
+    """Return the reason of the last rejection of an input; empty without one."""
     rejected = given if isinstance(given, RejectedInput) else getattr(given, 'rejected', None)
     return '' if rejected is None else rejected.reason
 
 
 def _describe_doubts(estimate: StateEstimate) -> str:
-    """Return what seems to be wrong; empty where nothing does."""
+    """Return suspected faults in words; empty without one."""
     doubts = []
     if estimate.swapped:
-        doubts.append(f'markers that seem swapped: {" and ".join(estimate.swapped)}')
+        doubts.append(f'swapped markers: {" and ".join(estimate.swapped)}')
     if estimate.left_out:
-        doubts.append(f'markers that do not fit: {", ".join(estimate.left_out)}')
+        doubts.append(f'inconsistent markers: {", ".join(estimate.left_out)}')
     if estimate.slipping:
-        doubts.append(f'rollers that seem to slip: {", ".join(estimate.slipping)}')
+        doubts.append(f'slipping rollers: {", ".join(estimate.slipping)}')
     return '; '.join(doubts)

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The picture in the manner of the paper's Fig. 4: measured points, the beam, power laws."""
+"""Figure in the form of the paper's Fig. 4: measured points, the beam, power laws."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
 import numpy as np
 
-#: Name, style of the line, and the stiffness by length [m] and pressure [Pa].
+#: Name, line style, and stiffness as a function of length [m] and pressure [Pa].
 Curve = tuple[str, str, Callable[[Array, Array], Array]]
 
-MEASURED = 'tab:blue'
-#: More lengths than this get round ticks instead of their own.
+MEASURED_COLOR = 'tab:blue'
+#: Largest number of lengths with own ticks [-].
 MAX_TICKS = 4
 LABELS = {
     'axial': ('δx [m]', 'P [N]', 'P/δx [N/m]'),
@@ -33,10 +33,10 @@ LABELS = {
 
 def draw(analysis: Analysis, path: Path) -> None:
     """
-    Write one column a mode: the points of the middle group above, the stiffnesses of all below.
+    Draw a column for each mode: points of the middle group above, all stiffnesses below.
 
-    :param analysis: what was fitted.
-    :param path: of the file; its ending decides the format.
+    :param analysis: results of the fits.
+    :param path: path of the file, whose extension selects the format.
     :raises MeasurementError: the file cannot be written.
     """
     modes = [mode for mode, slopes in analysis.slopes.items() if slopes]
@@ -62,7 +62,7 @@ def _middle(slopes: Sequence[Slope]) -> Slope:
 
 
 def _curves(analysis: Analysis, mode: str) -> list[Curve]:
-    """Return what was fitted to a mode, with its name and the style of its line."""
+    """Return the fitted curves of a mode, with names and line styles."""
     curves: list[Curve] = []
     if analysis.fitted:
         tube = analysis.fitted.beam
@@ -75,7 +75,9 @@ def _curves(analysis: Analysis, mode: str) -> list[Curve]:
 def _draw_loads(axes: Axes, slope: Slope, curves: Sequence[Curve]) -> None:
     group, used = slope.group, slope.used
     loads = group.loads - slope.offsets
-    axes.plot(group.displacements[used], loads[used], '.', color=MEASURED, ms=4, label='measured')
+    axes.plot(
+        group.displacements[used], loads[used], '.', color=MEASURED_COLOR, ms=4, label='measured'
+    )
     if not used.all():
         axes.plot(
             group.displacements[~used], loads[~used], '.', color='0.75', ms=4, label='not used'
@@ -95,9 +97,9 @@ def _draw_loads(axes: Axes, slope: Slope, curves: Sequence[Curve]) -> None:
 def _draw_stiffnesses(axes: Axes, slopes: Sequence[Slope], curves: Sequence[Curve]) -> None:
     lengths = np.array([slope.group.length for slope in slopes])
     stiffnesses = np.array([slope.stiffness for slope in slopes])
-    axes.plot(lengths, stiffnesses, 'o', color=MEASURED, ms=4)
+    axes.plot(lengths, stiffnesses, 'o', color=MEASURED_COLOR, ms=4)
     span = np.geomspace(lengths.min(), lengths.max(), 30)
-    # Curves that end in one place share a label.
+    # Curves with one end point share a label.
     rise = np.log(stiffnesses.max() / stiffnesses.min())
     ends: dict[float, list[str]] = {}
     for pressure in sorted({slope.group.pressure for slope in slopes}) if curves else []:
@@ -122,7 +124,7 @@ def _draw_stiffnesses(axes: Axes, slopes: Sequence[Slope], curves: Sequence[Curv
         axis.set_minor_formatter(NullFormatter())
     if len(set(lengths)) <= MAX_TICKS:
         axes.set_xticks(sorted(set(lengths)), minor=False)
-    # Room for the pressures at the right.
+    # Margin for the pressures at the right.
     low, high = lengths.min(), lengths.max()
     axes.set_xlim(low / 1.15, high * 1.15 * max((high / low) ** 0.25, 1.1))
     axes.set_xlabel('L [m]')

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Draw the forces and the contact regions of a grasp, as the paper's Fig. 7 does."""
+"""Drawings of the forces and contact regions of a grasp, as in the paper's Fig. 7."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ FORCE_COLOR = '#c8102e'
 REGION_COLOR = '#1b1b6f'
 WRINKLED_COLOR = '#c8102e'
 UNDEFORMED_COLOR = '#222222'
-#: Length of an arrow for its force [m/N].
+#: Length of an arrow per force [m/N].
 ARROW_SCALE = 0.015
-#: The magnified view shows this much on each side of the object's centre, in diameters.
-AROUND = 1.0
+#: Half the width of the magnified view, in object diameters [-].
+VIEW_HALF_WIDTH = 1.0
 
 
 def draw_forces(
     axes: Axes, body: ConvexObject, analysis: GraspAnalysis, scale: float = ARROW_SCALE
 ) -> None:
     """
-    Draw the force of each grasping member on the object, friction included, as one arrow.
+    Draw the resultant force of each grasping member on the object as an arrow.
 
-    :param axes: in metres.
+    :param axes: axes in metres.
     :param body: the object.
-    :param analysis: of its grasp.
-    :param scale: length of an arrow for its force [m/N].
+    :param analysis: analysis of its grasp.
+    :param scale: length of an arrow per force [m/N].
     """
     for tail, tip in _resultants(body, analysis, scale):
         axes.annotate(
@@ -67,11 +67,11 @@ def plot_grasp(
     Tubes that wrinkle have a red outline. The title has the normal forces and the lengths of the
     contact regions.
 
-    :param config: where the robot is.
+    :param config: configuration of the robot.
     :param body: the object.
-    :param analysis: of its grasp in this configuration.
-    :param axes: to draw on, in the robot's frame [m]; those of a new figure if None.
-    :param scale: length of an arrow for its force [m/N].
+    :param analysis: analysis of its grasp in this configuration.
+    :param axes: axes in the robot's frame [m]; None: those of a new figure.
+    :param scale: length of an arrow per force [m/N].
     :return: the axes.
     """
     axes = axes or new_axes()
@@ -96,7 +96,7 @@ def plot_grasp(
     draw_forces(axes, body, analysis, scale)
     axes.set_title(describe_contacts(analysis), fontsize=8, pad=2)
     x, y = body.pose[:2]
-    around = 2.0 * AROUND * body.shape.reach
+    around = 2.0 * VIEW_HALF_WIDTH * body.shape.reach
     axes.set_aspect('equal')
     axes.set_xlim(x - around, x + around)
     axes.set_ylim(y - around, y + around)
@@ -109,11 +109,11 @@ def describe_contacts(
     analysis: GraspAnalysis, normal_forces: Mapping[str, float] | None = None
 ) -> str:
     """
-    Return the normal force and the length of contact of each member that touches, in words.
+    Return the normal force and contact length of each member in contact, in words.
 
-    :param analysis: of a grasp.
-    :param normal_forces: on the free object, by member, in place of those of the object held fast
-        [N].
+    :param analysis: analysis of a grasp.
+    :param normal_forces: forces on the free object by member, in place of those on the fixed
+        object [N].
     """
     if not analysis.contact_forces:
         return 'no contact'
@@ -123,7 +123,7 @@ def describe_contacts(
 
 
 def _list(numbers: Iterable[float], unit: str) -> str:
-    """Return rounded numbers; once, where all are the same."""
+    """Return rounded numbers in words; a single one if all are equal."""
     words = [f'{number:.0f}' for number in numbers]
     alike = len(words) > 1 and len(set(words)) == 1
     return f'{words[0]} {unit} each' if alike else f'{" + ".join(words)} {unit}'

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Draw a robot and the object in its grasp with Matplotlib."""
+"""Drawings of a robot and its grasped object with Matplotlib."""
 
 from __future__ import annotations
 
@@ -14,29 +14,29 @@ from matplotlib.patches import Circle, Polygon
 import matplotlib.pyplot as plt
 import numpy as np
 
-#: Apart for colour-blind readers and in grey, too: orange, blue, grey, yellow, violet.
+#: Distinct for colour-blind readers and in grey: orange, blue, grey, yellow, violet.
 TUBE_COLORS = ('#e08a3c', '#3f78b5', '#a8a8a8', '#ecd06f', '#6b4f8f')
 SUPPORT_COLOR = '#7a5230'
 MODULE_COLOR = '#3b3b3b'
 OBJECT_COLOR = '#d9d9d9'
 ARROW_COLOR = '#2e9e44'
 PATH_COLOR = '#1f4fd8'
-#: Pinched ends open to the full diameter over this many diameters.
-TAPER = 0.8
-#: The corner of the tube lies beyond its pinch points, toward the joint, at this share of the rod.
-CORNER = 0.5
-#: Width of the connection rod and of the bar between the pinch points, in tube diameters.
-ROD = 0.3
-#: A pinched end is this share of the diameter thick.
-PINCH = 0.15
+#: Length of the taper of a pinched end, in diameters [-].
+TAPER_LENGTH = 0.8
+#: Position of the tube's corner between pinch points and joint, as a share of the rod [-].
+CORNER_POSITION = 0.5
+#: Width of rod and pinch bar, in tube diameters [-].
+ROD_WIDTH = 0.3
+#: Thickness of a pinched end, in tube diameters [-].
+PINCH_THICKNESS = 0.15
 
 
 def plot_robot(config: Configuration, axes: Axes | None = None) -> Axes:
     """
-    Draw tubes with their pinched ends, modules and supports; return the axes, in metres.
+    Draw tubes, modules and supports; return the axes, in metres.
 
     :param config: configuration of the robot.
-    :param axes: to draw in; those of a new figure, with the robot in its middle, if None.
+    :param axes: axes for the drawing; None: those of a new figure, centred on the robot.
     """
     given, axes = axes is not None, axes or new_axes()
     topology, points = config.robot.topology, config.points
@@ -47,10 +47,10 @@ def plot_robot(config: Configuration, axes: Axes | None = None) -> Axes:
         axes.add_patch(Polygon(outline, facecolor=color, edgecolor='white', lw=0.5, alpha=0.85))
         joint, b, c = points[[topology.joint[i], topology.b[i], topology.c[i]]]
         middle = 0.5 * (b + c)
-        corner = middle + CORNER * (joint - middle)
+        corner = middle + CORNER_POSITION * (joint - middle)
         axes.add_patch(Polygon(_plane(np.array([b, corner, c])), facecolor=color, alpha=0.85))
         for start, end in ((b, c), (middle, joint)):
-            bar = _bar(start, end, ROD * diameter)
+            bar = _bar(start, end, ROD_WIDTH * diameter)
             axes.add_patch(Polygon(bar, facecolor=MODULE_COLOR, zorder=3))
     joints = _plane(points[: len(topology.joint_names)])
     axes.plot(*joints.T, 'o', color='white', mec=MODULE_COLOR, ms=4, zorder=4)
@@ -65,9 +65,9 @@ def draw_object(axes: Axes, pose: Pose, diameter: float) -> None:
     """
     Draw the object and, as an arrow, its orientation.
 
-    :param axes: to draw in.
-    :param pose: of the object in the robot frame.
-    :param diameter: of the object [m].
+    :param axes: axes for the drawing.
+    :param pose: pose of the object in the robot frame.
+    :param diameter: diameter of the object [m].
     """
     center = (pose.x, pose.y)
     axes.add_patch(
@@ -93,9 +93,9 @@ def new_axes() -> Axes:
 
 def frame(axes: Axes, low: Array, high: Array) -> None:
     """
-    Show the box from `low` to `high` [m] with equal scales.
+    Set the limits of axes to a box [m] with equal scales.
 
-    :param axes: to set the limits of.
+    :param axes: the axes.
     :param low: (2,) smallest x and y [m].
     :param high: (2,) largest x and y [m].
     """
@@ -114,9 +114,9 @@ def _tube(start: complex, end: complex, diameter: float) -> Array:
     """Return the outline of a tube that is pinched at both ends."""
     length = abs(end - start)
     axis = (end - start) / length
-    taper = min(TAPER * diameter, 0.5 * length)
+    taper = min(TAPER_LENGTH * diameter, 0.5 * length)
     along = np.array([0.0, taper, length - taper, length])
-    half = 0.5 * diameter * np.array([PINCH, 1.0, 1.0, PINCH])
+    half = 0.5 * diameter * np.array([PINCH_THICKNESS, 1.0, 1.0, PINCH_THICKNESS])
     side = np.concatenate([along + 1j * half, (along - 1j * half)[::-1]])
     return _plane(start + axis * side)
 
@@ -128,7 +128,7 @@ def _bar(start: complex, end: complex, width: float) -> Array:
 
 
 def _draw_supports(axes: Axes, config: Configuration, below: float) -> None:
-    """Draw a triangle under a joint that is held in x and y, a wheel under one that may slide."""
+    """Draw a triangle under a joint fixed in x and y, a wheel under a sliding one."""
     for joint, grounded in config.robot.description.supports.items():
         x, y = config.nodes[config.robot.node_names.index(joint)]
         marker = '^' if len(grounded) == 2 else 'o'

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The live view in a browser; it reads messages by their fields.
+Live view in a browser; messages are read by their fields.
 
 Entry points: `view.View`, `picture.Picture`, `recording.read_recording`.
 Imports `core` and viser, no ROS.

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What one browser shows of the control: who has it, and the commands while it has it itself."""
+"""Control panel of one browser: owner of the control, and commands while it has control."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from isotruss_ros.viewer.names import DRAGGED, PICK, PLACE, PLANT, RELEASE, RESE
 from isotruss_ros.viewer.requests import Setting, SETTINGS, WRENCH
 import viser
 
-#: Of the switch and the commands, between the stop and what is measured.
-ORDER = -9.0
+#: Order of the switch and the commands, between the stop and the measurements.
+PANEL_ORDER = -9.0
 
 
 class BrowserPanel:
     """
-    The switch of the control, and commands, which are there only while this browser has control.
+    Switch of the control, and commands visible only to the browser in control.
 
     :param client: the browser.
-    :param choices: what can be chosen, by the name of the request.
-    :param leave: called from a thread of the server with the name and the value of a request.
+    :param choices: choices by the name of the request.
+    :param leave: callback in a thread of the server, with name and value of a request.
     """
 
     def __init__(
@@ -33,27 +33,27 @@ class BrowserPanel:
     ) -> None:
         self._number, self._gui = client.client_id, client.gui
         self._choices, self._leave = choices, leave
-        self._words = client.gui.add_markdown('', order=ORDER)
+        self._words = client.gui.add_markdown('', order=PANEL_ORDER)
         self._switch = client.gui.add_checkbox(
-            'control', False, hint='Commands are sent while on', order=ORDER + 1.0
+            'control', False, hint='Commands are sent while on', order=PANEL_ORDER + 1.0
         )
         self._commands: viser.GuiFolderHandle | None = None
 
     @property
     def wish(self) -> bool:
-        """Return whether this browser wants control."""
+        """Return whether this browser requests control."""
         return self._switch.value is True
 
     def show(self, control: Control, wish: bool, values: Mapping[str, float | str]) -> None:
         """
-        Show who has control.
+        Show the owner of the control.
 
-        :param control: as it was decided.
-        :param wish: of this browser, of which that knew.
-        :param values: of the settings, by the names of their requests.
+        :param control: current state of the control.
+        :param wish: request of this browser in that state.
+        :param values: values of the settings by the names of their requests.
         """
         mine = control.browser == self._number
-        # Only a wish that was refused: another one may have come since.
+        # Only for a refused request: a new one may have arrived since.
         if wish and not mine:
             self._switch.value = False
         self._switch.disabled = not mine and control.browser is not None
@@ -66,7 +66,7 @@ class BrowserPanel:
 
     def _add_commands(self, values: Mapping[str, float | str]) -> viser.GuiFolderHandle:
         gui = self._gui
-        with gui.add_folder(None, order=ORDER + 2.0) as commands:
+        with gui.add_folder(None, order=PANEL_ORDER + 2.0) as commands:
             self._add_choice('drag', DRAGGED, values)
             for label, name in (
                 ('pick', PICK),

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Who has control of the robot, and what is commanded so."""
+"""Control of the robot: its owner and the commands."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ ZERO = (0.0, 0.0, 0.0)
 
 @dataclass
 class Control:
-    """At most one browser has control; what it commands ends with it."""
+    """Control by at most one browser, with its commands."""
 
-    browser: int | None = None  #: number of the one in control; None while nobody has it
-    drag: Drag | None = None  #: under way; None while nothing is to be moved
+    browser: int | None = None  #: index of the browser in control; None without one
+    drag: Drag | None = None  #: active drag; None without one
     wrench: tuple[float, float, float] = ZERO  #: (fx, fy, m) on the object [N, N m]
-    stopped: bool = False  #: an emergency stop is latched: drags do not count
+    stopped: bool = False  #: an emergency stop is latched: drags are ignored
 
     def pass_on(self, wishes: Mapping[int, bool]) -> None:
         """
-        Take control from a browser that is gone or wants none; give it to one where it is free.
+        Take control from a disconnected or released browser; give it to one that requests it.
 
-        :param wishes: by the number of each connected browser: whether it wants control.
+        :param wishes: request for control, by index of each connected browser.
         """
         if self.browser is not None and not wishes.get(self.browser, False):
             self.release()
@@ -34,12 +34,12 @@ class Control:
             self.browser = next((browser for browser, wish in wishes.items() if wish), None)
 
     def release(self) -> None:
-        """Leave control to nobody, and drop what was commanded."""
+        """Release control, and drop its commands."""
         self.browser, self.drag, self.wrench = None, None, ZERO
 
     def latch(self, stopped: bool) -> None:
         """
-        Drop a drag under an emergency stop, and take none until its release.
+        Drop a drag under an emergency stop, and refuse new ones until its release.
 
         :param stopped: whether a stop is latched.
         """
@@ -51,12 +51,12 @@ class Control:
         self, target: tuple[float, float], begins: bool, now: float, turns: bool = False
     ) -> None:
         """
-        Move the target; one that was given up or dropped comes back with a new drag only.
+        Move the target; an abandoned drag continues with a new grab only.
 
         :param target: (x, y) of the handle [m].
         :param begins: whether the handle was just grabbed.
         :param now: time [s].
-        :param turns: whether the handle is the one that turns the object.
+        :param turns: whether the handle rotates the object.
         """
         if self.stopped:
             return
@@ -67,9 +67,9 @@ class Control:
 
     def describe(self, browser: int) -> str:
         """
-        Return who has control, in words for one browser.
+        Return the owner of the control in words for one browser.
 
-        :param browser: number of the browser that shows them.
+        :param browser: index of that browser.
         """
         if self.browser is None:
             return f'browser {browser}: nobody has control'

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The controls of the view: a stop, handles to drag, and for each browser its own panel.
+Controls of the view: a stop, handles to drag, and a panel for each browser.
 
-The functions of a browser's events run in threads of the server. They only leave requests, which
-the owner of the view takes in its own thread.
+Callbacks of a browser's events run in threads of the server. They only queue requests, which the
+owner of the view processes in its own thread.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import queue
 from isotruss_ros.core import Pose
 from isotruss_ros.viewer.browser_panel import BrowserPanel
 from isotruss_ros.viewer.control import Control
-from isotruss_ros.viewer.drag import LEVER, place_on_circle
+from isotruss_ros.viewer.drag import LEVER_LENGTH, place_on_circle
 from isotruss_ros.viewer.heartbeat import Heartbeats
 from isotruss_ros.viewer.names import (
     DRAGGED,
@@ -34,8 +34,8 @@ from isotruss_ros.viewer.names import (
 )
 from isotruss_ros.viewer.picture import Picture
 from isotruss_ros.viewer.requests import (
-    AS_STARTED,
     check_request,
+    INITIAL_CHOICE,
     list_choices,
     RequestError,
     WRENCH,
@@ -44,14 +44,14 @@ import viser
 
 #: Radius of the handles [m], and their colours.
 HANDLE, COLOR, TURN_COLOR = 0.07, (31, 79, 217), (242, 120, 0)
-#: Requests with which what was dragged to so far does not count any more.
-NEW_TASKS = (DRAGGED, PICK, PLACE, SHAPE, PLANT, RESET)
+#: Requests that cancel the target of a drag.
+CANCELLING_REQUESTS = (DRAGGED, PICK, PLACE, SHAPE, PLANT, RESET)
 FORCES = tuple(setting.name for setting in WRENCH)
 
 
-#: Of the stop, before all that the panel shows, and of the first words, behind it.
+#: Orders of the stop, at the top of the panel, and of the introduction after it.
 STOP_ORDER, FIRST_ORDER = -10.0, -9.5
-FIRST_WORDS = """\
+INTRODUCTION = """\
 A truss robot of inflated tubes holds an object. To move it, switch *control* on and drag the blue
 ball; the object follows. The orange ball turns it.
 """
@@ -59,14 +59,14 @@ ball; the object follows. The orange ball turns it.
 
 class Controls:
     """
-    The controls: requests count from the browser in control only, but a stop from each.
+    Accepts requests of the browser in control only, and a stop from each.
 
-    :ivar control: who has it, and what is commanded so.
-    :param server: of the view.
-    :param picture: of the first view.
+    :ivar control: owner and commands.
+    :param server: server of the view.
+    :param picture: initial picture.
     :param friction: initial value of its slider.
-    :param timeout: control ends where a page gives no sign of life for so long [s].
-    :param report: called with what is refused, in words.
+    :param timeout: timeout of the heartbeat of the page in control [s].
+    :param report: callback with refused requests in words.
     """
 
     def __init__(
@@ -83,8 +83,8 @@ class Controls:
         self._panels: dict[int, BrowserPanel] = {}
         self._values = {
             DRAGGED: OBJECT,
-            SHAPE: AS_STARTED,
-            PLANT: AS_STARTED,
+            SHAPE: INITIAL_CHOICE,
+            PLANT: INITIAL_CHOICE,
             'friction': friction,
             'diameter': picture.diameter,
             'squeeze': 0.0,
@@ -97,11 +97,11 @@ class Controls:
         self._at: Pose | None = None
         self._grip = (0.0, 0.0)
         self._twisted = self._way = 0.0
-        # Before all else, so that it is on every screen.
+        # At the top, so that it is visible on every screen.
         stop = server.gui.add_button('stop', color='red', order=STOP_ORDER)
         stop.on_click(lambda event: self._requests.put((event.client_id, STOP, 0.0)))
-        server.gui.add_markdown(FIRST_WORDS, order=FIRST_ORDER)
-        # Above the object and the tubes, so that it is always within reach.
+        server.gui.add_markdown(INTRODUCTION, order=FIRST_ORDER)
+        # Above the object and the tubes, always reachable.
         self._height = picture.robot.description.tube_diameter
         self._handle, self._turner = (
             server.scene.add_icosphere(f'/{name}', HANDLE, color=color, visible=False)
@@ -112,15 +112,15 @@ class Controls:
 
     @property
     def dragged(self) -> str:
-        """Return `object`, or the name of the joint that is dragged."""
+        """Return `object`, or the name of the dragged joint."""
         return self._values[DRAGGED]  # type: ignore[return-value]
 
     def take(self, now: float) -> list[tuple[str, float | str]]:
         """
-        Decide who has control, and return the requests since the last call in their order.
+        Update the owner of the control, and return the requests since the last call, in order.
 
         :param now: time [s].
-        :return: name and value of each.
+        :return: name and value of each request.
         """
         clients = self._server.get_clients()
         self._panels = {
@@ -155,9 +155,9 @@ class Controls:
 
     def update(self, pose: Pose | None) -> None:
         """
-        Show the handles on what is dragged, while nobody drags it.
+        Show the handles on the dragged part, while nobody drags it.
 
-        :param pose: of object or joint; None if unknown.
+        :param pose: pose of object or joint; None if unknown.
         """
         shown = self.control.browser is not None and pose is not None
         self._handle.visible = shown
@@ -169,7 +169,7 @@ class Controls:
             self._handle.position = (pose.x, pose.y, self._height)
         if drag is None or not drag.turns:
             self._put_turner(pose.angle)
-        # What a drag ends, the next call puts back on what was dragged.
+        # After a drag the next call returns the handle to the dragged part.
         self._at = pose if drag is None else None
 
     def _add_panel(self, client: viser.ClientHandle) -> BrowserPanel:
@@ -179,7 +179,7 @@ class Controls:
         )
 
     def _sort(self, name: str, value: object, now: float) -> list[tuple[str, float | str]]:
-        """Keep what a request changes here; return what is left for the owner of the view."""
+        """Apply a request to the controls; return the rest for the owner of the view."""
         control = self.control
         if name == TARGET:
             self._move_handle(*value, now)  # type: ignore[call-arg, misc]
@@ -195,12 +195,12 @@ class Controls:
             self._values[name] = value
         if name == STOP:
             control.release()
-        elif name in NEW_TASKS:
+        elif name in CANCELLING_REQUESTS:
             control.drag = None
-        return [] if value == AS_STARTED else [(name, value)]  # type: ignore[list-item]
+        return [] if value == INITIAL_CHOICE else [(name, value)]  # type: ignore[list-item]
 
     async def _drag(self, name: str, event: viser.SceneNodeDragEvent) -> None:
-        """Leave a request; in the loop of the server, which keeps the order of the events."""
+        """Queue a request; in the loop of the server, which preserves the order of events."""
         begins = event.phase == 'start'
         drag = (begins, event.start_position[:2], event.end_position[:2])
         self._requests.put((event.client_id, name, drag))
@@ -208,7 +208,7 @@ class Controls:
     def _move_handle(
         self, begins: bool, grabbed: tuple[float, float], pointer: tuple[float, float], now: float
     ) -> None:
-        """Put the point that was grabbed where the pointer is."""
+        """Move the grabbed point of the handle to the pointer."""
         if begins:
             x, y, _ = self._handle.position
             self._grip = (x - grabbed[0], y - grabbed[1])
@@ -220,7 +220,7 @@ class Controls:
     def _move_turner(
         self, begins: bool, grabbed: tuple[float, float], pointer: tuple[float, float], now: float
     ) -> None:
-        """Turn the lever as far as the pointer turned about the object since it was grabbed."""
+        """Rotate the lever by the rotation of the pointer about the object since the grab."""
         x, y, _ = self._handle.position
         angle, start = (math.atan2(place[1] - y, place[0] - x) for place in (pointer, grabbed))
         if begins:
@@ -234,5 +234,5 @@ class Controls:
 
     def _put_turner(self, angle: float) -> None:
         x, y, _ = self._handle.position
-        place = x + LEVER * math.cos(angle), y + LEVER * math.sin(angle)
+        place = x + LEVER_LENGTH * math.cos(angle), y + LEVER_LENGTH * math.sin(angle)
         self._turner.position = (*place, self._height)

@@ -1,30 +1,30 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The twist by which what is dragged follows its handle."""
+"""Twist of a dragged object or joint toward its handle."""
 
 from __future__ import annotations
 
 import math
 
-#: Distance of the handle that turns the object from its centre [m].
-LEVER = 0.35
-#: Speed for a distance [1/s], and the distance that counts as reached [m].
+#: Distance of the rotation handle from the object's centre [m].
+LEVER_LENGTH = 0.35
+#: Speed per distance [1/s]; tolerance of the target [m].
 GAIN, REACHED = 2.0, 0.001
-#: A drag is stuck where it gets less than this share of the way asked for, within so long [s].
+#: Smallest executed share of the commanded motion [-], and its averaging time [s].
 PROGRESS, PATIENCE = 0.1, 2.0
 
 
 class Drag:
     """
-    What is dragged on its way to a target.
+    A dragged object or joint on its way to a target.
 
     :ivar target: (x, y) of the handle [m].
-    :ivar turns: whether it turns the object: its places are those of `place_on_circle`, not those
-        of the plane.
-    :param target: its initial value [m].
+    :ivar turns: whether it rotates the object: positions are those of `place_on_circle`, not of
+        the plane.
+    :param target: initial target [m].
     :param now: time [s].
-    :param turns: as above.
+    :param turns: see above.
     """
 
     def __init__(self, target: tuple[float, float], now: float, turns: bool = False) -> None:
@@ -36,13 +36,13 @@ class Drag:
         self, position: tuple[float, float], max_speed: float, now: float
     ) -> tuple[float, float]:
         """
-        Return the velocity (vx, vy) toward the target, zero there [m/s], and note the progress.
+        Return the velocity (vx, vy) toward the target, zero there [m/s], and update the progress.
 
-        :param position: (x, y) of what is dragged [m].
+        :param position: position (x, y) of the dragged part [m].
         :param max_speed: largest speed [m/s].
         :param now: time [s].
         """
-        # By the direction asked for: the target itself may move faster than what follows it.
+        # Along the commanded direction: the target may move faster than the dragged part.
         (x, y), (vx, vy) = self._position, self._velocity
         if speed := math.hypot(vx, vy):
             self._way += ((position[0] - x) * vx + (position[1] - y) * vy) / speed
@@ -58,7 +58,7 @@ class Drag:
 
     def is_stuck(self, now: float) -> bool:
         """
-        Return whether there was no progress for PATIENCE.
+        Return whether the drag made no progress for PATIENCE.
 
         :param now: time [s].
         """
@@ -67,10 +67,10 @@ class Drag:
 
 def place_on_circle(angle: float, near: float = 0.0) -> tuple[float, float]:
     """
-    Return where an angle is on the way of the handle that turns the object: (way, 0) [m].
+    Return the position of an angle on the path of the rotation handle: (path, 0) [m].
 
-    :param angle: of the object [rad].
-    :param near: way of which the angle is at most half a turn off [m].
+    :param angle: angle of the object [rad].
+    :param near: path within half a turn of the angle [m].
     """
-    begin = near / LEVER
-    return LEVER * (begin + math.remainder(angle - begin, 2.0 * math.pi)), 0.0
+    begin = near / LEVER_LENGTH
+    return LEVER_LENGTH * (begin + math.remainder(angle - begin, 2.0 * math.pi)), 0.0

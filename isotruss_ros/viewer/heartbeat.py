@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Signs of life of the pages of a view, and what they show where the server gives none.
+Heartbeats of the pages of a view, and the notice of a lost server.
 
-A script in the page lets its main thread send a message ten times a second, over the websocket of
-viser: through its worker, which the script knows from its construction. The clock is a worker of
-the script, since a browser slows the timers of hidden pages down. The message is one of viser that
-answers a question which nobody asked.
+A script in the page sends a message ten times a second from the main thread over the websocket of
+viser, through its worker, which the script captures at construction. The clock is a worker of the
+script, since browsers slow down timers of hidden pages. The message is an unsolicited response of
+viser.
 """
 
 from __future__ import annotations
@@ -48,32 +48,32 @@ SCRIPT = """<script>
 
 class Heartbeats:
     """
-    Keep when each page gave its last sign of life.
+    Times of the last heartbeat of each page.
 
-    :param server: of the pages, with `SCRIPT` in each.
+    :param server: server of the pages, with `SCRIPT` in each.
     """
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._last: dict[int, float] = {}
-        # There is no public way to hear of a message that viser does not handle.
+        # viser has no public callback for unhandled messages.
         server._websock_server.register_handler(
             LocalStorageGetItemResponseMessage, lambda browser, _: self.note(browser)
         )
 
     def note(self, browser: int) -> None:
         """
-        Take note of a sign of life.
+        Register a heartbeat.
 
-        :param browser: number of the browser.
+        :param browser: index of the browser.
         """
         self._last[browser] = time.monotonic()
 
     def is_silent(self, browser: Any, now: float, timeout: float) -> bool:
         """
-        Return whether a browser of which a sign was noted gave none for long.
+        Return whether the heartbeat of a browser has timed out.
 
-        :param browser: its number; None for none.
-        :param now: on the monotonic clock [s].
-        :param timeout: how long [s].
+        :param browser: its index; None for none.
+        :param now: time on the monotonic clock [s].
+        :param timeout: the timeout [s].
         """
         return now - self._last.get(browser, now) > timeout

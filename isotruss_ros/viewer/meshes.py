@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Triangles of tubes around their centre lines, and the colours of utilisation."""
+"""Triangle meshes of tubes along their centre lines, and colours of utilisation."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import numpy as np
 
 #: Corners of a cross section.
 CORNERS = 12
-#: A pinched end is this share of the diameter thick, and opens over so many diameters.
+#: Thickness of a pinched end and length of its taper, in diameters [-].
 PINCH, TAPER = 0.15, 0.8
 #: Colours of utilisation: unloaded blue, grey, nearly wrinkled orange, wrinkled red.
-USED = np.array([0.0, 0.4, 0.8, 1.0])
+UTILISATION_LEVELS = np.array([0.0, 0.4, 0.8, 1.0])
 COLORS = np.array([[111, 159, 200], [196, 196, 196], [242, 153, 0], [217, 26, 26]])
 
 
@@ -22,8 +22,8 @@ def tube_vertices(line: Points, diameter: float, samples: int) -> Array:
     Return the vertices (samples * CORNERS, 3) of a tube with pinched ends [m].
 
     :param line: (s,) centre line [m].
-    :param diameter: of the tube [m].
-    :param samples: cross sections.
+    :param diameter: diameter of the tube [m].
+    :param samples: number of cross sections.
     """
     along = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(line)))])
     length = along[-1]
@@ -35,7 +35,7 @@ def tube_vertices(line: Points, diameter: float, samples: int) -> Array:
     tangents = np.gradient(centers)
     sides = 1j * tangents / np.abs(tangents)
     near = np.minimum(part, length - part) / taper
-    # A quarter of an ellipse: the tube closes as a pinched bag does.
+    # Quarter of an ellipse, the profile of a pinched tube.
     shape = PINCH + (1.0 - PINCH) * np.sqrt(1.0 - (1.0 - np.minimum(near, 1.0)) ** 2)
     angle = np.linspace(0.0, 2.0 * np.pi, CORNERS, endpoint=False)
     radius = 0.5 * diameter * shape[:, None]
@@ -48,7 +48,7 @@ def tube_faces(samples: int) -> Indices:
     """
     Return the triangles (f, 3) of `tube_vertices`.
 
-    :param samples: cross sections.
+    :param samples: number of cross sections.
     """
     ring, corner = np.meshgrid(np.arange(samples - 1), np.arange(CORNERS), indexing='ij')
     first, after = ring * CORNERS + corner, ring * CORNERS + (corner + 1) % CORNERS
@@ -61,7 +61,7 @@ def prism(outline: Points, height: float) -> tuple[Array, Indices]:
     Return the vertices (2 k, 3) and triangles (f, 3) of an upright prism.
 
     :param outline: (k,) its convex cross section around the origin, counter-clockwise [m].
-    :param height: of it, half above the plane [m].
+    :param height: height of the prism, half above the plane [m].
     """
     count = len(outline)
     here = np.arange(count)
@@ -82,5 +82,7 @@ def color_of(utilisation: float) -> tuple[int, int, int]:
 
     :param utilisation: largest bending moment over the wrinkling moment [-].
     """
-    red, green, blue = (int(np.interp(utilisation, USED, channel)) for channel in COLORS.T)
+    red, green, blue = (
+        int(np.interp(utilisation, UTILISATION_LEVELS, channel)) for channel in COLORS.T
+    )
     return red, green, blue

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Checks of the messages that a picture shows, whoever published them or wrote them to a file."""
+"""Checks of messages from any publisher or file before their display."""
 
 from __future__ import annotations
 
@@ -14,26 +14,26 @@ import numpy as np
 
 #: Namespaces of the markers of grasp_analysis that are drawn.
 DEFORMED, REGIONS, FORCES = 'deformed', 'contact_regions', 'contact_forces'
-#: Points of a marker come in groups of so many: two triangles for each step of a region, the two
-#: ends of an arrow.
+#: Sizes of the groups of points in a marker: two triangles for each step of a region, the two ends
+#: of an arrow.
 GROUPS = {DEFORMED: 1, REGIONS: 6, FORCES: 2}
-#: Codes of a grasp from which on it has no results.
-NO_RESULT = 10
-#: Beyond every robot and object [m].
-FAR = 1e4
+#: Smallest code of a grasp without results.
+MIN_CODE_WITHOUT_RESULT = 10
+#: Largest valid coordinate [m].
+MAX_DISTANCE = 1e4
 
 
 class PictureError(IsotrussError, ValueError):
-    """A message cannot be shown."""
+    """A message cannot be displayed."""
 
 
 def read_travel(message: Any, names: tuple[str, ...]) -> dict[str, float]:
     """
-    Return the travel of the rollers that a message names [m].
+    Return the roller travel of a message by name [m].
 
     :param message: sensor_msgs/JointState, of all rollers, some, or none.
-    :param names: of the rollers.
-    :raises PictureError: there are not as many positions as names, or one is no distance.
+    :param names: names of the rollers.
+    :raises PictureError: different numbers of positions and names, or an invalid position.
     """
     if len(message.name) != len(message.position):
         raise PictureError(
@@ -42,7 +42,7 @@ def read_travel(message: Any, names: tuple[str, ...]) -> dict[str, float]:
     measured = dict(zip(message.name, map(float, message.position), strict=True))
     travel = {name: measured[name] for name in names if name in measured}
     for name, value in travel.items():
-        if not abs(value) <= FAR:  # nor for NaN
+        if not abs(value) <= MAX_DISTANCE:  # excludes NaN
             raise PictureError(f'joint states: {name} at {value} m')
     return travel
 
@@ -59,25 +59,25 @@ def read_pose(message: Any) -> Pose:
 
 def check_pose(pose: Pose) -> None:
     """
-    Refuse a pose that is none.
+    Raise for an invalid pose.
 
-    :param pose: in the robot's frame.
-    :raises PictureError: a number is not finite, or far beyond every robot.
+    :param pose: pose in the robot's frame.
+    :raises PictureError: a number is not finite or out of range.
     """
-    if not all(abs(value) <= FAR for value in pose):  # nor for NaN
+    if not all(abs(value) <= MAX_DISTANCE for value in pose):  # excludes NaN
         raise PictureError(f'object pose: {tuple(pose)}')
 
 
 def check_state(message: Any, members: int) -> None:
     """
-    Refuse an analysis that does not belong to the robot.
+    Raise for an analysis of another robot.
 
     :param message: isotruss_msgs/GraspState.
     :param members: number of members of the robot.
-    :raises PictureError: not as many utilisations as members, or no direction of the slip margin.
+    :raises PictureError: different numbers of utilisations and members, or no slip direction.
     """
     used = np.asarray(message.utilisation, dtype=float)
-    if message.code < NO_RESULT and (len(used) != members or np.isnan(used).any()):
+    if message.code < MIN_CODE_WITHOUT_RESULT and (len(used) != members or np.isnan(used).any()):
         raise PictureError(f'grasp state: utilisation of {len(used)} members: must be {members}')
     if len(message.slip_direction) != 3:
         raise PictureError(f'grasp state: slip direction of {len(message.slip_direction)} numbers')
@@ -85,7 +85,7 @@ def check_state(message: Any, members: int) -> None:
 
 def check_status(message: Any) -> None:
     """
-    Refuse a status that there is not.
+    Raise for an unknown status.
 
     :param message: isotruss_msgs/ManipulationStatus.
     :raises PictureError: an unknown code.
@@ -99,13 +99,12 @@ def read_line(marker: Any) -> Array:
     Return the points (k, 3) of a marker [m].
 
     :param marker: visualization_msgs/Marker of one of the namespaces of `GROUPS`.
-    :raises PictureError: a point is no place, there is no whole number of groups, or a line has
-        no length.
+    :raises PictureError: an invalid point, an incomplete group, or a line without length.
     """
     points = np.array([(p.x, p.y, p.z) for p in marker.points], dtype=float).reshape(-1, 3)
     what = f'markers: {marker.ns} {marker.id}'
-    if not (np.abs(points) <= FAR).all():
-        raise PictureError(f'{what}: a point is not finite, or beyond {FAR:g} m')
+    if not (np.abs(points) <= MAX_DISTANCE).all():
+        raise PictureError(f'{what}: a point is not finite, or beyond {MAX_DISTANCE:g} m')
     if len(points) % GROUPS[marker.ns]:
         raise PictureError(f'{what}: {len(points)} points: must be groups of {GROUPS[marker.ns]}')
     if marker.ns == DEFORMED and not np.linalg.norm(np.diff(points, axis=0), axis=1).any():

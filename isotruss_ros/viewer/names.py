@@ -1,21 +1,21 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Names that the view shares with who serves it, without the packages that draw."""
+"""Names shared by the view and its owner, without dependencies for drawing."""
 
 from __future__ import annotations
 
 from isotruss_ros.core import IsotrussError
 
-#: What the handle drags, if no joint; requests that are no settings.
+#: Name of the dragged object; requests that are no settings.
 OBJECT, STOP, RELEASE = 'object', 'stop', 'release'
 #: Requests that are goals.
 PICK, PLACE = 'pick', 'place'
-#: Requests to drag something else, to drag it somewhere, and to turn it.
+#: Requests to select the dragged part, to drag it and to rotate it.
 DRAGGED, TARGET, TURN = 'dragged', 'target', 'turn'
-#: The request to begin anew.
+#: The request of a reset.
 RESET = 'reset'
-#: The request for another plant, and what can be chosen.
+#: The request of another plant, and the choices.
 PLANT = 'plant'
 KINEMATIC, ELASTIC, MUJOCO = PLANTS = ('kinematic', 'elastic', 'mujoco')
 #: The request for another object, and the parameter `object` of what can be chosen.

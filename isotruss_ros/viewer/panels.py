@@ -1,21 +1,21 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Status in words, and plots of squeeze and pose error over time."""
+"""Status texts, and plots of squeeze and pose error over time."""
 
 from __future__ import annotations
 
 import re
 
 from isotruss_ros.core.holding.arrows import arrow_of
-from isotruss_ros.viewer.message_checks import NO_RESULT
-from isotruss_ros.viewer.picture import HISTORY, NOTHING, Picture, trim_start
+from isotruss_ros.viewer.message_checks import MIN_CODE_WITHOUT_RESULT
+from isotruss_ros.viewer.picture import EMPTY_CURVE, HISTORY_DURATION, Picture, trim_start
 import numpy as np
 import viser
 from viser import uplot
 
-#: Plots are sent at every so many updates: they are the largest part of what is sent.
-PLOT_EVERY = 5
+#: Updates per update of the plots [-], the largest part of the data.
+PLOT_INTERVAL = 5
 
 
 LEGEND = """\
@@ -34,9 +34,9 @@ A truss robot of inflated tubes, seen from above; roller modules at its corners 
 
 class Panels:
     """
-    Show words and plots of a picture beside the scene.
+    Status texts and plots beside the scene.
 
-    :param server: of the view.
+    :param server: server of the view.
     """
 
     def __init__(self, server: viser.ViserServer) -> None:
@@ -51,7 +51,7 @@ class Panels:
         """
         Show a picture.
 
-        :param picture: what to show.
+        :param picture: the picture.
         :param now: time on the clock of its messages [s].
         """
         words = describe(picture, now)
@@ -59,15 +59,17 @@ class Panels:
             self._words.content = self._shown = words
         picture.sample(now)
         self._count += 1
-        if self._count % PLOT_EVERY:
+        if self._count % PLOT_INTERVAL:
             return
-        time, squeeze, error = np.array([s for s in picture.samples if now - s[0] <= HISTORY]).T
+        time, squeeze, error = np.array(
+            [s for s in picture.samples if now - s[0] <= HISTORY_DURATION]
+        ).T
         self._squeeze.data = trim_start(time - now, squeeze)
         self._error.data = trim_start(time - now, 1e3 * error)
 
     def _add_plot(self, server: viser.ViserServer, name: str, unit: str) -> viser.GuiUplotHandle:
         return server.gui.add_uplot(
-            NOTHING,
+            EMPTY_CURVE,
             (uplot.Series(label='t'), uplot.Series(label=name, stroke='#1f4fd9', width=2)),
             title=f'{name} [{unit}]',
             scales={'x': uplot.Scale(time=False, auto=True), 'y': uplot.Scale(auto=True)},
@@ -81,7 +83,7 @@ def describe(picture: Picture, now: float) -> str:
     """
     Return the state of grasp and manipulation in words, as Markdown.
 
-    :param picture: what is shown.
+    :param picture: the picture.
     :param now: time on the clock of its messages [s].
     """
     parts = [*_describe_grasp(picture, now), escape(picture.describe_manipulation(now))]
@@ -96,7 +98,7 @@ def _describe_grasp(picture: Picture, now: float) -> list[str]:
     state = picture.state
     if not picture.is_fresh('state', now):
         return ['**no grasp analysis**']
-    if state.code >= NO_RESULT:
+    if state.code >= MIN_CODE_WITHOUT_RESULT:
         return [f'**no result**: {escape(state.message)}']
     if state.held:
         arrow = arrow_of(state.slip_direction)
@@ -114,8 +116,8 @@ def _describe_grasp(picture: Picture, now: float) -> list[str]:
 
 def escape(text: str) -> str:
     """
-    Return a text that shows as it is, where Markdown and HTML are read.
+    Return a text escaped for Markdown and HTML.
 
-    :param text: of another node, or of a recording.
+    :param text: text of another node or of a recording.
     """
     return re.sub(r'([!-/:-@\[-`{-~])', r'\\\1', text)

@@ -2,10 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-What the view shows, kept from messages.
+Displayed state, updated from messages.
 
-Messages are read by their fields, so that those of rclpy and those that are read from a recording
-without ROS serve alike.
+Messages are read by their fields, for messages of rclpy and of recordings without ROS.
 """
 
 from __future__ import annotations
@@ -26,96 +25,96 @@ from isotruss_ros.viewer.message_checks import (
     check_status,
     DEFORMED,
     GROUPS,
-    NO_RESULT,
+    MIN_CODE_WITHOUT_RESULT,
     read_line,
     read_pose,
     read_travel,
 )
 import numpy as np
 
-#: What is older than this is not shown as if it were present [s].
-TIMEOUT = 1.0
-#: So much of the past is plotted [s].
-HISTORY = 20.0
-#: Samples that are kept of it, for 20 Hz.
-SAMPLES = 400
-#: Actions of markers that delete one, as in older recordings, or all.
+#: Largest age of current messages [s].
+MESSAGE_TIMEOUT = 1.0
+#: Time span of the plots [s].
+HISTORY_DURATION = 20.0
+#: Largest number of samples, for 20 Hz [-].
+MAX_SAMPLES = 400
+#: Marker actions to delete one marker, as in older recordings, or all.
 DELETE, DELETEALL = 2, 3
-#: Statuses that are kept: of some seconds at the rates of a control loop.
-STATUSES = 2000
-#: Codes of a motion that nothing holds back.
-UNHINDERED = (Status.OK, Status.IDLE, Status.FOLLOWING_TRAJECTORY, Status.ARRIVED)
+#: Largest number of stored statuses, some seconds of a control loop [-].
+MAX_STATUSES = 2000
+#: Codes of an unlimited motion.
+UNLIMITED_STATUSES = (Status.OK, Status.IDLE, Status.FOLLOWING_TRAJECTORY, Status.ARRIVED)
 
 #: A plot without a curve.
-NOTHING = (np.array([-1.0, 0.0]), np.array([np.nan, np.nan]))
+EMPTY_CURVE = (np.array([-1.0, 0.0]), np.array([np.nan, np.nan]))
 
 
 @dataclass
 class Picture:
     """
-    The latest messages, as the view needs them.
+    Latest messages, in the form of the view.
 
-    :ivar config: its configuration by the last joint states.
-    :ivar pose: of the object; None before the first message.
-    :ivar goal: (x, y) to which the object is dragged [m]; None without one.
-    :ivar lines: points (k, 3) [m] of the markers by namespace and id: of lines, of the triangles
-        of regions, the two ends of arrows.
+    :ivar config: configuration by the last joint states.
+    :ivar pose: pose of the object; None before the first message.
+    :ivar goal: target (x, y) of a drag [m]; None without one.
+    :ivar lines: points (k, 3) [m] of the markers by namespace and id: lines, triangles of regions,
+        ends of arrows.
     :ivar samples: points of the plots: time [s], mean normal force of the grasping members [N],
-        distance of the object from its goal [m]; NaN where these are not known.
+        distance of the object from its goal [m]; NaN if unknown.
     """
 
     robot: Robot  #: the robot
-    diameter: float  #: of the object [m]
-    shape: Shape | None = None  #: of an object that is no disc of that diameter; None for that
+    diameter: float  #: diameter of the object [m]
+    shape: Shape | None = None  #: shape of the object; None: disc of that diameter
     pose: Pose | None = None
     goal: tuple[float, float] | None = None
-    goal_report: str = ''  #: what becomes of the last goal, in words; empty before the first
+    goal_report: str = ''  #: state of the last goal in words; empty before the first
     state: Any = None  #: last grasp/state; None before the first
     status: Any = None  #: last manipulation/status; None before the first
     lines: dict[tuple[str, int], Array] = field(default_factory=dict)
     samples: deque[tuple[float, float, float]] = field(
-        default_factory=lambda: deque(maxlen=SAMPLES)
+        default_factory=lambda: deque(maxlen=MAX_SAMPLES)
     )
 
     def __post_init__(self) -> None:
-        """Begin at home."""
+        """Start at home."""
         self.config = self.robot.home
         self._tracker = ConfigurationTracker(self.robot.home)
         self._received: dict[str, float] = {}
-        #: Of the last seconds, with the times of their arrival.
-        self._statuses: deque[tuple[float, Any]] = deque(maxlen=STATUSES)
-        #: Travel of each roller, and when it was received.
+        #: Statuses of the last seconds with their times of arrival.
+        self._statuses: deque[tuple[float, Any]] = deque(maxlen=MAX_STATUSES)
+        #: Travel of each roller with its time of arrival.
         self._travel: dict[str, tuple[float, float]] = {}
 
     def is_fresh(self, name: str, now: float) -> bool:
         """
-        Return whether a message was received lately.
+        Return whether a message was received recently.
 
         :param name: `joint_states`, `object_pose`, `state`, `status` or `markers`.
-        :param now: on the clock of the `receive` functions [s].
+        :param now: time on the clock of the `receive` functions [s].
         """
-        return now - self._received.get(name, -math.inf) < TIMEOUT
+        return now - self._received.get(name, -math.inf) < MESSAGE_TIMEOUT
 
     def receive_joint_states(self, message: Any, now: float) -> None:
         """
-        Find the configuration of the measured roller positions.
+        Update the configuration from measured roller positions.
 
         :param message: sensor_msgs/JointState of some or all rollers, or of other joints.
         :param now: time of arrival [s].
-        :raises PictureError: the message cannot be used.
-        :raises ConfigurationError: no configuration of the robot fits.
+        :raises PictureError: the message is invalid.
+        :raises ConfigurationError: no configuration exists at these positions.
         """
         names = self.robot.roller_names
         travel = read_travel(message, names)
         self._travel |= {name: (value, now) for name, value in travel.items()}
         known = [self._travel.get(name, (0.0, -math.inf)) for name in names]
-        if travel and all(now - received < TIMEOUT for _, received in known):
+        if travel and all(now - received < MESSAGE_TIMEOUT for _, received in known):
             self.config = self._tracker.configuration([value for value, _ in known])
             self._received['joint_states'] = now
 
     def receive_object_pose(self, message: Any, now: float) -> None:
         """
-        Keep the pose of the object.
+        Update the pose of the object from a message.
 
         :param message: geometry_msgs/PoseStamped in the robot's frame.
         :param now: time of arrival [s].
@@ -125,11 +124,11 @@ class Picture:
 
     def take_pose(self, pose: Pose, now: float) -> None:
         """
-        Keep the pose of the object.
+        Update the pose of the object.
 
-        :param pose: in the robot's frame.
+        :param pose: pose in the robot's frame.
         :param now: time of arrival [s].
-        :raises PictureError: it is none.
+        :raises PictureError: the pose is invalid.
         """
         check_pose(pose)
         self.pose = pose
@@ -137,11 +136,11 @@ class Picture:
 
     def receive_state(self, message: Any, now: float) -> None:
         """
-        Keep the analysis of the grasp.
+        Update the analysis of the grasp.
 
         :param message: isotruss_msgs/GraspState.
         :param now: time of arrival [s].
-        :raises PictureError: the message cannot be used.
+        :raises PictureError: the message is invalid.
         """
         check_state(message, len(self.robot.member_names))
         self.state = message
@@ -149,11 +148,11 @@ class Picture:
 
     def receive_status(self, message: Any, now: float) -> None:
         """
-        Keep the status of the manipulation.
+        Update the status of the manipulation.
 
         :param message: isotruss_msgs/ManipulationStatus.
         :param now: time of arrival [s].
-        :raises PictureError: the message cannot be used.
+        :raises PictureError: the message is invalid.
         """
         check_status(message)
         self.status = message
@@ -162,11 +161,11 @@ class Picture:
 
     def receive_markers(self, message: Any, now: float) -> None:
         """
-        Keep the lines of the bent tubes, the contact regions and the forces.
+        Update the lines of the deformed tubes, the contact regions and the forces.
 
         :param message: visualization_msgs/MarkerArray of grasp_analysis.
         :param now: time of arrival [s].
-        :raises PictureError: a marker cannot be used; those before it are kept.
+        :raises PictureError: a marker is invalid; earlier ones are applied.
         """
         for marker in message.markers:
             key = (marker.ns, marker.id)
@@ -181,10 +180,10 @@ class Picture:
 
     def select_lines(self, name: str, now: float) -> list[Array]:
         """
-        Return the lines of a namespace in the order of their ids, none that are out of date.
+        Return the current lines of a namespace in the order of their ids.
 
         :param name: namespace of the markers.
-        :param now: as above [s].
+        :param now: time on the same clock [s].
         """
         if not self.is_fresh('markers', now):
             return []
@@ -194,17 +193,17 @@ class Picture:
         """
         Return whether the object is held; None if that is unknown.
 
-        :param now: as above [s].
+        :param now: time on the same clock [s].
         """
-        if not self.is_fresh('state', now) or self.state.code >= NO_RESULT:
+        if not self.is_fresh('state', now) or self.state.code >= MIN_CODE_WITHOUT_RESULT:
             return None
         return bool(self.state.held)
 
     def is_stopped(self, now: float) -> bool:
         """
-        Return whether the manipulation says that an emergency stop is latched.
+        Return whether an emergency stop is latched according to the manipulation.
 
-        :param now: as above [s].
+        :param now: time on the same clock [s].
         """
         return self.is_fresh('status', now) and self.status.code == Status.HALT_EMERGENCY_STOP
 
@@ -212,7 +211,7 @@ class Picture:
         """
         Return the status of the manipulation in words.
 
-        :param now: as above [s].
+        :param now: time on the same clock [s].
         """
         if not self.is_fresh('status', now):
             return 'no manipulation'
@@ -222,9 +221,9 @@ class Picture:
 
     def describe_squeeze(self, now: float) -> str:
         """
-        Return the estimated squeeze in words; empty where none is regulated.
+        Return the estimated squeeze in words; empty without regulation.
 
-        :param now: as above [s].
+        :param now: time on the same clock [s].
         """
         if not self.is_fresh('status', now) or math.isnan(self.status.squeeze):
             return ''
@@ -232,13 +231,13 @@ class Picture:
 
     def describe_hindrance(self, now: float, span: float) -> str:
         """
-        Return what held the manipulation back most of a time, in words.
+        Return the most frequent limit of the manipulation in an interval, in words.
 
-        :param now: as above [s].
-        :param span: the time, up to now [s].
+        :param now: time on the same clock [s].
+        :param span: length of the interval up to now [s].
         """
         lately = [status for time, status in self._statuses if now - time <= span]
-        codes = Counter(status.code for status in lately if status.code not in UNHINDERED)
+        codes = Counter(status.code for status in lately if status.code not in UNLIMITED_STATUSES)
         if not codes:
             return self.describe_manipulation(now)
         (code, _), *_ = codes.most_common(1)
@@ -249,7 +248,7 @@ class Picture:
         """
         Add a point to the plots.
 
-        :param now: as above [s].
+        :param now: time on the same clock [s].
         """
         squeeze = error = math.nan
         if self.is_held(now) is not None and len(self.state.squeeze):
@@ -266,13 +265,13 @@ def _describe_status(status: Any) -> str:
 
 def trim_start(time: Array, values: Array) -> tuple[Array, Array]:
     """
-    Return a curve from its first finite value on; uPlot draws none that begins with NaN.
+    Return a curve from its first finite value, since uPlot draws none with a leading NaN.
 
-    :param time: (k,) [s].
-    :param values: (k,) of the curve, NaN where there is none.
+    :param time: (k,) times [s].
+    :param values: (k,) values of the curve, NaN if unknown.
     """
     known = np.flatnonzero(np.isfinite(values))
     if not len(known):
-        return NOTHING
+        return EMPTY_CURVE
     first = known[0]
     return time[first:], values[first:]

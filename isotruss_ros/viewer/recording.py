@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Messages of a recording, read without ROS, into a picture."""
+"""Messages of a recording, read without ROS into a picture."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from isotruss_ros.viewer.picture import Picture
 from mcap.reader import NonSeekingReader
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 
-#: Between the definitions in a schema, and what stands before the name of one.
+#: Separator of the definitions in a schema, and prefix of their names.
 SEPARATOR, NAME = '=' * 80 + '\n', 'MSG: '
-#: By the end of a topic's name: its type, and what the picture does with a message.
+#: Type and receiving method by the last part of a topic's name.
 RECEIVERS = {
     'joint_states': ('sensor_msgs/msg/JointState', Picture.receive_joint_states),
     'object_pose': ('geometry_msgs/msg/PoseStamped', Picture.receive_object_pose),
@@ -25,28 +25,27 @@ RECEIVERS = {
     'grasp/markers': ('visualization_msgs/msg/MarkerArray', Picture.receive_markers),
     'manipulation/status': ('isotruss_msgs/msg/ManipulationStatus', Picture.receive_status),
 }
-#: More than any message or chunk that is recorded [bytes]; a damaged length may say more.
-LARGEST_RECORD = 2**30
+#: Largest valid record [bytes]; a damaged length may exceed it.
+MAX_RECORD_SIZE = 2**30
 
 
 class RecordingError(IsotrussError, ValueError):
-    """A recording holds nothing to show."""
+    """A recording has nothing to display."""
 
 
 class BrokenRecordingError(RecordingError):
-    """A recording cannot be read to its end; what comes before was read."""
+    """A recording is damaged; the part before the damage was read."""
 
 
 def read_recording(path: Path) -> Iterator[tuple[float, str, Any]]:
     """
-    Yield (time [s], topic, message) of an MCAP file, as they were recorded, of what a view shows.
+    Yield (time [s], topic, message) of an MCAP file for the topics of a view, in order.
 
-    A file whose writer was killed or had no room, or that a disk has damaged since, is read up to
-    there. Its index, which is at its end, is not used.
+    A truncated or damaged file is read up to the damage. The index at its end is not used.
 
-    :param path: of the file.
-    :raises RecordingError: it is no MCAP file, or holds no message that a view shows.
-    :raises BrokenRecordingError: after what is complete, where the rest cannot be read.
+    :param path: path of the file.
+    :raises RecordingError: no MCAP file, or no message of these topics.
+    :raises BrokenRecordingError: after the last complete message, if the rest is damaged.
     """
     types = get_typestore(Stores.EMPTY)
     known: set[int] = set()
@@ -54,7 +53,7 @@ def read_recording(path: Path) -> Iterator[tuple[float, str, Any]]:
     fault = None
     try:
         with path.open('rb') as stream:
-            reader = NonSeekingReader(stream, True, record_size_limit=LARGEST_RECORD)
+            reader = NonSeekingReader(stream, True, record_size_limit=MAX_RECORD_SIZE)
             for schema, channel, record in reader.iter_messages(log_time_order=False):
                 if not _is_shown(channel.topic, schema, channel.message_encoding):
                     continue
@@ -66,7 +65,7 @@ def read_recording(path: Path) -> Iterator[tuple[float, str, Any]]:
                 first = last if not count else first
                 count += 1
                 yield last, channel.topic, message
-    # Whatever the decoders of records, compressions and messages raise of damaged bytes.
+    # Any exception of the decoders of records, compressions and messages on damaged bytes.
     except Exception as error:  # noqa: BLE001
         fault = f'{type(error).__name__}: {error}'
     if not count:
@@ -83,24 +82,24 @@ def read_recording(path: Path) -> Iterator[tuple[float, str, Any]]:
 
 def show_message(picture: Picture, topic: str, message: Any, now: float) -> None:
     """
-    Put a message into a picture.
+    Update a picture with a message.
 
-    :param picture: receives it.
-    :param topic: with or without namespace.
+    :param picture: the picture.
+    :param topic: topic with or without namespace.
     :param message: with the fields of the ROS message.
     :param now: time of the message [s].
-    :raises PictureError: the message cannot be used.
-    :raises ConfigurationError: no configuration of the robot fits the joint states.
+    :raises PictureError: the message is invalid.
+    :raises ConfigurationError: no configuration exists at the joint states.
     """
     _, receive = RECEIVERS[_find_name(topic)]
     try:
         receive(picture, message, now)
-    except AttributeError as error:  # a definition of another time
+    except AttributeError as error:  # a definition of another version
         raise PictureError(f'message without the field {error.name}') from error
 
 
 def _find_name(topic: str) -> str | None:
-    """Return by which name a view shows a topic; None where it does not."""
+    """Return the name of a topic in a view; None for other topics."""
     names = (name for name in RECEIVERS if topic == name or topic.endswith(f'/{name}'))
     return next(names, None)
 
@@ -113,7 +112,7 @@ def _is_shown(topic: str, schema: Any, encoding: str) -> bool:
 
 
 def _register(types: Any, name: str, text: str) -> None:
-    """Add the definitions of a schema that are not known yet."""
+    """Add the unknown definitions of a schema."""
     first, *others = text.split(SEPARATOR)
     definitions = {name: first}
     for part in others:

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The requests that a browser sends: settings with their bounds, and the check of each value."""
+"""Requests of a browser: settings with their bounds, and the check of values."""
 
 from __future__ import annotations
 
@@ -28,25 +28,25 @@ from isotruss_ros.viewer.names import (
     TURN,
 )
 
-#: The plant that runs, or its object, before another one is chosen.
-AS_STARTED = 'as started'
-#: Beyond every robot [m].
-FAR = 100.0
+#: The running plant, or its object, before another one is chosen.
+INITIAL_CHOICE = 'as started'
+#: Largest valid coordinate of a drag [m].
+MAX_DRAG_DISTANCE = 100.0
 BUTTONS = (STOP, RELEASE, RESET, PICK, PLACE)
 
 
 class RequestError(IsotrussError, ValueError):
-    """A browser sent a value that none of its controls has."""
+    """A browser sent a value outside of its controls."""
 
 
 @dataclass(frozen=True)
 class Setting:
     """A slider."""
 
-    name: str  #: of the request that it leaves
-    label: str  #: as it is shown
+    name: str  #: name of its request
+    label: str  #: displayed name
     bounds: tuple[float, float]  #: smallest and largest value
-    step: float  #: between values
+    step: float  #: step of the values
 
 
 SETTINGS = (
@@ -64,11 +64,11 @@ BOUNDS = {setting.name: setting.bounds for setting in (*SETTINGS, *WRENCH)}
 
 def check_request(name: str, value: object, choices: Mapping[str, Sequence[str]]) -> None:
     """
-    Refuse a value that the control of a request cannot have.
+    Raise for a value outside of the control of a request.
 
-    :param name: of the request.
-    :param value: as it came.
-    :param choices: what can be chosen, by the name of the request.
+    :param name: name of the request.
+    :param value: received value.
+    :param choices: choices by the name of the request.
     :raises RequestError: the value is out of bounds, no choice, or no drag.
     """
     if name in BOUNDS:
@@ -81,22 +81,24 @@ def check_request(name: str, value: object, choices: Mapping[str, Sequence[str]]
     elif name in (TARGET, TURN):
         _, *places = value  # type: ignore[misc]
         for place in places:  # type: ignore[has-type]
-            if len(place) != 2 or not all(_is_finite(x) and abs(x) <= FAR for x in place):
-                _refuse(name, value, f'two coordinates of at most {FAR:g} m')
+            if len(place) != 2 or not all(
+                _is_finite(x) and abs(x) <= MAX_DRAG_DISTANCE for x in place
+            ):
+                _refuse(name, value, f'two coordinates of at most {MAX_DRAG_DISTANCE:g} m')
     elif name not in BUTTONS:
         _refuse(name, value, 'a request of the page')
 
 
 def list_choices(joints: Sequence[str]) -> dict[str, Sequence[str]]:
     """
-    Return what can be chosen, by the name of the request.
+    Return the choices by the name of the request.
 
-    :param joints: names of what can be dragged besides the object.
+    :param joints: names of the joints that can be dragged.
     """
     return {
         DRAGGED: (OBJECT, *joints),
-        SHAPE: (AS_STARTED, *OBJECTS),
-        PLANT: (AS_STARTED, *PLANTS),
+        SHAPE: (INITIAL_CHOICE, *OBJECTS),
+        PLANT: (INITIAL_CHOICE, *PLANTS),
     }
 
 

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The robot, the object and the forces as objects of the 3D scene."""
+"""3D scene of the robot, the object and the forces."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ from isotruss_ros.viewer.picture import Picture
 import numpy as np
 import viser
 
-#: Cross sections of a tube.
-SECTIONS = 28
+#: Number of cross sections of a tube [-].
+TUBE_SECTIONS = 28
 HELD, NOT_HELD, UNKNOWN = (51, 179, 77), (217, 51, 51), (190, 190, 190)
 MODULE, REGION, FORCE, MARK = (59, 59, 59), (242, 191, 26), (31, 79, 217), (20, 20, 20)
-SUPPORT = (122, 82, 48)
-#: Distance of the points along the curved parts of an object [m].
-OUTLINE = 0.01
+SUPPORT_COLOR = (122, 82, 48)
+#: Spacing of points along curved outlines [m].
+OUTLINE_SPACING = 0.01
 #: Thickness of rods and of contact regions [m].
 ROD, STRIPE = 0.03, 0.02
 
 
 class Scene:
     """
-    Draw a picture; what has not changed is not sent.
+    Draws a picture; unchanged parts are not sent.
 
-    :param server: of the view.
-    :param picture: what is shown first.
+    :param server: server of the view.
+    :param picture: initial picture.
     """
 
     def __init__(self, server: viser.ViserServer, picture: Picture) -> None:
@@ -45,7 +45,7 @@ class Scene:
         camera.up = (0.0, 1.0, 0.0)
         self._server = server
         self._fitted: set = set()
-        # Shadows would take most of the time of a browser without a graphics card.
+        # Shadows dominate the load of browsers without a graphics card.
         scene.configure_default_lights(cast_shadow=False)
         scene.add_grid(
             '/grid',
@@ -56,7 +56,7 @@ class Scene:
             section_size=1.0,
         )
         self._diameter = picture.robot.description.tube_diameter
-        faces = tube_faces(SECTIONS)
+        faces = tube_faces(TUBE_SECTIONS)
         self._tubes = [
             scene.add_mesh_simple(
                 f'/tubes/{name}', self._vertices(line), faces, color=color_of(0.0), side='double'
@@ -89,9 +89,9 @@ class Scene:
 
     def update(self, picture: Picture, now: float) -> None:
         """
-        Show a picture.
+        Draw a picture.
 
-        :param picture: what to show.
+        :param picture: the picture.
         :param now: time on the clock of its messages [s].
         """
         self._fit_cameras(picture)
@@ -112,7 +112,7 @@ class Scene:
             self._frame.wxyz = (math.cos(0.5 * angle), 0.0, 0.0, math.sin(0.5 * angle))
             self._frame.visible = True
         top = 0.5 * self._diameter + 0.02
-        # Seen from above, a region of two triangles for each step is the line between them.
+        # From above, a region with two triangles per step reduces to a line.
         regions = [points.reshape(-1, 6, 3) for points in picture.select_lines(REGIONS, now)]
         pieces = [points[:, [0, 2]] for points in regions if len(points)]
         self._show_lines(self._regions, pieces, top)
@@ -120,7 +120,7 @@ class Scene:
         self._show_lines(self._forces, forces, top)
 
     def _fit_cameras(self, picture: Picture) -> None:
-        """Show the whole robot on each upright screen, once its page is where all pages begin."""
+        """Fit the whole robot into upright screens, once the page has its initial camera."""
         for number, client in self._server.get_clients().items():
             camera = client.camera
             begins = np.allclose(camera.position, self._server.initial_camera.position, atol=0.01)
@@ -133,14 +133,14 @@ class Scene:
     def _add_support(
         self, scene: viser.SceneApi, joint: str, axes: Sequence[str]
     ) -> viser.SceneNodeHandle:
-        """Return a box on a joint that is fixed, a ball on one that slides."""
+        """Return a box on a fixed joint, a ball on a sliding one."""
         name, size = f'/supports/{joint}', 0.6 * self._diameter
         if len(axes) == 2:
-            return scene.add_box(name, SUPPORT, (2.0 * size,) * 3)
-        return scene.add_icosphere(name, size, SUPPORT)
+            return scene.add_box(name, SUPPORT_COLOR, (2.0 * size,) * 3)
+        return scene.add_icosphere(name, size, SUPPORT_COLOR)
 
     def _vertices(self, line: Points) -> Array:
-        return tube_vertices(line, self._diameter, SECTIONS).astype(np.float32)
+        return tube_vertices(line, self._diameter, TUBE_SECTIONS).astype(np.float32)
 
     def _has_changed(self, name: str, value: object) -> bool:
         changed = name not in self._shown or self._shown[name] != value
@@ -157,11 +157,11 @@ class Scene:
                 '/object/body', 0.5 * diameter, self._diameter, color=UNKNOWN
             )
         else:
-            vertices, faces = prism(picture.shape.outline(OUTLINE), self._diameter)
+            vertices, faces = prism(picture.shape.outline(OUTLINE_SPACING), self._diameter)
             self._object = self._scene.add_mesh_simple(
                 '/object/body', vertices.astype(np.float32), faces, color=UNKNOWN, side='double'
             )
-        # A mark shows how the object turns.
+        # A mark shows the orientation of the object.
         length = 0.45 * diameter
         if picture.shape is not None:
             length = 0.9 * float(picture.shape.support_points(np.array([1.0 + 0.0j]))[0].real)

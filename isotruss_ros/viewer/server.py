@@ -2,11 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The server of a view: a port of its own, and a gate for what asks for its page or its websocket.
+Server of a view: own port, and a gate for its page and websocket.
 
-viser 1.1.1 passes a port in use by, hangs where an address cannot be bound, and accepts every
-origin. It is given a socket that is bound already, and the options of `websockets` that it leaves
-out.
+viser 1.1.1 skips a used port, hangs if an address cannot be bound, and accepts every origin. It is
+given a bound socket, and the missing options of `websockets`.
 """
 
 from __future__ import annotations
@@ -33,17 +32,17 @@ import websockets.asyncio.server
 from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
 
-#: Of an answer: no page from elsewhere shows ours in a frame, or reads its address.
+#: Response headers against framing by other pages and leaks of the address.
 HEADERS = {'X-Frame-Options': 'DENY', 'Referrer-Policy': 'no-referrer'}
-#: The beginning of a page.
+#: Head of a page.
 HEAD = f'<head>{SCRIPT}{STYLE}'
-#: A documentation address (RFC 5737); asking for the route to it sends nothing.
-ELSEWHERE = ('192.0.2.1', 9)
-#: Beside the websocket of a page, as viser asks for it.
+#: A documentation address (RFC 5737) for the route lookup, which sends nothing.
+REMOTE_ADDRESS = ('192.0.2.1', 9)
+#: Subprotocol of the websocket of viser.
 Answer = Callable[[ServerConnection, Request], Response | None]
-#: The module of `websockets` is changed while one server starts.
+#: Lock of the patched module `websockets` during the start of a server.
 _starting = threading.Lock()
-#: Of connections: the tracebacks of bytes that are no HTTP are not ours.
+#: Logger of connections, without tracebacks of invalid HTTP.
 _quiet = logging.Logger('isotruss_ros.viewer', logging.CRITICAL)
 
 
@@ -53,11 +52,11 @@ class ViewError(IsotrussError, RuntimeError):
 
 class Gate:
     """
-    Who may reach a server: pages of its own, and beyond this machine only with its token.
+    Access rules of a server: own pages only, from other machines with a token.
 
-    :ivar origins: of the pages that may open the websocket, as a browser states them.
-    :ivar address: for a browser, with the token where one is asked for.
-    :param bound: the socket of the server.
+    :ivar origins: allowed origins of the websocket.
+    :ivar address: address for a browser, with the token if required.
+    :param bound: bound socket of the server.
     """
 
     def __init__(self, bound: socket.socket) -> None:
@@ -70,7 +69,7 @@ class Gate:
             name = socket.gethostname()
             host = _find_address()
             names |= {host, name, f'{name}.local'}
-        # A browser leaves the port of HTTP out.
+        # Browsers omit the default port of HTTP.
         self.origins = sorted(
             f'http://{_bracket(name)}{end}'
             for name in names
@@ -82,9 +81,9 @@ class Gate:
 
     def guard(self, answer: Answer) -> Answer:
         """
-        Return what answers requests that pass, and refuses the others.
+        Return the handler of requests, which refuses those without access.
 
-        :param answer: to those that pass; None to those for the websocket.
+        :param answer: handler of admitted requests; None for those of the websocket.
         """
 
         def answer_or_refuse(connection: ServerConnection, request: Request) -> Response | None:
@@ -92,7 +91,7 @@ class Gate:
                 return connection.respond(
                     HTTPStatus.FORBIDDEN, 'Open the address that was printed, with its token.\n'
                 )
-            # As it is, since our script and style go into a page.
+            # Uncompressed, since script and style are inserted into the page.
             request.headers.pop('Accept-Encoding', None)
             response = answer(connection, request)
             if response is not None:
@@ -114,7 +113,7 @@ class Gate:
         return self._is_token(given[0])
 
     def _has_cookie(self, request: Request) -> bool:
-        """Return whether a request has the cookie that came with the page."""
+        """Return whether a request has the cookie of the page."""
         parts = '; '.join(request.headers.get_all('Cookie')).split('; ')
         values = dict(part.partition('=')[::2] for part in parts)
         return self._is_token(values.get(self._cookie, ''))
@@ -124,23 +123,23 @@ class Gate:
 
 
 class _Server(viser.ViserServer):
-    """A server that no page can make public."""
+    """A server that pages cannot make public."""
 
     def request_share_url(self, verbose: bool = True) -> None:
-        """Open no tunnel to the network; a page asks for one by a message."""
+        """Refuse a tunnel to the network, which a page can request by a message."""
 
 
 def open_server(host: str, port: int) -> tuple[viser.ViserServer, str]:
     """
-    Return a server, and its address for a browser.
+    Return a server and its address for a browser.
 
-    :param host: address of this machine; 0.0.0.0 for all that it has.
-    :param port: of the server; any that is free if 0.
-    :raises ViewError: the address cannot be bound, or viser does not serve as it is to.
+    :param host: address of this machine; 0.0.0.0 for all of them.
+    :param port: port of the server; 0: any free port.
+    :raises ViewError: the address cannot be bound, or viser fails.
     """
     bound = _bind(host, port)
     gate = Gate(bound)
-    # viser prints an address without the token.
+    # viser prints the address without the token.
     with _serving(bound, gate) as served, contextlib.redirect_stdout(io.StringIO()):
         server = _Server(host=host, port=port, verbose=False)
     if not served:
@@ -151,10 +150,10 @@ def open_server(host: str, port: int) -> tuple[viser.ViserServer, str]:
 
 
 def _bind(host: str, port: int) -> socket.socket:
-    """Return a socket that listens."""
+    """Return a listening socket."""
     where = f'no server at {host}:{port}'
     try:
-        # By number only: looking a name up may take long.
+        # Numeric addresses only: name lookup may be slow.
         family, *_, place = socket.getaddrinfo(
             LOCAL if host == 'localhost' else host,
             port,
@@ -174,7 +173,7 @@ def _bind(host: str, port: int) -> socket.socket:
 
 @contextlib.contextmanager
 def _serving(bound: socket.socket, gate: Gate) -> Iterator[list[bool]]:
-    """Serve on a socket, behind a gate, whatever starts a server of `websockets` in a block."""
+    """Serve on a socket behind a gate, for servers of `websockets` started in the block."""
     module, served = websockets.asyncio.server, []
     serve = module.serve
 
@@ -200,15 +199,15 @@ def _serving(bound: socket.socket, gate: Gate) -> Iterator[list[bool]]:
 
 
 def _find_address() -> str:
-    """Return the address of this machine on its network; this machine only without one."""
+    """Return the address of this machine on its network; the loopback address without one."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
-            probe.connect(ELSEWHERE)
+            probe.connect(REMOTE_ADDRESS)
         except OSError:
             return LOCAL
         return probe.getsockname()[0]
 
 
 def _bracket(name: str) -> str:
-    """Return a name as it stands in an address."""
+    """Return a host name in the form of a URL."""
     return f'[{name}]' if ':' in name else name

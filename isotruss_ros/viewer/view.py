@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The server of the live view."""
+"""Server of the live view."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from isotruss_ros.viewer.server import open_server
 
 class View:
     """
-    Serve scene and panels; `controls` are added by who commands a robot.
+    Scene and panels; the owner of a robot adds `controls`.
 
-    :ivar server: of the view.
-    :ivar picture: what is shown.
-    :ivar address: for a browser.
-    :param picture: what is shown.
+    :ivar server: server of the view.
+    :ivar picture: displayed picture.
+    :ivar address: address for a browser.
+    :param picture: displayed picture.
     :param host: address to which the server is bound.
-    :param port: of the server; any that is free if 0.
+    :param port: port of the server; 0: any free port.
     :raises ViewError: the address cannot be served.
     """
 
     def __init__(self, picture: Picture, host: str, port: int) -> None:
         self.picture = picture
         self.server, self.address = open_server(host, port)
-        # Beside the scene, so that the robot is not under it.
+        # Beside the scene, without covering the robot.
         self.server.gui.main_panel.dock_right()
         self.server.gui.configure_theme(show_logo=False, show_share_button=False)
         self._scene = Scene(self.server, picture)
@@ -38,7 +38,7 @@ class View:
 
     def update(self, now: float) -> None:
         """
-        Show the picture as it is.
+        Show the current picture.
 
         :param now: time on the clock of its messages [s].
         """
@@ -47,7 +47,7 @@ class View:
             self._panels.update(self.picture, now)
 
     def close(self) -> None:
-        """End the server."""
+        """Stop the server."""
         # viser prints that it stopped.
         with contextlib.redirect_stdout(io.StringIO()):
             self.server.stop()

@@ -8,18 +8,18 @@ import math
 from geometry_msgs.msg import Point
 from isotruss_msgs.msg import GraspState, ManipulationStatus
 from isotruss_ros.core import load_robot, Polygon, Status
-from isotruss_ros.viewer.camera import COVERED, FIELD, place_camera
+from isotruss_ros.viewer.camera import FIELD_OF_VIEW, PANEL_SHARE, place_camera
 from isotruss_ros.viewer.control import Control, ZERO
 from isotruss_ros.viewer.drag import (
     Drag,
-    LEVER,
+    LEVER_LENGTH,
     PATIENCE,
     place_on_circle,
     PROGRESS,
     REACHED,
 )
 from isotruss_ros.viewer.meshes import color_of, CORNERS, prism, tube_faces, tube_vertices
-from isotruss_ros.viewer.picture import Picture, TIMEOUT, trim_start
+from isotruss_ros.viewer.picture import MESSAGE_TIMEOUT, Picture, trim_start
 import numpy as np
 import pytest
 from sensor_msgs.msg import JointState
@@ -113,8 +113,10 @@ def test_a_turn_goes_the_shorter_way_and_not_faster_than_allowed(begin, end):
         way, across = drag.follow(position, 0.05, 0.05 * step)
         assert abs(way) <= 0.05 + 1e-12
         assert across == 0.0
-        angle += 0.05 * way / LEVER
-    assert math.remainder(angle - end, 2.0 * math.pi) == pytest.approx(0.0, abs=REACHED / LEVER)
+        angle += 0.05 * way / LEVER_LENGTH
+    assert math.remainder(angle - end, 2.0 * math.pi) == pytest.approx(
+        0.0, abs=REACHED / LEVER_LENGTH
+    )
     assert abs(angle - begin) <= math.pi
 
 
@@ -122,7 +124,7 @@ def test_a_turn_goes_on_beyond_a_whole_one():
     way = 0.0
     for angle in np.linspace(0.0, 10.0, 50):
         way, _ = place_on_circle(angle, way)
-    assert way == pytest.approx(10.0 * LEVER)
+    assert way == pytest.approx(10.0 * LEVER_LENGTH)
 
 
 def test_the_handle_that_was_not_grabbed_does_not_move_the_target():
@@ -161,7 +163,7 @@ def test_what_is_old_is_not_shown_as_held():
     assert picture.is_held(0.0) is None
     picture.receive_state(GraspState(code=0, held=True, utilisation=[0.1] * 9), 1.0)
     assert picture.is_held(1.0) is True
-    assert picture.is_held(1.0 + TIMEOUT) is None
+    assert picture.is_held(1.0 + MESSAGE_TIMEOUT) is None
     picture.receive_state(GraspState(code=21, held=False), 2.0)
     assert picture.is_held(2.0) is None
 
@@ -257,8 +259,8 @@ def test_the_whole_robot_is_on_the_screen_and_above_the_panel_of_a_phone(aspect)
     up = np.cross([1.0, 0.0, 0.0], forward)
     rays = np.column_stack([points.real, points.imag, np.zeros(len(points))]) - position
     depth = rays @ forward
-    scale = math.tan(0.5 * FIELD)
+    scale = math.tan(0.5 * FIELD_OF_VIEW)
     across, upward = rays[:, 0] / depth / (scale * aspect), (rays @ up) / depth / scale
     assert np.abs(across).max() < 1.0
     assert upward.max() < 1.0
-    assert upward.min() > (-1.0 if aspect >= 1.0 else 2.0 * COVERED - 1.0)
+    assert upward.min() > (-1.0 if aspect >= 1.0 else 2.0 * PANEL_SHARE - 1.0)

@@ -9,7 +9,7 @@ from comparison.wedge import closed_to, MODULE, pressed_into
 from isotruss_ros.cli.export_mujoco import main
 from isotruss_ros.core import analyze_grasp, ConvexObject, Disc, Ellipse, load_robot, Polygon
 from isotruss_ros.core.manipulation.grip import members_at
-from isotruss_ros.mujoco_plant.object_geoms import SHARP
+from isotruss_ros.mujoco_plant.object_geoms import MIN_CORNER_RADIUS
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 from mujoco_worlds import needs_mujoco
 import numpy as np
@@ -40,7 +40,7 @@ def test_the_surface_is_that_of_the_object(shape):
         origin = np.array([start.real, start.imag, 0.0])
         way = mujoco.mj_ray(plant.model, plant.data, origin, towards, None, 1, -1, geom)
         (gap,) = held.nearest(np.array([start - way * away])).gaps
-        assert abs(gap) < 0.5 * SHARP
+        assert abs(gap) < 0.5 * MIN_CORNER_RADIUS
 
 
 @needs_mujoco

@@ -75,7 +75,7 @@ def test_a_picture_shows_robot_and_object_where_they_are(tmp_path, monkeypatch):
         marked = renderer.draw(0.0, [(0.2, 0.1), (0.8, 0.1)], ((0.2, 0.9), (0.8, 0.9)))
     assert picture.shape == (HEIGHT, WIDTH, 3)
     nodes = ROBOT.home.nodes
-    scale = min(SIZE / ((1.0 + 2.0 * rendering.MARGIN) * np.ptp(nodes, axis=0)))
+    scale = min(SIZE / ((1.0 + 2.0 * rendering.VIEW_MARGIN) * np.ptp(nodes, axis=0)))
     middle = 0.5 * (nodes.max(axis=0) + nodes.min(axis=0))
     place, area = orange(picture)
     wanted = 0.5 * np.array(SIZE) + scale * (np.array([CENTER.real, CENTER.imag]) - middle)

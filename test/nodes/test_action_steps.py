@@ -21,7 +21,7 @@ from isotruss_msgs.msg import GraspState
 from isotruss_ros.core import ConvexObject, Ellipse, Pose
 from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.inputs import InputError, StampedInput
-from isotruss_ros.core.paths.path_tracking import RETURN
+from isotruss_ros.core.paths.path_tracking import RETURN_SETTINGS
 from isotruss_ros.core.planning.describe_plan import NEAR_SHARE
 from isotruss_ros.nodes.conversions.messages import to_pose_message
 from isotruss_ros.nodes.conversions.path_messages import read_duration
@@ -138,7 +138,7 @@ def test_a_server_that_sends_no_feedback_ends_the_steps_after_the_timeout(server
     next(steps)
     server.accept()
     for _ in range(3):
-        now += supervision.BEGINNING
+        now += supervision.START_TIMEOUT
         server.feedback(SimpleNamespace(feedback=0.5))
         next(steps)
     now += 0.19
@@ -418,7 +418,7 @@ def test_an_object_that_a_closing_grip_moved_is_brought_back(moved, left, ends, 
         assert follower.goal is None
     else:
         assert follower.goal.path.poses == [LAY]
-        assert follower.goal.position_tolerance == RETURN.position_tolerance
+        assert follower.goal.position_tolerance == RETURN_SETTINGS.position_tolerance
 
 
 class Planner:

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_ros.core import Status
 from isotruss_ros.nodes.framework import reasons
-from isotruss_ros.nodes.framework.reasons import QUIET_TIME, ReasonLog, SHORTEST_PERIOD
+from isotruss_ros.nodes.framework.reasons import MIN_LOG_PERIOD, QUIET_TIME, ReasonLog
 from manual_world import world
 from probe import manipulation
 import pytest
@@ -61,7 +61,7 @@ def test_reasons_that_take_turns_are_logged_once_in_a_while(log):
     for _ in range(500):
         hold(log, 'status', 'a', 1)
         hold(log, 'status', 'b', 1)
-    assert len(log.lines) <= 2 * (10.0 / SHORTEST_PERIOD + 1)
+    assert len(log.lines) <= 2 * (10.0 / MIN_LOG_PERIOD + 1)
 
 
 def test_a_flood_of_one_kind_does_not_hide_another(log):

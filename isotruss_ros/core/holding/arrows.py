@@ -8,13 +8,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 import math
 
-#: Of forces, counter-clockwise from that along x, and of moments.
+#: Arrows of forces, counter-clockwise from the x axis, and of moments.
 FORCES, LEFT, RIGHT = '→↗↑↖←↙↓↘', '↺', '↻'
 
 
 def arrow_of(wrench: Sequence[float]) -> str:
     """
-    Return an arrow along a planar wrench; empty where it has no direction.
+    Return an arrow along a planar wrench; empty for a zero wrench.
 
     :param wrench: (fx, fy, m / arm) [N]; the moment is drawn where it exceeds the force.
     """

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-From roller travel to node positions: equations (3), (12) and (13).
+Kinematics from roller travel to node positions: equations (3), (12) and (13).
 
 Entry points: `robot.Robot`, `configuration.Configuration`, `rigidity`.
-Imports `core.model` and what is below it.
+Imports `core.model` and the packages below it.
 """

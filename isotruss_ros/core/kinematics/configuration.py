@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A configuration: where every node of the robot is at given roller travel."""
+"""Configurations: positions of all nodes at given roller travel."""
 
 from __future__ import annotations
 
@@ -17,26 +17,26 @@ from isotruss_ros.core.numerics.records import Record
 import numpy as np
 from numpy.typing import ArrayLike
 
-#: No member changes by more than this share of the shortest in one step along a branch.
-MAX_STEP = 0.25
-#: Where a step in which no member changes by more than this fails, the branch ends [m].
-MIN_STEP = 1e-6
-#: A way that takes more steps than this passes next to a singular shape; two such searches take a
-#: loop 20 ms at most.
-MAX_STEPS = 50
-#: Travel of any roller up to which shapes are predicted to first order [m].
-FIRST_ORDER = 3e-3
+#: Largest change of a member in one continuation step, relative to the shortest member [-].
+MAX_MEMBER_STEP = 0.25
+#: Smallest continuation step [m]; the branch ends if it fails.
+MIN_MEMBER_STEP = 1e-6
+#: Largest number of continuation steps [-]; more pass a singular configuration. Two such searches
+#: take at most 20 ms.
+MAX_CONTINUATION_STEPS = 50
+#: Largest travel of a roller for first-order prediction [m].
+MAX_FIRST_ORDER_TRAVEL = 3e-3
 
 
 class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')):
     """
-    The shape of a robot; made by `Robot.configuration`, never changed afterwards.
+    Configuration of a robot; made by `Robot.configuration`, immutable.
 
     :ivar robot: the robot.
     :ivar roller_positions: (r,) travel of the tube through each roller since home [m].
     :ivar points: (n,) node positions x + iy in the robot's frame [m].
-    :param nearby: factored matrix of a shape nearby, to predict and to move with; None for that
-        of this shape.
+    :param nearby: factored matrix of a nearby configuration, for prediction and continuation;
+        None: that of this configuration.
     """
 
     def __init__(
@@ -54,10 +54,10 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
         points.flags.writeable = False
 
     def __eq__(self, other: object) -> bool:
-        """Return whether the other one is the same shape of an equal robot."""
+        """Return whether the other configuration is equal, of an equal robot."""
         if type(other) is not Configuration:
             return NotImplemented
-        # A loop asks it in every cycle, of the keys of its caches.
+        # Called in every control cycle for cache keys.
         return (
             np.array_equal(self.roller_positions, other.roller_positions)
             and np.array_equal(self.points, other.points)
@@ -69,7 +69,7 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
         return hash((self.robot, self.roller_positions.tobytes()))
 
     def __reduce__(self) -> tuple:
-        """Return what another process makes it of, without what can be computed again."""
+        """Return the constructor arguments for pickling; caches are left out."""
         return Configuration, (self.robot, self.roller_positions, self.points)
 
     @property
@@ -102,7 +102,7 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
         """
         Return the factored matrix of (12).
 
-        :raises ConfigurationError: the matrix is singular: the shape is not rigid.
+        :raises ConfigurationError: the matrix is singular.
         """
         try:
             return factorize(self.robot.constraints.matrix_of(self.gradients))
@@ -113,7 +113,7 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
             ) from error
 
     def residual(self) -> Array:
-        """Return what is left of the constraints: [m] and, for the bisection rows, [rad]."""
+        """Return the residual of the constraints [m], of the bisection rows [rad]."""
         return self.robot.constraints.residual(
             self.points, _targets(self.robot, self.roller_positions)
         )
@@ -122,9 +122,7 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
     @single_threaded
     def node_jacobian(self) -> Array:
         """
-        Return the (2n, r) velocities of the nodes (x0, y0, x1, y1, ...) for 1 m/s at each roller.
-
-        They follow by equation (12).
+        Return the Jacobian (2n, r) of the nodes (x0, y0, x1, y1, ...) by the rollers, from (12).
 
         :raises ConfigurationError: the configuration is singular.
         """
@@ -136,19 +134,19 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
     @single_threaded
     def moved_to(self, roller_positions: ArrayLike, nearby: Factor | None = None) -> Configuration:
         """
-        Return the configuration at other roller travel, reached without leaving the branch.
+        Return the configuration at other roller travel on the same branch of solutions.
 
         :param roller_positions: (r,) travel since home [m].
-        :param nearby: factored matrix of a shape nearby, to begin with, and for the
-            configuration that is returned.
+        :param nearby: factored matrix of a nearby configuration, for the first step and for the
+            returned configuration.
         :raises ConfigurationError: wrong shape or not finite; a member would have no length; or
-            the straight line there in roller travel passes a singular configuration, or so near
-            to one that it takes more than `MAX_STEPS` steps.
+            the straight line in roller travel passes a singular configuration, also if it takes
+            more than `MAX_CONTINUATION_STEPS` steps.
         """
         return self._reached(roller_positions, nearby)
 
     def _reached(self, roller_positions: ArrayLike, nearby: Factor | None) -> Configuration:
-        """Do what `moved_to` does, where BLAS has one thread already."""
+        """`moved_to` without the thread guard."""
         robot, start, goal = self.robot, self.roller_positions, self._checked(roller_positions)
         goal_targets = _targets(robot, goal)
         goal_lengths = goal_targets.lengths[: robot.topology.n_modules]
@@ -166,7 +164,9 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
         done, step, steps = 0.0, change, 0
         while done < change:
             steps += 1
-            step = min(step, MAX_STEP * float((lengths + (done / change) * difference).min()))
+            step = min(
+                step, MAX_MEMBER_STEP * float((lengths + (done / change) * difference).min())
+            )
             end = change if done + step > change * (1.0 - 1e-9) else done + step
             targets = goal_targets
             if end < change:
@@ -176,10 +176,10 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
                 points, factor, done, step = found, None, end, 2.0 * step
             else:
                 step *= 0.25
-            if done < change and (step < MIN_STEP or steps == MAX_STEPS):
+            if done < change and (step < MIN_MEMBER_STEP or steps == MAX_CONTINUATION_STEPS):
                 why = 'no shape of the robot'
-                if step >= MIN_STEP:
-                    why = f'next to a singular shape, none found in {MAX_STEPS} steps'
+                if step >= MIN_MEMBER_STEP:
+                    why = f'next to a singular shape, none found in {MAX_CONTINUATION_STEPS} steps'
                 raise ConfigurationError(
                     f'robot {robot.name}: roller positions {goal.tolist()} m: {why} '
                     f'beyond {100 * done / change:.6g} % of the way from {start.tolist()} m'
@@ -187,7 +187,7 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
         return Configuration(robot, goal, points, nearby)
 
     def _checked(self, roller_positions: ArrayLike) -> Array:
-        """Return a copy of roller travel (r,) as numbers; the check of most is that of a loop."""
+        """Return a checked copy of roller travel (r,); fast for arrays of a control loop."""
         start, goal = self.roller_positions, np.array(roller_positions)
         if goal.dtype == start.dtype and goal.shape == start.shape and np.isfinite(goal).all():
             return goal
@@ -195,46 +195,48 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
 
     def has_factor_for(self, roller_positions: Array) -> bool:
         """
-        Return whether the matrix has been factored here, and serves in another configuration.
+        Return whether this configuration has a factored matrix that is valid at another one.
 
-        :param roller_positions: (r,) travel since home in the other one [m].
+        :param roller_positions: (r,) travel since home at the other one [m].
         """
         if 'factor' not in self.__dict__:
             return False
-        return bool(np.abs(roller_positions - self.roller_positions).max() < FIRST_ORDER)
+        return bool(
+            np.abs(roller_positions - self.roller_positions).max() < MAX_FIRST_ORDER_TRAVEL
+        )
 
     def predict(self, travel: Array) -> Configuration:
         """
-        Return the configuration after some roller travel, to first order where that is short.
+        Return the configuration after some roller travel, to first order if the travel is short.
 
-        First order is much faster than `moved_to`, and off the constraints by about travel^2 over
-        the length of a member: to look ahead with, not to continue from.
+        First order is much faster than `moved_to`. It violates the constraints by about travel^2
+        over the length of a member: use it for prediction, not as a start of continuation.
 
-        :param travel: (r,) of the tube through each roller from here on [m].
+        :param travel: (r,) increment of the travel of each roller [m].
         :raises ConfigurationError: see `moved_to`.
         """
         if not travel.any():
             return self
-        if np.abs(travel).max() > FIRST_ORDER:
+        if np.abs(travel).max() > MAX_FIRST_ORDER_TRAVEL:
             return self.moved_to(self.roller_positions + travel)
         # With Ldot = C phidot.
         points = self._lengthened(self.robot.topology.incidence @ travel)
         return Configuration(self.robot, self.roller_positions + travel, points)
 
     def _lengthened(self, lengths: Array) -> Points:
-        """Return the nodes (n,) where members (m,) are longer [m]: (12), xdot = R^-1 (Ldot, 0)."""
+        """Return the nodes (n,) for longer members (m,) [m], by xdot = R^-1 (Ldot, 0) of (12)."""
         right = np.zeros(self.robot.constraints.n_rows)
         right[: self.robot.topology.n_modules] = lengths
         return self.points + (self._nearby or self.factor).solve(right).view(np.complex128)
 
     def roller_rows(self, node_rows: Array) -> Array:
         """
-        Turn rows on node velocities into rows on the roller speeds.
+        Map rows on node velocities to rows on roller speeds.
 
-        Nodes follow by (12); the transposed solve needs one right-hand side for each row.
+        Uses (12); the transposed solve has one right-hand side for each row.
 
         :param node_rows: (k, 2n) rows on the node velocities (x0, y0, x1, y1, ...).
-        :return: (k, r), for 1 m/s at each roller.
+        :return: (k, r) rows on the roller speeds.
         :raises ConfigurationError: the configuration is singular.
         """
         topology = self.robot.topology
@@ -251,9 +253,9 @@ def _targets(robot: Mechanism, roller_positions: Array) -> Targets:
 
 class ConfigurationTracker:
     """
-    Computes configurations from measured roller travel; the last ones shorten the search.
+    Computes configurations from measured roller travel, starting from the previous ones.
 
-    :param home: the configuration to begin with, at zero roller travel.
+    :param home: initial configuration, at zero roller travel.
     """
 
     def __init__(self, home: Configuration) -> None:
@@ -262,10 +264,10 @@ class ConfigurationTracker:
 
     def configuration(self, roller_positions: Array) -> Configuration:
         """
-        Return the measured configuration; the same object while nothing moves.
+        Return the measured configuration, the same object for unchanged travel.
 
         :param roller_positions: (r,) travel since home [m].
-        :raises ConfigurationError: there is no such configuration.
+        :raises ConfigurationError: no configuration exists at this travel.
         """
         if not np.array_equal(roller_positions, self._last.roller_positions):
             start, nearby, ahead = self._last, None, self._ahead
@@ -281,14 +283,14 @@ class ConfigurationTracker:
         self, roller_positions: Array, travel: Array
     ) -> tuple[Configuration, Configuration]:
         """
-        Return the measured configuration, and the one after some roller travel.
+        Return the measured configuration and a prediction after some roller travel.
 
-        Where the matrix of (12) is factored in the latter, it serves for the next measured one
-        too, so that a cycle of a loop factors once.
+        The factored matrix of the prediction is reused for the next measured configuration, so
+        that each control cycle factors once.
 
         :param roller_positions: (r,) travel since home [m].
-        :param travel: (r,) from there on [m].
-        :raises ConfigurationError: there is no such configuration.
+        :param travel: (r,) increment of the travel [m].
+        :raises ConfigurationError: no configuration exists at this travel.
         """
         measured = self.configuration(roller_positions)
         self._ahead = measured.predict(travel)

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The constraints that tie the nodes together, and their derivative: the matrix of equation (12).
+Kinematic constraints of the nodes and their Jacobian, the matrix of equation (12).
 
 Points of the plane are complex numbers x + iy here. For a vector v with direction angle t,
 d|v| = Re(conj(e) dv) with e = v/|v|, and dt = Re(conj(g) dv) with g = i v/|v|^2: every row of the
@@ -19,24 +19,25 @@ from isotruss_ros.core.numerics.factorization import Factor, factorize
 import numpy as np
 from scipy.sparse import coo_matrix, csc_matrix
 
-#: Above this many coordinates sparse factors are quicker than dense ones (benchmarks/scaling.py).
-DENSE_UP_TO = 180
-MAX_ITERATIONS = 12
-#: A factor is kept while each step with it shrinks the residual at least this much.
-KEEP_FACTOR_BELOW = 0.1
-#: What a step is expected to leave is not computed below this share of the tolerance.
-SURE_BELOW = 0.01
-#: A corrector longer than this share of the predictor may have left the branch.
+#: Number of coordinates above which sparse factors are faster than dense ones
+#: (benchmarks/scaling.py).
+MAX_DENSE_COORDINATES = 180
+MAX_NEWTON_ITERATIONS = 12
+#: Largest contraction of the residual per step for which a factor is reused [-].
+MAX_REUSE_CONTRACTION = 0.1
+#: Predicted residual, relative to the tolerance, below which no residual is evaluated [-].
+RESIDUAL_CHECK_SHARE = 0.01
+#: Largest corrector relative to the predictor [-]; a longer one may leave the branch.
 MAX_CORRECTION = 0.5
-#: Of a residual, as a share of the coordinates that it is computed from.
-ROUNDING = 64 * float(np.finfo(float).eps)
+#: Rounding error of a residual relative to the coordinates [-].
+RESIDUAL_ROUNDING = 64 * float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True)
 class Targets:
-    """The values that the constraints are to have."""
+    """Right-hand sides of the constraints."""
 
-    lengths: Array  #: (4m,) of members, AB, AC and BC [m]
+    lengths: Array  #: (4m,) lengths of members, AB, AC and BC [m]
     ground: Array  #: (g,) grounded coordinates [m]
 
 
@@ -69,10 +70,10 @@ class Constraints:
         )
         self._ground_rows = 5 * m + np.arange(len(topology.grounded))
         self._places = self._rows * n + self._nodes
-        self._sparse = self._sparse_structure() if self.n_columns > DENSE_UP_TO else None
+        self._sparse = self._sparse_structure() if self.n_columns > MAX_DENSE_COORDINATES else None
 
     def _sparse_structure(self) -> csc_matrix:
-        """Return the pattern; its data say which of the values goes where."""
+        """Return the sparsity pattern; its data are indices into the values."""
         rows = np.concatenate([np.repeat(self._rows, 2), self._ground_rows])
         columns = np.concatenate(
             [
@@ -85,11 +86,11 @@ class Constraints:
 
     def residual(self, points: Points, targets: Targets) -> Array:
         """
-        Return how far the nodes are from fulfilling the constraints.
+        Return the residual of the constraints.
 
         :param points: (n,) nodes [m].
-        :param targets: what the lengths and the grounded coordinates are to be.
-        :return: (5m + g,) of members, modules [m], bisection (3) [rad] and ground [m].
+        :param targets: prescribed lengths and grounded coordinates.
+        :return: (5m + g,) residuals of members, modules [m], bisection (3) [rad] and ground [m].
         """
         stretched = self.spans(points)
         return np.concatenate(
@@ -101,7 +102,7 @@ class Constraints:
         )
 
     def _bisection(self, stretched: Points) -> Array:
-        """Return the difference of the two angles of (3), rod to one side and to the other."""
+        """Return the difference of the two angles of (3) between the rod and the sides."""
         side, to_b, to_c, _ = stretched.reshape(4, -1)
         rod = (to_b + to_c).conj()
         turned = -side * side[self._topology.previous] * rod * rod
@@ -109,7 +110,7 @@ class Constraints:
 
     def spans(self, points: Points) -> Points:
         """
-        Return the (4m,) members, AB, AC and BC, each from its start to its end [m].
+        Return the vectors (4m,) of members, AB, AC and BC from start to end [m].
 
         :param points: (n,) nodes [m].
         """
@@ -117,7 +118,7 @@ class Constraints:
 
     def matrix(self, points: Points) -> Array | csc_matrix:
         """
-        Return the derivative of the residual by the node coordinates (x0, y0, x1, y1, ...).
+        Return the Jacobian of the residual by the node coordinates (x0, y0, x1, y1, ...).
 
         :param points: (n,) nodes [m].
         :return: (5m + g, 2n), dense or, for a large robot, sparse.
@@ -126,7 +127,7 @@ class Constraints:
 
     def gradients(self, points: Points) -> Points:
         """
-        Return the entries of the matrix: the gradient of a row by a node, as a complex number.
+        Return the entries of the matrix: gradients of rows by nodes, as complex numbers.
 
         :param points: (n,) nodes [m].
         :return: (13m,) of members, AB, AC and BC [-], four and four; of bisection [1/m], five.
@@ -135,7 +136,8 @@ class Constraints:
         spans = self.spans(points).reshape(4, m)
         lengths = np.abs(spans)
         stretch = spans / lengths
-        # Of bisection: next C, own B and C, which turn the rod too, joint, previous B.
+        # Bisection rows depend on next C, own B and C (which also turn the rod), joint, previous
+        # B.
         side, rod = 1j * stretch[0] / lengths[0], 2j / (spans[1] + spans[2]).conj()
         back = side[self._topology.previous]
         bend = side, -side - rod, back - rod, 2.0 * rod, -back
@@ -144,7 +146,7 @@ class Constraints:
 
     def matrix_of(self, values: Points) -> Array | csc_matrix:
         """
-        Return the matrix with these entries, see `matrix`.
+        Return the matrix with given entries; see `matrix`.
 
         :param values: (13m,) the entries, see `gradients`.
         """
@@ -162,14 +164,14 @@ class Constraints:
 
     def second_derivative(self, points: Points, weights: Array, motions: Array) -> Array:
         """
-        Return how a number weights^T matrix motion changes as the nodes move.
+        Return the gradient of the scalar weights^T matrix motion by the nodes.
 
         Second derivatives: d2|v|[a, b] = (n . a) (n . b) / |v| with n across v, and
         d2t[a, b] = -Im(a b / v^2) for the direction angle t of v.
 
         :param points: (n,) nodes [m].
-        :param weights: (5m + g, p), a number for each row.
-        :param motions: (2n, p), velocities of the nodes.
+        :param weights: (5m + g, p) factors of the rows.
+        :param motions: (2n, p) velocities of the nodes.
         :return: (2n, p) derivatives by the node coordinates, one column for each pair.
         """
         m = self._topology.n_modules
@@ -201,22 +203,22 @@ def follow_branch(
     tolerance: float = 1e-12,
 ) -> Points | None:
     """
-    Move nodes to new targets, staying on the branch that they are on.
+    Move nodes to new targets on the same branch of solutions.
 
-    A tangent step (12) is followed by Newton's method with as few factorizations as it takes.
+    Predictor-corrector: a tangent step (12), then modified Newton steps with few factorizations.
 
     :param constraints: the robot's constraints.
     :param points: (n,) nodes that fulfil the constraints for nearby targets [m].
     :param targets: the new lengths and ground.
-    :param factor: the factored matrix at `points`, if it is at hand.
-    :param tolerance: to which constraints hold, [m] and [rad]; rounding is 1e-15, hardware 1e-4.
-    :return: (n,) nodes, or None where the step is too long, or leads to no configuration.
+    :param factor: factored matrix at `points`, if available.
+    :param tolerance: bound of the residual, [m] and [rad]; rounding is 1e-15, hardware 1e-4.
+    :return: (n,) nodes; None if the step is too long or no configuration exists.
     """
-    tolerance = max(tolerance, ROUNDING * float(np.abs(points).max()))
+    tolerance = max(tolerance, RESIDUAL_ROUNDING * float(np.abs(points).max()))
     residual = constraints.residual(points, targets)
     error = np.abs(residual).max()
     start, predictor = points, None
-    for _ in range(MAX_ITERATIONS):
+    for _ in range(MAX_NEWTON_ITERATIONS):
         if error <= tolerance:
             return points
         fresh = factor is None
@@ -238,9 +240,10 @@ def follow_branch(
         if fresh and error > previous:
             return None
         points = moved
-        if error > KEEP_FACTOR_BELOW * previous:
+        if error > MAX_REUSE_CONTRACTION * previous:
             factor = None
-        elif error * error < SURE_BELOW * tolerance * previous:
-            # Steps with one factor shrink the residual alike: the next one leaves next to nothing.
+        elif error * error < RESIDUAL_CHECK_SHARE * tolerance * previous:
+            # Steps with one factor contract alike: the residual after the next step is
+            # predictable.
             return points - factor.solve(residual).view(np.complex128)
     return points if error <= tolerance else None

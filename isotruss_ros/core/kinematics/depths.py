@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How deep an object is in members as they are without load, and where they push it."""
+"""Penetration depths of an object in the unloaded members, and the removal of overlaps."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from isotruss_ros.core.model.convex_object import ConvexObject, segment_gaps
 from isotruss_ros.core.numerics.arrays import Array, Points
 import numpy as np
 
-#: The object is out of the way when no member overlaps it by more than this [m].
-TOLERANCE = 1e-9
-#: Two members that close push it out of their wedge bit by bit.
+#: Largest remaining overlap [m].
+OVERLAP_TOLERANCE = 1e-9
+#: Iteration cap [-]; a closing wedge needs many small pushes.
 MAX_PUSHES = 200
 
 
@@ -28,15 +28,15 @@ def member_lines(config: Configuration) -> Points:
 
 def member_depths(config: Configuration, body: ConvexObject) -> Array:
     """
-    Return how deep an object is in each undeformed member, negative where apart (m,) [m].
+    Return the penetration depth in each unloaded member, negative if apart, (m,) [m].
 
     :param config: configuration of the robot.
-    :param body: the object in its place.
+    :param body: the object at its pose.
     """
     radius = 0.5 * config.robot.description.tube_diameter
     starts, ends = member_lines(config).T
     if body.shape.is_round:
-        # The same as below, in a fifth of the time: what is nearest is nearest to the centre.
+        # Closed form for discs, in a fifth of the time.
         spans = ends - starts
         shares = np.clip(((body.center - starts) / spans).real, 0.0, 1.0)
         return radius + body.shape.reach - np.abs(starts + shares * spans - body.center)
@@ -45,13 +45,13 @@ def member_depths(config: Configuration, body: ConvexObject) -> Array:
 
 def push_out(config: Configuration, body: ConvexObject) -> ConvexObject:
     """
-    Return an object where members push one that overlaps them, without turning it.
+    Return an object translated out of the members that overlap it.
 
-    Quasi-static, without friction: along the normal of the deepest member, until none overlaps.
-    Members that enclose it can leave no such place: then it stays where the last push led.
+    Quasi-static, without friction: translations along the normal of the deepest member, until no
+    member overlaps. If members enclose the object, the result of the last translation is returned.
 
     :param config: configuration of the robot.
-    :param body: the object in its place.
+    :param body: the object at its pose.
     """
     begin, end = member_lines(config).T
     reach = 0.5 * config.robot.description.tube_diameter
@@ -59,7 +59,7 @@ def push_out(config: Configuration, body: ConvexObject) -> ConvexObject:
         near = segment_gaps(body, begin, end)
         deepest = int(np.argmin(near.gaps))
         depth = reach - float(near.gaps[deepest])
-        if depth <= TOLERANCE:
+        if depth <= OVERLAP_TOLERANCE:
             break
         away = -depth * complex(near.normals[deepest])
         x, y, angle = body.pose

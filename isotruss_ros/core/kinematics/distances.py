@@ -2,25 +2,24 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Distances between parts of a robot that must not meet, and between the robot and an object.
+Distances between parts of a robot, and between the robot and an object.
 
 Three kinds of parts, m of each; distances are between surfaces [m], negative where they overlap:
 
 - a member is its straight tube from pinch point to pinch point;
 - a module is a disc round the middle of its pinch points B and C that holds the pinched tube:
   radius s/2 + tube radius;
-- a rod is the straight line from that middle to the joint A. It has no thickness: the least
-  clearance that is asked for has to cover half of it.
+- a rod is the straight line from that middle to the joint A. It has no thickness: the required
+  minimum clearance must include half of it.
 
 All distances are those of a point with a radius from a straight segment with a radius. Two
-segments that do not cross are nearest to each other at an end of one of them, and every end is the
-middle of a module, a joint, or lies in the disc of a module. So it is enough to measure modules
-from members, rods and modules, and joints from members and rods: members, or rods, then never come
-closer to each other than their ends do.
+segments that do not cross are nearest at an end of one of them, and every end is the middle of a
+module, a joint, or inside the disc of a module. So the pairs are modules with members, rods and
+modules, and joints with members and rods.
 
-Left out are parts that are fixed to each other: a member and the modules, the rods and the joints
-at its ends. Rods that share a joint meet there; the modules at their other ends are measured from
-each other, which keeps these rods apart too.
+Pairs of parts that are fixed to each other are excluded: a member with the modules, rods and
+joints at its ends. Rods that share a joint meet there; the modules at their other ends form a
+pair, which separates these rods as well.
 """
 
 from __future__ import annotations
@@ -33,38 +32,40 @@ from isotruss_ros.core.model.convex_object import ConvexObject, segment_gaps
 from isotruss_ros.core.numerics.arrays import Array, as_xy, Indices, Points
 import numpy as np
 
-#: Points closer than this are one [m]; it keeps directions between them finite.
-TINY = 1e-12
+#: Distance below which points coincide [m]; keeps directions between them finite.
+COINCIDENCE_DISTANCE = 1e-12
 
 
 def nearest_on_segment(point: Points, start: Points, end: Points) -> tuple[Array, Points, Array]:
     """
-    Return the distances of points from straight segments, (k,) [m], and where these are nearest.
+    Return the distances (k,) of points from straight segments [m], with nearest points.
 
     :param point: (k,) or one for all [m].
-    :param start: (k,) where the segments begin [m].
-    :param end: (k,) where they end, perhaps where they begin [m].
-    :return: distances; unit vectors (k,) from the segments toward the points, across a segment
-        that a point is on; and where along the segments it is (k,), 0 to 1.
+    :param start: (k,) start points of the segments [m].
+    :param end: (k,) end points, possibly equal to the start points [m].
+    :return: distances; unit vectors (k,) from the segments to the points, normal to a segment with
+        the point on it; positions of the nearest points along the segments (k,), 0 to 1.
     """
     arm, along = point - start, end - start
-    squares = np.maximum(along.real**2 + along.imag**2, TINY**2)
+    squares = np.maximum(along.real**2 + along.imag**2, COINCIDENCE_DISTANCE**2)
     shares = np.clip((along.conj() * arm).real / squares, 0.0, 1.0)
     away = arm - shares * along
     distances = np.abs(away)
     normals = np.where(
-        distances > TINY, away / np.maximum(distances, TINY), 1j * along / np.sqrt(squares)
+        distances > COINCIDENCE_DISTANCE,
+        away / np.maximum(distances, COINCIDENCE_DISTANCE),
+        1j * along / np.sqrt(squares),
     )
     return distances, normals, shares
 
 
 def _middles(points: Points, nodes: Indices) -> Points:
-    """Return the points (k,) half way between two nodes each, (2, k)."""
+    """Return the midpoints (k,) of pairs of nodes (2, k)."""
     return 0.5 * (points[nodes[0]] + points[nodes[1]])
 
 
 def _add(rows: Points, nodes: Indices, gradients: Points) -> None:
-    """Add to each row what moving its point half way between two nodes is worth."""
+    """Add to each row the gradient by the two nodes of a midpoint."""
     row = np.arange(len(rows))
     for own in nodes:
         rows[row, own] += 0.5 * gradients
@@ -72,9 +73,9 @@ def _add(rows: Points, nodes: Indices, gradients: Points) -> None:
 
 class CollisionModel:
     """
-    The parts of a robot, and the pairs of them that must not meet.
+    Parts of a robot, and their pairs to be kept apart.
 
-    :ivar part_radii: (3m,) of the parts around their segments [m]; not to be written to.
+    :ivar part_radii: (3m,) radii of the parts around their segments [m], read-only.
     :param robot: the robot.
     """
 
@@ -103,7 +104,7 @@ class CollisionModel:
         """
         Return the names of pairs of parts.
 
-        :param pairs: (k,) numbers of pairs.
+        :param pairs: (k,) indices of pairs.
         """
         modules, joints = self._robot.module_names, self._robot.topology.joint_names
         points = [f'module {name}' for name in modules] + [f'joint {name}' for name in joints]
@@ -122,17 +123,17 @@ class CollisionModel:
         """
         Return the distances between the surfaces of pairs [m].
 
-        :param config: where the robot is.
-        :param pairs: (k,) numbers of pairs; all when left out.
+        :param config: configuration of the robot.
+        :param pairs: (k,) indices of pairs; default all.
         """
         return self._nearest(config, pairs)[0] - self._reach[pairs]
 
     def gradients(self, config: Configuration, pairs: Indices) -> Array:
         """
-        Return how the distances of some pairs change as nodes move.
+        Return the gradients of the distances of pairs by the nodes.
 
-        :param config: where the robot is.
-        :param pairs: (k,) numbers of pairs.
+        :param config: configuration of the robot.
+        :param pairs: (k,) indices of pairs.
         :return: (k, 2n) rows on the node velocities (x0, y0, x1, y1, ...) [-].
         """
         _, normals, shares = self._nearest(config, pairs)
@@ -144,19 +145,18 @@ class CollisionModel:
         self, config: Configuration, body: ConvexObject, parts: Indices | slice = slice(None)
     ) -> tuple[Array, Array, Array]:
         """
-        Return the distances between an object and parts of the robot, and how they change.
+        Return the distances between an object and parts of the robot, with gradients.
 
-        :param config: where the robot is.
+        :param config: configuration of the robot.
         :param body: the object in its place.
-        :param parts: (k,) numbers of parts: members, modules, rods, m of each; all when left out.
-        :return: (k,) distances [m], negative by how deep straight parts cut into the object;
-            (k, 2n) rows on the node velocities [-], and (k, 3) rows on the twist of the object
-            vx, vy [-], omega [m], robot frame.
+        :param parts: (k,) indices of parts: members, modules, rods, m of each; default all.
+        :return: (k,) distances [m], negative for penetration; (k, 2n) rows on the node velocities
+            [-], and (k, 3) rows on the twist of the object vx, vy [-], omega [m], robot frame.
         """
         starts, ends = self.part_ends(config, parts)
         found = segment_gaps(body, starts, ends)
         rows = self.part_rows(config, parts, found.shares, -found.normals)
-        # To the segment: the surface is along the normal from there and turns with the same speed.
+        # Moment arm at the segment: the surface is along the same normal, with the same arm.
         arms = starts + found.shares * (ends - starts) - body.center
         turning = (found.normals.conj() * 1j * arms).real
         twist_rows = -np.column_stack([as_xy(found.normals), turning])
@@ -172,10 +172,10 @@ class CollisionModel:
         self, config: Configuration, parts: Indices | slice = slice(None)
     ) -> tuple[Points, Points]:
         """
-        Return where the segments of parts begin and end, (k,) each [m].
+        Return the start and end points of the segments of parts, (k,) each [m].
 
-        :param config: where the robot is.
-        :param parts: numbers of parts; all when left out.
+        :param config: configuration of the robot.
+        :param parts: indices of parts; default all.
         """
         start, end = (
             _middles(config.points, nodes[:, parts]) for nodes in (self._start, self._end)
@@ -186,12 +186,12 @@ class CollisionModel:
         self, config: Configuration, parts: Indices | slice, shares: Array, normals: Points
     ) -> Points:
         """
-        Return what moving parts is worth to their distances from points that stand still.
+        Return the gradients of the distances of parts from fixed points by the nodes.
 
-        :param config: where the robot is.
-        :param parts: (k,) numbers of parts, or all.
-        :param shares: (k,) of their segments, where these are nearest.
-        :param normals: (k,) unit vectors from there to the points.
+        :param config: configuration of the robot.
+        :param parts: (k,) indices of parts, or all.
+        :param shares: (k,) nearest positions along their segments, 0 to 1.
+        :param normals: (k,) unit vectors from the nearest positions to the points.
         :return: (k, n) rows on the node velocities, x + iy [-].
         """
         rows = np.zeros((len(shares), len(config.points)), dtype=np.complex128)
@@ -201,13 +201,13 @@ class CollisionModel:
 
 
 def _measured(robot: Mechanism) -> Array:
-    """Return which points (modules, joints) are measured from which segments, (m + j, 3m)."""
+    """Return the mask of pairs of points (modules, joints) and segments, (m + j, 3m)."""
     topology = robot.topology
     m = topology.n_modules
     joint = np.concatenate([topology.joint, np.arange(len(topology.joint_names))])
     point, member = np.arange(len(joint))[:, None], np.arange(m)
     own, ahead = topology.joint, topology.joint[topology.following]
-    # A member is fixed to the modules and the joints at its ends; other tubes are measured there.
+    # A member is fixed to the modules and joints at its ends, but not to other tubes there.
     of_members = np.where(
         point < m,
         (member != point) & (topology.following != point),
@@ -221,7 +221,7 @@ def _measured(robot: Mechanism) -> Array:
 @functools.lru_cache(maxsize=16)
 def collision_model(robot: Mechanism) -> CollisionModel:
     """
-    Return the parts of a robot that must not meet; made once for each robot.
+    Return the collision model of a robot, cached by robot.
 
     :param robot: the robot.
     """

@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Place the robot at home: joints where the file has them, modules turned to bisect their corners.
+Home configuration: given joints, modules turned until the bisection constraints hold.
 
 The joint A lies outside the corner of the tube: the rod runs from A to the middle of the pinch
-points B and C, into the triangle, and the two sides of the tube go on from there. With the rollers
-locked the structure must be rigid there, and no support or member may be one too many.
+points B and C, into the triangle, and the two sides of the tube go on from there. With locked
+rollers the structure must be rigid there, and kinematically determinate.
 """
 
 from __future__ import annotations
@@ -20,11 +20,12 @@ from isotruss_ros.core.numerics.factorization import factorize, factorize_with_c
 import numpy as np
 from scipy.sparse import csc_matrix
 
-#: A corner closer than this to straight or to folded flat has no side on which a module could sit.
-MIN_CORNER = np.deg2rad(1.0)
-MAX_ITERATIONS = 50
+#: Smallest angle of a corner from straight or folded [rad]; a module has no inner side below it.
+MIN_CORNER_ANGLE = np.deg2rad(1.0)
+MAX_NEWTON_ITERATIONS = 50
 ANGLE_TOLERANCE = 1e-13
-#: The nine-member preset has 5e2; a robot beyond this is a mechanism in double precision.
+#: Largest condition number at home [-]; the nine-member preset has 5e2, and a robot beyond this is
+#: a mechanism in double precision.
 MAX_CONDITION = 1e8
 
 
@@ -34,19 +35,19 @@ def place_home(
     """
     Return the nodes at home.
 
-    :param description: what the robot file says.
+    :param description: content of the robot file.
     :param topology: the robot's connections.
-    :param constraints: its constraints.
+    :param constraints: constraints of the robot.
     :return: (n,) nodes as complex numbers [m].
     :raises RobotFileError: a module does not fit its corner, or a member its limits.
     """
     joints = np.array([complex(*place) for place in description.joints.values()])
     inward, left = _corners(description, topology, joints)
     module = description.module
-    # From the joint, as seen along the rod: B and C, one to each side of its end.
+    # Relative to the joint along the rod: B and C on both sides of its end.
     b_arm = module.rod_length + 0.5j * module.pinch_separation * left
     angles = np.angle(inward)
-    for _ in range(MAX_ITERATIONS):
+    for _ in range(MAX_NEWTON_ITERATIONS):
         points = _points(topology, joints, angles, b_arm)
         bisection, slope = _bisection(topology, constraints, points)
         if np.abs(bisection).max() < ANGLE_TOLERANCE:
@@ -66,13 +67,13 @@ def place_home(
 def _corners(
     description: RobotDescription, topology: Topology, joints: Points
 ) -> tuple[Points, Array]:
-    """Return the inward direction at each corner and +1 where its next side lies to the left."""
+    """Return the inward direction at each corner, and +1 if its next side is on the left."""
     here = joints[topology.joint]
     ahead = joints[topology.joint[topology.following]] - here
     back = joints[topology.joint[topology.previous]] - here
     opening = np.angle(ahead * back.conj())
     for i in np.flatnonzero(
-        (np.abs(opening) < MIN_CORNER) | (np.abs(opening) > np.pi - MIN_CORNER)
+        (np.abs(opening) < MIN_CORNER_ANGLE) | (np.abs(opening) > np.pi - MIN_CORNER_ANGLE)
     ):
         raise RobotFileError(
             f'{description.source}: module {topology.module_names[i]} does not fit its corner: '
@@ -99,7 +100,7 @@ def _bisection(
     m, own = topology.n_modules, np.arange(topology.n_modules)
     targets = Targets(np.abs(constraints.spans(points)), np.zeros(len(topology.grounded)))
     bisection = np.split(constraints.residual(points, targets), [4 * m, 5 * m])[1]
-    # Its entries are of the next C, of B, C and the joint, which stays, and of the previous B.
+    # Entries by the next C, own B and C, the joint (fixed), and the previous B.
     ahead, b, c, _, back = constraints.gradients(points).reshape(13, m)[8:]
     modules = np.concatenate([topology.following, own, own, topology.previous])
     nodes = np.concatenate(
@@ -127,7 +128,7 @@ def _refuse_misfits(
             f'member {topology.member_names[i]} would be {along[i]:.4g} m long: its joints are '
             f'{distance:.4g} m apart, and the modules take up {distance - along[i]:.4g} m of that',
         )
-    # Both sides go on into the triangle, B's on B's side of the rod and C's on C's.
+    # Both sides continue into the triangle, each on its own side of the rod.
     half = np.rad2deg(left * np.angle(side * np.exp(-1j * angles)))
     for i in np.flatnonzero((half <= 0.0) | (half >= 90.0)):
         raise _misfit(
@@ -155,7 +156,7 @@ def _refuse_misfits(
 def _misfit(
     description: RobotDescription, topology: Topology, module: int, what: str
 ) -> RobotFileError:
-    """Return the error that a module does not fit its corner."""
+    """Return the error for a module that does not fit its corner."""
     size = description.module
     return RobotFileError(
         f'{description.source}: module {topology.module_names[module]} does not fit its corner: '
@@ -166,15 +167,15 @@ def _misfit(
 
 def require_determinate(source: str, topology: Topology, matrix: Array | csc_matrix) -> None:
     """
-    Refuse a robot whose matrix (12) at home is not square and regular.
+    Raise RobotFileError if matrix (12) at home is not square and regular.
 
-    With the rollers locked the structure must be rigid, and no support or member may be one too
-    many: each would fight the rollers.
+    With locked rollers the structure must be rigid and determinate: redundant members or supports
+    would resist the rollers.
 
     :param source: the robot file, for the message.
     :param topology: the robot's connections.
-    :param matrix: (5m + g, 2n) derivative of the constraints at home, rows scaled alike.
-    :raises RobotFileError: names what moves, or what is too many.
+    :param matrix: (5m + g, 2n) Jacobian of the constraints at home, with scaled rows.
+    :raises RobotFileError: names the moving joints or the number of redundant constraints.
     """
     m, joints, grounded = topology.n_modules, len(topology.joint_names), len(topology.grounded)
     needed = 2 * joints - m
@@ -207,7 +208,7 @@ def require_determinate(source: str, topology: Topology, matrix: Array | csc_mat
 
 
 def _what_moves(topology: Topology, matrix: Array | csc_matrix) -> list[str]:
-    """Return the joints that take part in the free motions of the structure."""
+    """Return the joints that move in the mechanisms of the structure."""
     dense = matrix if isinstance(matrix, np.ndarray) else matrix.toarray()
     _, values, vectors = np.linalg.svd(dense)
     rank = int((values > values[0] / MAX_CONDITION).sum())

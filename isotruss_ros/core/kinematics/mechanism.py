@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the shapes of one robot have in common: its names, its constraints, its home lengths."""
+"""Data of a robot that do not depend on its configuration."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 class Mechanism:
     """
-    A robot without a shape; see `Robot`, which adds home.
+    A robot without a configuration; see `Robot`, which adds home.
 
     :ivar name: the robot's name.
     :ivar frame: name of the coordinate frame in which the robot lives.
@@ -28,7 +28,7 @@ class Mechanism:
     :ivar description: content of the robot file.
     :ivar topology: names and index arrays of joints, modules, members and rollers.
     :ivar constraints: the rows of equation (12).
-    :ivar home: the `Configuration` at zero roller travel, of a `Robot`.
+    :ivar home: the `Configuration` at zero roller travel, in `Robot` only.
     :ivar home_targets: the lengths and the grounded coordinates at home.
     """
 
@@ -45,10 +45,10 @@ class Mechanism:
 
     def check_rollers(self, values: ArrayLike, what: str) -> Array:
         """
-        Return a copy of one number for each roller.
+        Return a checked copy of one number for each roller.
 
         :param values: (r,) numbers in the order of `roller_names`.
-        :param what: what the numbers are, for the message.
+        :param what: name of the numbers, for the message.
         :raises ConfigurationError: not (r,) finite numbers.
         """
         names = self.roller_names

@@ -2,19 +2,17 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-How far a shape is from losing its rigidity: the smallest singular value of the matrix of (12).
+Rigidity index: the scaled smallest singular value of the matrix of (12).
 
-The bisection rows are angles [1/m]; times the rod length h they are numbers like the others, which
-are unit vectors. So scaled, the singular values do not change with the robot's size: a robot built
-twice as large, modules included, has the same. The rigidity index is the smallest of them over
-what it is at home: 1 at home, 0 where the robot with locked rollers is a mechanism.
+The bisection rows [1/m] are multiplied by the rod length h, and so are dimensionless like the
+other rows: the singular values are independent of the robot's size. The rigidity index is the
+smallest of them divided by its value at home: 1 at home, 0 where the robot with locked rollers is
+a mechanism.
 
-There is no decomposition of the whole matrix: a few inverse iterations on a block of vectors with
-the factor at hand, then one of the block. It is a block so that the smallest value is found
-where singular values are close, or change places.
+Block inverse iteration with the available factor replaces a full singular value decomposition. A
+block finds the smallest value also if singular values are close or change their order.
 
-The worst-case rigidity index is the one of the literature on truss robots, which leaves the
-modules and the supports out: for comparison.
+The worst-case rigidity index of the literature on truss robots excludes modules and supports.
 """
 
 from __future__ import annotations
@@ -28,30 +26,30 @@ from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 import numpy as np
 
-#: Vectors in the block: the error falls by (s_1 / s_5)^2 in each iteration, typically to 1/20.
-BLOCK = 4
-#: Inverse iterations on the squared matrix; the decomposition of the block is another half.
+#: Vectors in the block [-]; the error falls by (s_1 / s_5)^2 per iteration, typically to 1/20.
+BLOCK_SIZE = 4
+#: Inverse iterations on M^T M [-]; the decomposition of the block counts as half of one.
 ITERATIONS = 3
-#: At home, once for each robot, from random vectors.
+#: Inverse iterations at home [-], once for each robot, from random vectors.
 ITERATIONS_AT_HOME = 60
 
 
 class Modes(NamedTuple):
-    """The least rigid modes of motion, least first."""
+    """Modes of the smallest singular values, in ascending order."""
 
     values: Array  #: (p,) singular values over the smallest one at home
-    rows: Array  #: (5m + g, p) left singular vectors: one number for each row of (12)
-    nodes: Array  #: (2n, p) right singular vectors: how the nodes move
+    rows: Array  #: (5m + g, p) left singular vectors, by rows of (12)
+    nodes: Array  #: (2n, p) right singular vectors: node velocities
 
 
 class RigidityIndex:
     """
-    Measures the rigidity of a robot's shapes.
+    Rigidity index of a robot's configurations.
 
-    :ivar weights: (13m,) of the entries of the matrix, as `Constraints.gradients` lists them: what
-        is added to them changes no index by more than its norm in these weights (Weyl; the
-        Frobenius norm is no smaller than the spectral one).
-    :param robot: the robot; its shape at home has the index 1.
+    :ivar weights: (13m,) weights of the entries of the matrix in the order of
+        `Constraints.gradients`: the weighted norm of a perturbation bounds the change of the index
+        (Weyl; the Frobenius norm bounds the spectral norm).
+    :param robot: the robot; its index at home is 1.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -60,18 +58,18 @@ class RigidityIndex:
         bisection = slice(4 * m, 5 * m)
         self._scale[bisection] = robot.description.module.rod_length
         size = robot.constraints.n_columns
-        noise = np.random.default_rng(0).standard_normal((size, min(BLOCK, size)))
+        noise = np.random.default_rng(0).standard_normal((size, min(BLOCK_SIZE, size)))
         self._at_home = 1.0
         home = self._modes(robot.home, noise, ITERATIONS_AT_HOME)
         self._at_home = float(home.values[0])
         rod = robot.description.module.rod_length
         self.weights = np.repeat([1.0, rod], [8 * m, 5 * m]) / self._at_home
-        # Noise: a weakest motion that has nothing in common with those at home is found too.
+        # Random components find weakest modes that are orthogonal to those at home.
         self._start = home.nodes + 0.3 * noise / np.sqrt(size)
 
     def modes(self, config: Configuration) -> Modes:
         """
-        Return the least rigid modes of motion in one configuration.
+        Return the modes of the smallest singular values in one configuration.
 
         :param config: where the robot is.
         :raises ConfigurationError: the matrix is exactly singular.
@@ -80,10 +78,10 @@ class RigidityIndex:
 
     def gradients(self, config: Configuration, modes: Modes) -> Array:
         """
-        Return how the rigidity of each mode changes as nodes move: u^T dM v over home's.
+        Return the gradients of the indices by the nodes, u^T dM v over the value at home.
 
         :param config: where the robot is.
-        :param modes: in this configuration; all of them or the first ones.
+        :param modes: modes in this configuration, all or the first ones.
         :return: (p, 2n) rows on the node velocities (x0, y0, x1, y1, ...) [1/m].
         """
         turning = config.robot.constraints.second_derivative(
@@ -109,7 +107,7 @@ class RigidityIndex:
 @single_threaded
 def rigidity_index(robot: Robot) -> RigidityIndex:
     """
-    Return what measures the rigidity of a robot's shapes; made once for each robot.
+    Return the rigidity index of a robot, cached by robot.
 
     :param robot: the robot.
     """
@@ -121,10 +119,10 @@ def worst_case_rigidity_index(config: Configuration) -> float:
     """
     Return the worst-case rigidity index of the truss between the joints.
 
-    It is the smallest eigenvalue of R^T R that belongs to no rigid motion, over its trace. R has a
-    row for each member, a bar from joint to joint: x_i - x_j at joint i and x_j - x_i at joint j,
-    not normalised; there are no supports. It does not change with the size of the truss, is 1/4
-    for an equilateral triangle, and 0 where the truss is not rigid without its supports.
+    Smallest eigenvalue of R^T R beyond the rigid-body modes, divided by the trace. R has a row for
+    each member, a bar from joint to joint: x_i - x_j at joint i and x_j - x_i at joint j, not
+    normalised; there are no supports. The index is independent of the size of the truss, 1/4 for
+    an equilateral triangle, and 0 if the truss is not rigid without its supports.
 
     :param config: where the robot is.
     """
@@ -136,6 +134,6 @@ def worst_case_rigidity_index(config: Configuration) -> float:
     rows[bars, start] = joints[start] - joints[end]
     rows[bars, end] = joints[end] - joints[start]
     rigidity = rows.view(np.float64)
-    # Two translations and a rotation have the eigenvalue 0.
+    # The three rigid-body modes have the eigenvalue 0.
     eigenvalues = np.linalg.eigvalsh(rigidity.T @ rigidity)[3:]
     return float(max(eigenvalues[0], 0.0) / eigenvalues.sum())

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The robot: what a robot file describes, ready to be posed."""
+"""The robot: kinematics of the robot that a robot file describes."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ class Robot(
     data=('name', 'frame', 'node_names', 'member_names', 'roller_names', 'description'),
 ):
     """
-    An isoperimetric truss robot; never changed after it is made.
+    An isoperimetric truss robot, immutable.
 
     :ivar home: the `Configuration` at zero roller travel.
     :param description: see `robot_file.read_robot_file`.
-    :raises RobotFileError: the robot is not rigid, over-supported, a module does not fit, or parts
-        of it overlap at home.
+    :raises RobotFileError: the robot is not rigid or overconstrained, a module does not fit, or
+        parts overlap at home.
     """
 
     def __init__(self, description: RobotDescription) -> None:
@@ -53,7 +53,7 @@ class Robot(
         return self._hash
 
     def __reduce__(self) -> tuple:
-        """Return what another process makes it of, there once for all copies."""
+        """Return the constructor arguments for pickling, shared by all copies."""
         return _made_of, (pickle.dumps(self.description),)
 
     def configuration(
@@ -62,10 +62,10 @@ class Robot(
         """
         Return the configuration at given roller travel (forward kinematics).
 
-        The shape is the one reached along the straight line of roller travel from `near`.
+        Continuation along the straight line of roller travel from `near` selects the branch.
 
         :param roller_positions: (r,) travel of the tube through each roller since home [m].
-        :param near: where to start; home when left out. A close one makes the call quick.
+        :param near: start of the continuation, default home; a close one saves time.
         :raises ConfigurationError: wrong shape, not finite, or no such configuration.
         """
         return (near or self.home).moved_to(roller_positions)
@@ -95,6 +95,6 @@ def load_robot(name_or_path: str | Path) -> Robot:
     Load a robot.
 
     :param name_or_path: the name of a preset (`nine_member`, `triangle`) or the path of a file.
-    :raises RobotFileError: names the file, the key, the value and what would be right.
+    :raises RobotFileError: names the file, the key, the value and the valid range.
     """
     return Robot(read_robot_file(name_or_path))

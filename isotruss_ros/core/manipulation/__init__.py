@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-From the twist of a grasped object to roller velocities: equations (11), (14) to (20).
+Inverse kinematics from object twist to roller velocities: equations (11), (14) to (20).
 
 Entry points: `solve_twist.solve_twist`, `grip.Grip`, `rolling_grip.RollingGrip`, `limits`.
-Imports `core.statics` and what is below it, not `core.contact`.
+Imports `core.statics` and the packages below it, not `core.contact`.
 """

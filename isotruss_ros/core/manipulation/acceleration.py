@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Limit of the rollers' acceleration: from the command of one cycle to that of the next.
+Limit of the roller accelerations from one control cycle to the next.
 
-The command moves along a straight line from the previous one towards the one that is asked for,
-as far as every roller may change its speed. Both ends keep the contacts and the limits, which are
-linear in the speeds, and so does every point between them.
+The command moves on a straight line from the previous to the desired one, as far as every roller
+may change its speed. Both ends fulfil the constraints of contacts and limits, which are linear in
+the speeds; so does every point between them.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ def limit_acceleration(
     command: RollerCommand, previous: Array, change: float, find_rows: Callable[[], Rows]
 ) -> RollerCommand:
     """
-    Return the command that comes closest to one, with a limited change of every roller speed.
+    Return the closest command to a desired one with limited change of all roller speeds.
 
-    Where the limits of lengths and shapes ask for a quicker stop, the rollers slow down as quickly
-    as they may.
+    Where the limits of the configuration require a faster stop, the rollers decelerate at their
+    largest rate.
 
-    :param command: that is asked for.
-    :param previous: (r,) speeds of the rollers in the cycle before [m/s].
-    :param change: the largest change of a speed, positive [m/s].
-    :param find_rows: returns the rows of the limits in the configuration of the command, see
+    :param command: desired command.
+    :param previous: (r,) roller speeds of the previous cycle [m/s].
+    :param change: largest change of a speed, positive [m/s].
+    :param find_rows: returns the rows of the limits at the configuration of the command, see
         `stack_rows`.
     """
     wanted = command.roller_velocities
@@ -55,11 +55,11 @@ def limit_acceleration(
 
 def limit_change(speeds: Array, previous: Array, change: float) -> Array:
     """
-    Return the speeds (r,) on the straight line to those asked for, with a limited change [m/s].
+    Return the speeds (r,) on the line to the desired ones within the largest change [m/s].
 
-    :param speeds: (r,) that are asked for [m/s].
-    :param previous: (r,) in the cycle before [m/s].
-    :param change: the largest change of a speed, not negative [m/s].
+    :param speeds: (r,) desired speeds [m/s].
+    :param previous: (r,) speeds of the previous cycle [m/s].
+    :param change: largest change of a speed, not negative [m/s].
     """
     step = speeds - previous
     largest = float(np.abs(step).max())
@@ -67,14 +67,14 @@ def limit_change(speeds: Array, previous: Array, change: float) -> Array:
 
 
 def _keep_contacts(rows: Array | None, speeds: Array) -> Array:
-    """Return the speeds (r,) nearest to others for which all rows (g, r) are zero [m/s]."""
+    """Return the projection of speeds (r,) on the null space of the rows (g, r) [m/s]."""
     if rows is None or not len(rows):
         return speeds
     return speeds - np.linalg.lstsq(rows, rows.dot(speeds), rcond=None)[0]
 
 
 def _brake(speeds: Array, rows: Rows) -> Array:
-    """Return the largest part of speeds (r,) that fulfils all rows [m/s]."""
+    """Return the largest multiple (at most 1) of speeds (r,) that fulfils all rows [m/s]."""
     rates = rows.matrix.dot(speeds)
     room = np.where(rates > 0.0, rows.upper, rows.lower)
     beyond = np.abs(rates) > np.abs(room)
@@ -83,10 +83,10 @@ def _brake(speeds: Array, rows: Rows) -> Array:
 
 def _largest_share(away: Array, step: Array, change: float) -> float:
     """
-    Return the largest share of a step, 0 to 1, with which a sum stays within the change.
+    Return the largest share of a step, 0 to 1, that keeps a sum within a bound.
 
-    :param away: (r,) the sum without the step.
-    :param step: (r,).
+    :param away: (r,) sum without the step.
+    :param step: (r,) the step.
     :param change: largest magnitude of the sum, positive.
     """
     moving = step != 0.0

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Where an object touches given members, wherever they are."""
+"""Placement of objects in contact with given members."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from isotruss_ros.core.model.shapes import Disc, Shape
 from isotruss_ros.core.numerics.arrays import finite_array
 import numpy as np
 
-#: Members that are inclined by less than this against each other are as good as parallel [-].
-PARALLEL = 1e-6
+#: Sine of the inclination below which members are parallel [-].
+PARALLEL_SINE = 1e-6
 
 
 def place_between(
@@ -30,18 +30,18 @@ def place_between(
     indentation: float = 0.0,
 ) -> Grip:
     """
-    Return a grip of an object that touches members, as deep in all of them.
+    Return a grip of an object in contact with members, at equal depth in all of them.
 
-    Of several such places it is the one nearest to the middle of the members. Three members, or
-    parallel ones, are touched as evenly as they can be.
+    Of several such poses the nearest to the middle of the members is returned. For three members,
+    or parallel ones, the depths are as equal as possible.
 
     :param config: configuration of the robot.
     :param members: names `t/j-k` of two members, or three.
-    :param shape: of the object.
-    :param angle: of the object in the robot frame [rad].
-    :param indentation: how deep the object is in the undeformed skin of the tubes [m].
-    :raises GraspError: no such members; angle or indentation are not finite; or the object fits
-        nowhere between these members.
+    :param shape: shape of the object.
+    :param angle: angle of the object in the robot frame [rad].
+    :param indentation: penetration into the undeformed skin of the tubes [m].
+    :raises GraspError: no such members; angle or indentation are not finite; or the object does
+        not fit between these members.
     """
     turned, depth = finite_array([angle, indentation], 2, 'angle, indentation', GraspError)
     names = Grip(tuple(members), ConvexObject(shape)).members
@@ -55,10 +55,10 @@ def place_between(
     for sides in itertools.product((1.0, -1.0), repeat=len(names)):
         normals = -1j * np.array(sides) * spans / np.abs(spans)
         reach = shape.support(normals / turn) + skin
-        # How far the members are, beyond where they touch: of an object in the middle.
+        # Gaps of the members for an object in the middle.
         left = ((starts - middle) * normals.conj()).real - reach
         rows = normals.view(np.float64).reshape(-1, 2)
-        x, y = np.linalg.lstsq(rows, left, rcond=PARALLEL)[0]
+        x, y = np.linalg.lstsq(rows, left, rcond=PARALLEL_SINE)[0]
         place = middle + complex(x, y)
         body = ConvexObject(shape, Pose(place.real, place.imag, float(turned)))
         grip = Grip(names, body)
@@ -84,15 +84,15 @@ def tangent_center(
 
     :param config: configuration of the robot.
     :param module: name `t/j` of the module.
-    :param diameter: the object's own diameter [m].
-    :param indentation: how much closer to the corner of the two members the centre is [m].
+    :param diameter: diameter of the object [m].
+    :param indentation: shift of the centre toward the corner of the two members [m].
     :return: (x, y) in the robot frame [m].
     :raises GraspError: no such module, diameter not positive, indentation not finite, or the
         object would have to be behind the module or beyond the end of a member.
     """
     (depth,) = finite_array([indentation], 1, 'indentation [m]', GraspError)
     nodes = find_members(config.robot, members_at(config.robot, module))
-    # The member ahead starts at the module's B, the one behind ends at its C.
+    # The next member starts at the module's B, the previous one ends at its C.
     ahead, behind = config.points[nodes.lines]
     feet, others = np.stack([ahead, behind[::-1]], axis=1)
     spans = others - feet

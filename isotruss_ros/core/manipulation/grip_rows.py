@@ -2,13 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The rows of a grip on the roller speeds: J_h(q) qdot = G^T nu, solved for the twist nu.
+Grip Jacobian: J_h(q) qdot = G^T nu solved for the twist nu.
 
-J_h has the velocities of the tubes' material at the contacts, G^T those of the object's surface;
-contacts roll. The tube does not stretch, so the material of a straight member moves as a rigid
-body: with its ends, and along it with the roller at which the member starts. The roller at its end
-moves it just as much, (12): past the passive module of the tube it is the one that turns. For a
-cylinder between the two members of one module the rows are those of (14) to (18).
+J_h maps to the velocities of the tubes' material at the contacts, G^T to those of the object's
+surface; contacts roll. The tube is inextensible, so that the material of a straight member moves
+as a rigid body, along the member with the roller at its start. By (12) the roller at its end gives
+the same motion. For a cylinder between the two members of one module the rows are those of (14) to
+(18).
 """
 
 from __future__ import annotations
@@ -27,19 +27,19 @@ import numpy as np
 @functools.lru_cache(maxsize=8)
 def grip_jacobian(config: Configuration, grip: Grip) -> Array:
     """
-    Return the map from roller speeds to the motion of an object in a grip: (19) after (12).
+    Return the Jacobian from roller speeds to the object's motion in a grip: (19) after (12).
 
-    The first three rows solve J_h(q) qdot = G^T nu for the twist, the others are what is left of
-    it: a motion keeps the contacts where they are zero. The last few maps are kept.
+    The first three rows are the twist, the others the residual of J_h(q) qdot = G^T nu: contacts
+    are kept where it is zero. The last few Jacobians are cached.
 
     :param config: configuration of the robot.
     :param grip: the grip.
     :return: (3 + g, r) for 1 m/s at each roller, robot frame: rows vx, vy [m/s] and omega [rad/s]
-        of the object, then the rate of the distance between two members where they touch, or twice
-        that with which each of three moves away from the object, and g - 1 other rows, all [m/s];
-        g is 1 for two members that touch in a point, 2 where a face lies on one of them, 3 where
-        faces lie on both, and 2 k - 3 for k contacts of three members. Not to be written to.
-    :raises GraspError: see `find_contacts`; or the contacts are all in one point.
+        of the object, then the opening rate (of the distance between the contacts of two members;
+        for three twice the speed of each away from the object), and g - 1 other rows, all [m/s]; g
+        is 1 for two point contacts, 2 with one face, 3 with two faces, and 2 k - 3 for k contacts
+        of three members. Read-only.
+    :raises GraspError: see `find_contacts`; or all contacts coincide.
     :raises ConfigurationError: the configuration is singular.
     """
     contacts = find_contacts(config, grip)
@@ -63,24 +63,24 @@ def _require_apart(distance: float) -> None:
 
 def member_rows(config: Configuration, names: tuple[str, ...]) -> Array:
     """
-    Return how the tubes' material in members moves.
+    Return the Jacobian of the material velocity in members.
 
     :param config: configuration of the robot.
-    :param names: (m,) of the members.
-    :return: (3 m, r) vx, vy of the material where the member starts, robot frame [-], and the
-        turning rate of the member (16) [1/m], member after member, for 1 m/s at each roller.
+    :param names: (m,) names of the members.
+    :return: (3 m, r) rows vx, vy of the material at the start of the member, robot frame [-], and
+        the angular velocity of the member (16) [1/m], member by member.
     :raises GraspError: the robot has no such member.
     :raises ConfigurationError: the configuration is singular.
     """
     nodes, points, count = find_members(config.robot, names), config.points, len(names)
     spans = [end - start for start, end in points.take(nodes.lines).tolist()]
     by_node = np.zeros(3 * count * len(points), dtype=np.complex128)
-    # Turning rate of a member: Re(conj(turn) (velocity of its end - velocity of its start)).
+    # Angular velocity: Re(conj(turn) (velocity of the end - velocity of the start)).
     turns = [1j / span.conjugate() for span in spans]
     by_node[nodes.entries] = [entry for turn in turns for entry in (1.0, 1j, -turn, turn)]
     rows = config.roller_rows(by_node.view(np.float64).reshape(3 * count, -1))
     for member, roller in zip(nodes.driven.tolist(), nodes.rollers.tolist(), strict=True):
-        # Along the member the material moves with the roller, by which the object rolls (17).
+        # The roller moves the material along the member, so that the object rolls (17).
         axis = spans[member] / abs(spans[member])
         rows[3 * member, roller] += axis.real
         rows[3 * member + 1, roller] += axis.imag
@@ -89,12 +89,12 @@ def member_rows(config: Configuration, names: tuple[str, ...]) -> Array:
 
 def contact_rows(config: Configuration, grip: Grip) -> tuple[Array, Array]:
     """
-    Return both sides of the constraint: J_h(q) qdot = G^T nu.
+    Return both sides of the grasp constraint J_h(q) qdot = G^T nu.
 
     :param config: configuration of the robot.
     :param grip: the grip.
-    :return: J_h (2 k, r), velocities vx, vy of contact after contact for 1 m/s at each roller,
-        and G^T (2 k, 3), those for a twist vx, vy [m/s], omega [rad/s], in the robot frame.
+    :return: J_h (2 k, r), rows vx, vy contact by contact, by roller speeds, and G^T (2 k, 3), by
+        the twist vx, vy [m/s], omega [rad/s], in the robot frame.
     :raises GraspError: see `find_contacts`.
     :raises ConfigurationError: the configuration is singular.
     """
@@ -112,10 +112,10 @@ def contact_rows(config: Configuration, grip: Grip) -> tuple[Array, Array]:
 
 def _misfits(rigid: Array, normals: Array) -> Array:
     """
-    Return what no twist does to the contacts: (2 k, 2 k - 3), at right angles to G^T.
+    Return an orthogonal basis of the complement of the range of G^T, (2 k, 2 k - 3).
 
-    The first is that each member moves away from the object by 0.5 m/s, without the part of it
-    that would carry the object along.
+    The first vector moves each member away from the object by 0.5 m/s, minus its projection on the
+    range of G^T.
     """
     basis, factor = np.linalg.qr(np.column_stack([rigid, 0.5 * normals]), mode='complete')
     basis[:, 3] *= factor[3, 3]
@@ -124,16 +124,16 @@ def _misfits(rigid: Array, normals: Array) -> Array:
 
 def rows_of_two(grip: Grip, contacts: Sequence[GripContact], members: Array) -> Array:
     """
-    Return `grip_jacobian` of two members, some contacts of which may have been left out.
+    Return `grip_jacobian` of two members with a subset of their contacts.
 
-    In place of solving the constraint, see `contact_rows`, for the twist. Where a face lies on a
-    member the object turns with it, else with the line through both points; their middle moves
-    with both.
+    Replaces the solution of the constraint in `contact_rows`. The object turns with the member of
+    a face contact, else with the line through both points; their middle moves with the mean
+    velocity.
 
     :param grip: of two members.
-    :param contacts: where they touch the object.
-    :param members: (6, r), see `member_rows`.
-    :raises GraspError: the contacts are in one point.
+    :param contacts: contacts with the object.
+    :param members: (6, r) rows, see `member_rows`.
+    :raises GraspError: the contacts coincide.
     """
     first, *one = (contact for contact in contacts if contact.owner == 0)
     second, *other = (contact for contact in contacts if contact.owner == 1)
@@ -142,10 +142,10 @@ def rows_of_two(grip: Grip, contacts: Sequence[GripContact], members: Array) -> 
     distance = abs(apart)
     _require_apart(distance)
     along = apart / distance
-    # (19): velocity (15) and turning (18) of the object, then the distance of the contacts, which
-    # for a disc at a module is constant where the angle (14) is. Each row is h1, h2, k1, k2 of
-    # Re(conj(h1) v1 + conj(h2) v2) + k1 w1 + k2 w2, with the velocities v of the material at the
-    # points and the turning rates w of the members.
+    # (19): velocity (15) and angular velocity (18) of the object, then the rate of the distance of
+    # the contacts, zero for a disc at a module if the angle (14) is constant. Each row has h1, h2,
+    # k1, k2 of Re(conj(h1) v1 + conj(h2) v2) + k1 w1 + k2 w2, with material velocities v at the
+    # points and angular velocities w of the members.
     across, around, k, other_k = 1j * along, 0j, 0.0, 0.0
     kept: list[tuple[complex, complex, float, float]] = [(-along, along, 0.0, 0.0)]
     if one or other:
@@ -155,7 +155,7 @@ def rows_of_two(grip: Grip, contacts: Sequence[GripContact], members: Array) -> 
             kept.append((0j, 0j, -grip.body.arm, grip.body.arm))
     else:
         around = across / distance
-    # From the middle of both to the object's origin.
+    # Vector from the middle of both to the object's origin.
     arm = grip.body.center - 0.5 * (point + other_point)
     up, right = arm.imag, arm.real
     rates = [

@@ -2,17 +2,17 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-How the working rollers carry out a task that limits bind: scaled, or sliding along the limits.
+Execution of a task under limits: scaled, or sliding along the limits.
 
-Scaling keeps the direction of the twist. Sliding keeps its direction for the limits of roller
-speed only, which do not depend on the configuration; of the twists that all limits admit it takes
-the closest to the remaining one. Its component along the twist is at least that of scaling: both
-are admissible, and the closest point of a convex set that contains the origin has the larger one.
+Scaling keeps the direction of the twist. Sliding scales for roller speed limits only, which do not
+depend on the configuration, and then projects the twist on the set of admissible ones. Its
+component along the twist is at least that of scaling: both are admissible, and the projection on a
+convex set that contains the origin has the larger component.
 
-The largest admissible progress is not always good for a machine: where limits leave a sliver, or
-the rollers hardly move the object, all their speed would go into a thousandth of the twist, and
-its sign would change from cycle to cycle. With regularization, progress is traded against roller
-speed there. Sliding may then stay behind scaling by a few per cent of the twist.
+Close to degeneracy (nearly empty admissible sets, rollers that hardly move the object) full roller
+speed would produce a thousandth of the twist, with alternating sign from cycle to cycle. There
+regularization trades progress against roller speed. Sliding may then be slower than scaling by a
+few per cent of the twist.
 """
 
 from __future__ import annotations
@@ -29,39 +29,37 @@ from isotruss_ros.core.manipulation.twist_qp import maximize_progress, PENALTIES
 from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
 
-#: Solutions are exact to rounding; a scale this close to 1 is 1, and this
-#: much progress, in speeds of the rollers, is none.
+#: Rounding tolerance of the scale against 1, and of progress relative to roller speed [-].
 SCALE_TOLERANCE = 1e-9
-#: Bounds and twists this many times larger than the problem's scale are as good as infinite.
+#: Ratio to the scale of the problem beyond which bounds and twists are infinite [-].
 MAX_REACH = 1e9
-#: Largest ratio of admissible progress to that of the least-cost solution at full speed.
+#: Largest ratio of admissible progress to that of the least-cost solution at full speed [-].
 MAX_SCALE = 1e4
-#: A limit binds when its row is this close to its bound, as a share of the rollers' speeds.
+#: Slack of a binding row relative to the roller speeds [-].
 BINDING_TOLERANCE = 1e-7
-#: Regularization weight that only makes the closest point unique.
-LEAST_REGULARIZATION = 1e-6
-#: With more rollers than this, few rows are quicker than all (benchmarks/scaling.py).
-ALL_ROWS_UP_TO = 60
-#: Rows to begin with, and to add at a time at least.
+#: Smallest regularization weight [-]; makes the closest point unique.
+MIN_REGULARIZATION = 1e-6
+#: Number of rollers above which the active-row method is faster (benchmarks/scaling.py).
+MAX_ROLLERS_WITH_ALL_ROWS = 60
+#: Initial number of rows, and smallest number of rows added at a time [-].
 FIRST, ADDED = 16, 16
-#: Bounds hold to this, in units of the program.
+#: Tolerance of the bounds in the scaled program [-].
 ROW_TOLERANCE = 1e-10
 
-#: From cost, task and rows to the speeds (n,) and the progress.
+#: Solver: cost, task and rows to speeds (n,) and progress.
 Solver: TypeAlias = Callable[[Array, Array, Rows], tuple[Array, float]]
 
 
 @dataclass(frozen=True)
 class LimitHandling:
     """
-    What a command does where limits bind.
+    Behaviour of a command at binding limits.
 
-    :ivar slide_along_limits: rather than stop at limits of lengths and shapes.
-    :ivar period: of the loop [s]: progress that takes far more roller speed than it yields is
-        left. Zero for the largest progress.
-    :ivar progress_weight: full roller speed is used where the object's surface moves at
-        2 / `progress_weight` of it or more along the twist, less below [-].
-    :ivar reference_period: in loops slower than this, the weight falls with the period [s].
+    :ivar slide_along_limits: slide along limits of the configuration instead of stopping.
+    :ivar period: period of the control loop [s]; enables regularization. Zero: largest progress.
+    :ivar progress_weight: weight of progress [-]: full roller speed is used if the object's
+        surface moves along the twist at 2 / `progress_weight` of it or more.
+    :ivar reference_period: period above which the weight decreases with the period [s].
     :ivar slide_weight: weight of the roller speeds against the error of the twist when sliding
         [-].
     """
@@ -81,20 +79,20 @@ def apply_limits(
     handling: LimitHandling,
 ) -> tuple[Array, float, Status, tuple[str, ...]]:
     """
-    Carry out a task as far as limits allow.
+    Return the command of a task under the limits.
 
     :param config: configuration of the robot.
     :param task: the task.
     :param limits: the limits.
-    :param rows: their rows, see `stack_rows`.
-    :param handling: what to do where they bind.
-    :return: velocities (r,) of the rollers [m/s], and of the command scale, status and limiting.
+    :param rows: rows of the limits, see `stack_rows`.
+    :param handling: behaviour at binding limits.
+    :return: roller velocities (r,) [m/s], scale, status and names of the limits that bind.
     :raises SolverError: a quadratic program was not solved.
     """
     reach, max_speed = task.reach, config.robot.description.max_speed
     working, gain = reach.working, float(np.abs(task.free).max())
     asked = gain * task.speed
-    # In units of the slower of what is asked and what can be: the solver's tolerance is absolute.
+    # Scaled by the slower of desired and possible speed: the solver's tolerance is absolute.
     unit = min(max_speed, asked)
     largest = MAX_REACH * unit  # before the division, which could overflow
     bounds = Rows(
@@ -103,7 +101,7 @@ def apply_limits(
         np.minimum(rows.upper, largest) / unit,
     )
     farthest, direction = min(asked / unit, MAX_SCALE), task.direction / gain
-    penalty, weight, guess = PENALTIES[0], LEAST_REGULARIZATION, None
+    penalty, weight, guess = PENALTIES[0], MIN_REGULARIZATION, None
     if handling.period > 0.0:
         slower = min(1.0, handling.reference_period / handling.period)
         penalty = min(penalty, handling.progress_weight * slower * max_speed / (unit * gain))
@@ -130,12 +128,12 @@ def apply_limits(
         slack = bounds.slack(solution)
     scale = min(1.0, max(0.0, made * unit / gain / task.speed))
     if made < SCALE_TOLERANCE:
-        # Speeds that make no progress are rounding of the program.
+        # Speeds without progress are rounding errors.
         solution, scale = np.zeros_like(solution), 0.0
     velocities = working.spread(solution * unit)
     if scale > 1.0 - SCALE_TOLERANCE:
         return velocities, 1.0, task.status, ()
-    # A step toward the free solution would go on along the twist: a row at its bound forbids it.
+    # A row binds if a step toward the free solution would violate it.
     binding = (slack < BINDING_TOLERANCE) & (rows.slack(task.velocities) < 0.0)
     slowed, limiting = name_binding_rows(config, limits, binding)
     if task.status is Status.OK:
@@ -145,13 +143,12 @@ def apply_limits(
 
 def _solve(task: Task, solve: Solver, rows: Rows, guess: Array | None) -> tuple[Array, float]:
     """
-    Solve a quadratic program with all rows, or on a large robot with those that bind.
+    Solve a quadratic program with all rows or, on a large robot, with the active rows.
 
-    Without a guess all rows count: without regularization those that bind are many, since the last
-    bit of progress takes all rollers.
+    Without a guess all rows are used: without regularization many rows bind.
     """
     working, equality = task.reach.working, task.reach.rows
-    if guess is not None and len(working.places) > ALL_ROWS_UP_TO:
+    if guess is not None and len(working.places) > MAX_ROLLERS_WITH_ALL_ROWS:
         return solve_by_few_rows(solve, working.even, equality, rows, guess)
     return solve(working.cost, equality, rows)
 
@@ -160,7 +157,7 @@ def solve_by_few_rows(
     solve: Solver, even: Array, equality: Array, rows: Rows, guess: Array
 ) -> tuple[Array, float]:
     """
-    Solve a quadratic program of the twist with the rows of limits that bind.
+    Solve a quadratic program of the twist by its active rows.
 
     In place of `solve(cost, equality, rows)`. A solution with some of the rows that fulfils all
     others is the solution with all: the programs are strictly convex, and what is left out only
@@ -169,11 +166,11 @@ def solve_by_few_rows(
     u = E y with |C E y| = |y|, and y in the span of E^T [J^T, G_S^T], since what is at right
     angles to it costs and changes nothing else.
 
-    :param solve: what solves it for some rows, in other variables.
+    :param solve: solver for given rows, in reduced variables.
     :param even: (w, w) E, see `WorkingRollers`.
     :param equality: (k, w) J, the task on the working rollers.
     :param rows: all rows of the limits, with bounds in the units of the program.
-    :param guess: (w,) speeds whose shares of the bounds say which rows to begin with.
+    :param guess: (w,) speeds; the rows closest to their bounds form the initial set.
     :return: (w,) speeds and the progress.
     :raises SolverError: a program was not solved.
     """
@@ -196,5 +193,5 @@ def solve_by_few_rows(
 
 
 def _largest(values: Array, count: int) -> Indices:
-    """Return the numbers of the largest values."""
+    """Return the indices of the largest values."""
     return np.argsort(-values, kind='stable')[:count]

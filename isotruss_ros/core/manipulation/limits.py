@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Limits on the roller speeds: each hands the quadratic program rows lower <= G phidot <= upper.
+Limits: rows lower <= G phidot <= upper of the quadratic program.
 
-Zero speed fulfils every limit: a robot beyond a bound may stay there or return, not go further.
+Zero speed fulfils every limit: a robot beyond a bound may stop or return, not move further.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices
 import numpy as np
 
-#: Members approach a bound of their length at this share of their distance from it [1/s].
+#: Largest decay rate of the distance of a member length from its bound [1/s].
 APPROACH_RATE = 10.0
 
 
@@ -33,32 +33,32 @@ class Rows(NamedTuple):
 
     def slack(self, speeds: Array) -> Array:
         """
-        Return how far the (k,) rows are from their bounds, negative beyond them [m/s].
+        Return the slack of the (k,) rows, negative if violated [m/s].
 
-        :param speeds: (r,) of the rollers [m/s].
+        :param speeds: (r,) roller speeds [m/s].
         """
         rates = self.matrix.dot(speeds)
         return np.minimum(self.upper - rates, rates - self.lower)
 
     def take(self, chosen: Indices | Flags) -> Rows:
         """
-        Return some rows.
+        Return a subset of the rows.
 
-        :param chosen: numbers of the rows, or (k,) which of them.
+        :param chosen: indices or mask (k,) of the rows.
         """
         return Rows(self.matrix[chosen], self.lower[chosen], self.upper[chosen])
 
 
 class Limit(Protocol):
-    """One limit of the robot."""
+    """A limit on the roller speeds."""
 
     @property
     def status(self) -> Status:
-        """Return the status of a command that this limit slows."""
+        """Return the status of a command limited by this limit."""
 
     @property
     def can_slide(self) -> bool:
-        """Return whether a command may go on along this limit, with `slide_along_limits`."""
+        """Return whether commands may slide along this limit, with `slide_along_limits`."""
 
     def rows(self, config: Configuration) -> Rows:
         """
@@ -77,14 +77,14 @@ class Limit(Protocol):
 
 @functools.lru_cache(maxsize=16)
 def _speed_rows(count: int, max_speed: float) -> Rows:
-    """Return the rows of `RollerSpeedLimit`, which are not to be written to."""
+    """Return the rows of `RollerSpeedLimit`, read-only."""
     bound = np.full(count, max_speed)
     return Rows(np.eye(count), -bound, bound)
 
 
 @dataclass(frozen=True)
 class RollerSpeedLimit:
-    """No roller moves its tube faster than `max_speed`."""
+    """Bound of the roller speeds."""
 
     max_speed: float  #: positive [m/s]
     status: ClassVar[Status] = Status.SLOWED_ROLLER_SPEED
@@ -102,16 +102,16 @@ class RollerSpeedLimit:
 @dataclass(frozen=True)
 class MemberLengthLimit:
     """
-    No member gets shorter than `min_length` or longer than `max_length`.
+    Bounds of the member lengths, enforced by an exponential approach.
 
-    A member approaches a bound at most at `rate` times its distance from it, so a loop that runs
-    at `rate` [Hz] or faster never violates the bound: lengths are linear in roller travel. Rollers
-    that slow down so need `rate` times their largest speed as acceleration.
+    The speed toward a bound is at most `rate` times the distance. A loop at `rate` [Hz] or faster
+    never violates the bound, since lengths are linear in roller travel. The deceleration is at
+    most `rate` times the largest roller speed.
     """
 
     min_length: float  #: pinch to pinch [m]
     max_length: float  #: pinch to pinch [m]
-    rate: float = APPROACH_RATE  #: of the approach to a bound [1/s]
+    rate: float = APPROACH_RATE  #: decay rate of the distance from a bound [1/s]
     status: ClassVar[Status] = Status.SLOWED_MEMBER_LENGTH
     can_slide: ClassVar[bool] = True
 
@@ -145,7 +145,7 @@ def default_limits(robot: Robot) -> tuple[Limit, ...]:
 
 def stack_rows(config: Configuration, limits: Sequence[Limit]) -> Rows:
     """
-    Return the rows of several limits, one limit after the other.
+    Return the stacked rows of several limits, in their order.
 
     :param config: configuration of the robot.
     :param limits: the limits, perhaps none.
@@ -160,11 +160,11 @@ def name_binding_rows(
     config: Configuration, limits: Sequence[Limit], binding: Flags
 ) -> tuple[Status, tuple[str, ...]]:
     """
-    Return the status of the first limit that binds, and the names of all rows that bind.
+    Return the status of the first binding limit and the names of all binding rows.
 
     :param config: configuration of the robot.
     :param limits: the limits.
-    :param binding: (k,) which of the rows bind.
+    :param binding: (k,) mask of the binding rows.
     """
     rows = [(limit.status, name) for limit in limits for name in limit.row_names(config)]
     bound = [rows[place] for place in np.flatnonzero(binding)]

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""From velocities of joints to roller velocities: the basic task of a truss robot, no object."""
+"""Roller velocities for given velocities of joints, without an object."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 from isotruss_ros.core.manipulation.limits import Limit
-from isotruss_ros.core.manipulation.solve_twist import carry_out, SCALE
+from isotruss_ros.core.manipulation.solve_twist import carry_out, SCALING
 from isotruss_ros.core.manipulation.status import RollerCommand
 from isotruss_ros.core.manipulation.task import Reach, working_rollers
 from isotruss_ros.core.numerics.arrays import Array, finite_array
@@ -25,9 +25,9 @@ from numpy.typing import ArrayLike
 @dataclass(frozen=True, eq=False, repr=False)
 class JointCommand(RollerCommand):
     """
-    Roller velocities, and the motion of the joints that follows from them; see `RollerCommand`.
+    Roller velocities with the resulting velocities of joints; see `RollerCommand`.
 
-    :ivar achieved_twist: (2 k,) vx, vy of k joints in the robot frame [m/s].
+    :ivar achieved_twist: (2 k,) velocities vx, vy of k joints in the robot frame [m/s].
     :ivar joints: names of the joints.
     :ivar reachable_dof: number of independent motions of the joints that the working rollers can
         produce.
@@ -44,11 +44,11 @@ class JointCommand(RollerCommand):
 
 def check_joint(robot: Mechanism, name: str) -> None:
     """
-    Check that a robot has a joint.
+    Raise GraspError if a robot has no such joint.
 
     :param robot: the robot.
-    :param name: of the joint.
-    :raises GraspError: it has no such joint; the text names those it has.
+    :param name: name of the joint.
+    :raises GraspError: the robot has no such joint; names the existing ones.
     """
     names = robot.topology.joint_names
     if name not in names:
@@ -64,20 +64,20 @@ def solve_joint_velocity(
     velocities: Mapping[str, ArrayLike],
     failed: Collection[str] = (),
     limits: Sequence[Limit] | None = None,
-    handling: LimitHandling = SCALE,
+    handling: LimitHandling = SCALING,
 ) -> JointCommand:
     """
-    Find the roller velocities of the least cost (11) that move joints with given velocities.
+    Return the least-cost (11) roller velocities for given velocities of joints.
 
-    Velocities that are unreachable are replaced by the closest reachable ones; where limits bind
-    they are scaled, or deflected, as in `solve_twist`.
+    Unreachable velocities are replaced by the closest reachable ones; at binding limits they are
+    scaled or deflected, as in `solve_twist`.
 
     :param config: configuration of the robot.
-    :param velocities: (vx, vy) by joint in the robot frame [m/s]; other joints are free to move.
-    :param failed: names of the rollers that have failed and stand still.
+    :param velocities: (vx, vy) by joint in the robot frame [m/s]; other joints are unconstrained.
+    :param failed: names of failed rollers, which stand still.
     :param limits: limits in place of those of the robot file.
-    :param handling: what to do where limits bind.
-    :raises GraspError: no such joint, a velocity that is not two finite numbers, none at all, or
+    :param handling: behaviour at binding limits.
+    :raises GraspError: no such joint, no velocities, a velocity that is not two finite numbers, or
         no such roller.
     :raises ConfigurationError: the configuration is singular.
     :raises SolverError: a quadratic program was not solved.

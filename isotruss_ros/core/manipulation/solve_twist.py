@@ -29,8 +29,8 @@ from isotruss_ros.core.numerics.blas_threads import single_threaded
 import numpy as np
 from numpy.typing import ArrayLike
 
-#: By default commands are scaled, as far as limits allow.
-SCALE = LimitHandling()
+#: Default behaviour at limits: scaling.
+SCALING = LimitHandling()
 
 
 @single_threaded
@@ -40,35 +40,34 @@ def solve_twist(
     twist: ArrayLike,
     failed: Collection[str] = (),
     limits: Sequence[Limit] | None = None,
-    handling: LimitHandling = SCALE,
+    handling: LimitHandling = SCALING,
     opening_rate: float = 0.0,
     cost: ArrayLike | None = None,
 ) -> RollerCommand:
     """
-    Find the roller velocities of the least cost (11) that move the object with a twist (20).
+    Return the least-cost (11) roller velocities for a twist of the object (20).
 
-    The object keeps its contacts, with a disc at a module the opening angle (14), unless the
-    opening rate is given; every tube keeps its length (13) in all cases. A twist that is
-    unreachable, or that would leave the contacts, is replaced by the closest reachable one, in the
-    measure |v|^2 + |omega d/2|^2, and the status is `UNREACHABLE`; a polygon rolls off a face for
-    it where statics admits that, see `roll_off_faces`. When limits bind, the direction is kept and
-    the size scaled; or, with `slide_along_limits`, the closest twist that they admit is carried
-    out, see `apply_limits`.
+    The object keeps its contacts (for a disc at a module the opening angle (14)) unless an opening
+    rate is given; every tube keeps its length (13). A twist that is unreachable, or would break
+    contacts, is replaced by the closest reachable one in the norm |v|^2 + |omega d/2|^2, and the
+    status is `UNREACHABLE`; a polygon rolls over the end of a face where statics allows it, see
+    `roll_off_faces`. At binding limits the twist is scaled or, with `slide_along_limits`,
+    projected on the admissible twists, see `apply_limits`.
 
     :param config: configuration of the robot.
-    :param grip: the object, and the members that hold it.
+    :param grip: the object and its grasping members.
     :param twist: (3,) vx, vy [m/s], omega [rad/s] of the object in the robot frame.
-    :param failed: names of the rollers that have failed and stand still.
+    :param failed: names of failed rollers, which stand still.
     :param limits: limits in place of those of the robot file.
-    :param handling: what to do where limits bind.
-    :param opening_rate: of the distance between two members where they touch, of three twice that
-        with which each moves away from the object [m/s]: the right-hand side of the fourth row of
-        (19), scaled with the twist; while sliding along limits as far as those of the roller
-        speeds scale it, and zero where the others do not admit that.
+    :param handling: behaviour at binding limits.
+    :param opening_rate: rate of the distance between the contacts of two members, or twice the
+        speed of each of three members away from the object [m/s]: right-hand side of the fourth
+        row of (19). It is scaled with the twist; while sliding by roller speed limits only, and
+        zero if the others do not admit it.
     :param cost: (r, r) J of (11) as a positive definite form of the roller speeds; None for the
         cost of the paper, the squared change of the member lengths. A cost W of the node
         velocities is `rows.T @ W @ rows` with `rows = config.roller_rows(np.eye(len(W)))`.
-    :raises GraspError: the grip, the twist, the cost or a name in `failed` is not usable.
+    :raises GraspError: the grip, the twist, the cost or a name in `failed` is invalid.
     :raises ConfigurationError: the configuration is singular.
     :raises SolverError: a quadratic program was not solved.
     """
@@ -88,7 +87,7 @@ def solve_twist(
 
 @functools.lru_cache(maxsize=8)
 def _find_reach(config: Configuration, grip: Grip, working: WorkingRollers) -> Reach:
-    """Return the twists of the object that keep its contacts; the last few results are kept."""
+    """Return the twists of the object that keep its contacts; the last few results are cached."""
     weights = np.array([1.0, 1.0, grip.body.arm])
     return Reach.of(grip_jacobian(config, grip), working, weights)
 
@@ -102,13 +101,13 @@ def carry_out(
     opening_rate: float = 0.0,
 ) -> RollerCommand:
     """
-    Find the roller velocities of the least cost (11) for a motion, as far as limits admit.
+    Return the least-cost (11) roller velocities for a motion under the limits.
 
     :param config: configuration of the robot.
-    :param reach: what the working rollers can do.
-    :param desired: (k,) what they are to do.
+    :param reach: reachable motions of the working rollers.
+    :param desired: (k,) desired motion.
     :param limits: limits of rollers and configuration; None for those of the robot file.
-    :param handling: what to do where limits bind.
+    :param handling: behaviour at binding limits.
     :param opening_rate: right-hand side of the grip's row [m/s].
     :raises SolverError: a quadratic program was not solved.
     """
@@ -133,24 +132,23 @@ def solve_twist_ahead(
     lead: float,
     failed: Collection[str] = (),
     limits: Sequence[Limit] | None = None,
-    handling: LimitHandling = SCALE,
+    handling: LimitHandling = SCALING,
 ) -> RollerCommand:
     """
-    Find roller velocities for the configuration after `lead` seconds of this motion.
+    Return roller velocities for the configuration predicted after `lead` seconds.
 
-    A command that is held for an interval, computed from a measurement of some age, is exact in
-    the middle of the interval: with lead = age of the measurement + half of the interval the error
-    of a step falls from second to third order (the explicit midpoint rule).
+    Explicit midpoint rule: with lead = age of the measurement + half of the interval for which the
+    command is held, the local error is of third order instead of second.
 
     :param config: configuration of the robot.
-    :param grip: the object, and the members that hold it.
+    :param grip: the object and its grasping members.
     :param twist: (3,) vx, vy [m/s], omega [rad/s] of the object in the robot frame.
     :param lead: not negative [s].
-    :param failed: names of the rollers that have failed and stand still.
+    :param failed: names of failed rollers, which stand still.
     :param limits: limits in place of those of the robot file.
-    :param handling: what to do where limits bind.
+    :param handling: behaviour at binding limits.
     :raises GraspError: see `solve_twist`; or lead is negative or not finite.
-    :raises ConfigurationError: see `solve_twist`, or there is no such configuration.
+    :raises ConfigurationError: see `solve_twist`, or no predicted configuration exists.
     :raises SolverError: a quadratic program was not solved.
     """
     if not (math.isfinite(lead) and lead >= 0.0):
@@ -165,15 +163,14 @@ def solve_twist_ahead(
 @single_threaded
 def reachable_twists(config: Configuration, grip: Grip, failed: Collection[str] = ()) -> Array:
     """
-    Return the motions of the object that the working rollers can produce.
+    Return a basis of the object's twists that the working rollers can produce.
 
     :param config: configuration of the robot.
-    :param grip: the object, and the members that hold it.
-    :param failed: names of the rollers that have failed and stand still.
-    :return: (k, 3) twists vx, vy [m/s], omega [rad/s] in the robot frame, as many as are
-        independent, orthonormal in the measure |v|^2 + |omega d/2|^2; the object keeps its
-        contacts, and faces that lie on members stay there.
-    :raises GraspError: the grip or a name in `failed` is not usable.
+    :param grip: the object and its grasping members.
+    :param failed: names of failed rollers, which stand still.
+    :return: (k, 3) basis of twists vx, vy [m/s], omega [rad/s] in the robot frame, orthonormal in
+        the norm |v|^2 + |omega d/2|^2, that keep all contacts.
+    :raises GraspError: the grip or a name in `failed` is invalid.
     :raises ConfigurationError: the configuration is singular.
     """
     working = working_rollers(config.robot, frozenset(failed))

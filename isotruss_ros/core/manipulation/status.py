@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A roller command and its status: carried out, slowed, deflected or stopped, and by what."""
+"""Roller commands and their status codes."""
 
 from __future__ import annotations
 
@@ -14,26 +14,26 @@ from isotruss_ros.core.numerics.records import Record
 
 class Status(enum.IntEnum):
     """
-    Codes of a command, the same as in isotruss_msgs/ManipulationStatus.
+    Status codes of a command, equal to those of isotruss_msgs/ManipulationStatus.
 
-    Below 30 the rollers do what the command says; from 30 on they are stopped, but for the squeeze
-    of an object that has slipped.
+    Below 30 the rollers follow the command. From 30 on they are stopped, but the squeeze of a
+    slipped object is still regulated.
     """
 
-    OK = 0  #: the twist is carried out
+    OK = 0  #: the commanded twist is executed
     IDLE = 1  #: the twist is zero, and so is the command
     FOLLOWING_TRAJECTORY = 2  #: a trajectory of the rollers is followed; twists do not count
-    ARRIVED = 3  #: the rollers are at the end of a trajectory; no twist came since
-    ACCELERATING = 4  #: the rollers change their speeds as quickly as they may
-    SLOWED_ROLLER_SPEED = 10  #: along the twist, slower: a roller is at its largest speed
-    SLOWED_MEMBER_LENGTH = 11  #: along the twist, slower: a member is near its length limit
-    SLOWED_RIGIDITY = 12  #: along the twist, slower: the rigidity index is near its bound
-    SLOWED_SELF_COLLISION = 13  #: along the twist, slower: parts of the robot are near each other
-    SLOWED_OBJECT = 14  #: along the twist, slower: the robot is near the object, beside the grip
-    SLOWED_UTILISATION = 15  #: along the twist, slower: a tube is near its wrinkling moment
-    SLOWED_BARRIER = 16  #: along the twist, slower: a barrier or limit of the user's own binds
-    SLOWED_SLIP_MARGIN = 17  #: along the twist, slower: the slip margin ends
-    UNREACHABLE = 20  #: the closest reachable twist, perhaps slower
+    ARRIVED = 3  #: a trajectory is finished; no twist since
+    ACCELERATING = 4  #: the acceleration limit binds
+    SLOWED_ROLLER_SPEED = 10  #: scaled twist: a roller is at its largest speed
+    SLOWED_MEMBER_LENGTH = 11  #: scaled twist: a member is near its length limit
+    SLOWED_RIGIDITY = 12  #: scaled twist: the rigidity index is near its bound
+    SLOWED_SELF_COLLISION = 13  #: scaled twist: parts of the robot are near each other
+    SLOWED_OBJECT = 14  #: scaled twist: a part outside the grip is near the object
+    SLOWED_UTILISATION = 15  #: scaled twist: a tube is near its wrinkling moment
+    SLOWED_BARRIER = 16  #: scaled twist: a user-defined barrier or limit binds
+    SLOWED_SLIP_MARGIN = 17  #: scaled twist: the slip margin is near its bound
+    UNREACHABLE = 20  #: the closest reachable twist, possibly scaled
     SLIDING = 21  #: the closest twist that limits admit, with `slide_along_limits`
     HALT_NO_TWIST = 30  #: no twist yet, or the last one is too old
     HALT_INVALID_TWIST = 31
@@ -44,21 +44,21 @@ class Status(enum.IntEnum):
     HALT_STALE_OBJECT_POSE = 36
     HALT_INVALID_OBJECT_POSE = 37
     HALT_NO_GRASP = 38  #: the object is not between the two grasping members, or not near them
-    HALT_KINEMATICS = 39  #: no configuration fits, or the quadratic program was not solved
+    HALT_KINEMATICS = 39  #: no configuration exists, or the solver failed
     HALT_EMERGENCY_STOP = 40
     HALT_CLOCK = 41  #: simulated time is stopped
     HALT_INVALID_FAILED_ROLLERS = 42
-    HALT_NOT_HELD = 43  #: no equilibrium holds the object that is squeezed
-    HALT_TRAJECTORY = 44  #: a trajectory was rejected or aborted; no twist came since
-    HALT_OTHER_COMMANDS = 45  #: another node commands the rollers, too
-    HALT_SLIPPED = 46  #: the object slipped, or its pose is wrong; the squeeze is regulated on
-    HALT_OSCILLATES = 48  #: the object swings more and more: the rollers rest
-    HALT_GAIN = 49  #: the user's gain is beyond what the frequency of the held object allows
+    HALT_NOT_HELD = 43  #: the squeezed object has no equilibrium
+    HALT_TRAJECTORY = 44  #: a trajectory was rejected or aborted; no twist since
+    HALT_OTHER_COMMANDS = 45  #: another node also commands the rollers
+    HALT_SLIPPED = 46  #: the object slipped or its pose is inconsistent; squeeze regulated
+    HALT_OSCILLATES = 48  #: the oscillation of the object grows: the rollers stop
+    HALT_GAIN = 49  #: a user-defined gain exceeds the stability bound of the held object
     HALT_STALE_TUBE_PRESSURES = 50
     HALT_INVALID_TUBE_PRESSURES = 51
 
     def __str__(self) -> str:
-        """Return the name in words."""
+        """Return the name as words."""
         return self.name.lower().replace('_', ' ')
 
 
@@ -67,21 +67,21 @@ class RollerCommand(
     Record, headline=('status', 'roller_velocities', 'achieved_twist', 'scale', 'limiting')
 ):
     """
-    Roller velocities, and the motion of the object that follows from them.
+    Roller velocities with the resulting twist of the object.
 
     :ivar roller_velocities: (r,) speed of the tube through each roller [m/s].
     :ivar achieved_twist: (3,) vx, vy [m/s], omega [rad/s] of the object in the robot frame,
         computed from `roller_velocities`.
-    :ivar scale: 0 to 1, by which the limits shrank the (closest reachable) twist; when sliding,
-        the component along it.
-    :ivar status: how the twist was carried out.
-    :ivar limiting: names of the rollers, members and so on whose limits bind, empty at scale 1.
+    :ivar scale: scale of the (closest reachable) twist by limits, 0 to 1; when sliding, the
+        component along it.
+    :ivar status: status code.
+    :ivar limiting: names of rollers, members and other parts with binding limits, empty at scale
+        1.
     :ivar reachable_dof: number of independent motions of the object that the working rollers can
-        produce, 0 to 3; 0 too where the rollers are stopped for want of inputs.
-    :ivar motion: (3, r) rows of the twist on the speeds of the rollers; None where they are
-        stopped.
-    :ivar contact_rows: (g, r) rows on the speeds of the rollers that keep the contacts, zero for
-        those that have failed; None where they are stopped.
+        produce, 0 to 3; 0 if the rollers are stopped without valid inputs.
+    :ivar motion: (3, r) Jacobian of the twist by roller speeds; None if they are stopped.
+    :ivar contact_rows: (g, r) contact constraints on the roller speeds, zero for failed rollers;
+        None if they are stopped.
     """
 
     roller_velocities: Array
@@ -95,11 +95,11 @@ class RollerCommand(
 
     def slowed(self, share: float, status: Status, names: tuple[str, ...]) -> RollerCommand:
         """
-        Return a part of this command.
+        Return a scaled copy of this command.
 
-        :param share: of its velocities, 0 to 1.
-        :param status: how it is carried out now.
-        :param names: of what slows it, after what did before.
+        :param share: factor on the velocities, 0 to 1.
+        :param status: new status code.
+        :param names: names of the parts that limit it, appended to `limiting`.
         """
         return replace(
             self,

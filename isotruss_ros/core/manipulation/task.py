@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-What rollers can do with a grasped object: its reachable twists, and the task (20).
+Reachable twists of a grasped object, and the task (20).
 
-The rows are those of a grip's contacts on the roller speeds, see `grip_rows`; the node velocities
-follow from these by (12), so that the unknowns are the speeds of the working rollers alone.
+The rows are the contact constraints of a grip on the roller speeds, see `grip_rows`. Node
+velocities are eliminated by (12): the unknowns are the speeds of the working rollers.
 """
 
 from __future__ import annotations
@@ -24,34 +24,34 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import lapack
 
-#: Directions in which 1 m/s at the rollers moves the object's surface by less [m/s] are lost.
+#: Smallest singular value of a reachable direction [m/s at the surface for 1 m/s at the rollers].
 RANK_TOLERANCE = 1e-5
-#: Squares of singular values above this, and above this share of the largest, are not in doubt.
-FREE_SHARE = 1e-8
-#: All directions.
-EVERYWHERE = np.eye(3)
-EVERYWHERE.flags.writeable = False
-#: Twists faster than this are as good as this fast: roller speeds for them stay finite [m/s].
-FASTEST = 1e290
-#: A cost is symmetric, and its eigenvalues positive, by this share of its largest entry [-].
+#: Squared singular value, absolute and relative to the largest, of certainly full rank [-].
+FULL_RANK_SHARE = 1e-8
+#: Basis of all twists.
+IDENTITY = np.eye(3)
+IDENTITY.flags.writeable = False
+#: Largest speed of a twist in the program [m/s]; keeps the roller speeds finite.
+MAX_TWIST_SPEED = 1e290
+#: Tolerance of symmetry and positive definiteness of a cost relative to its largest entry [-].
 COST_TOLERANCE = 1e-12
 SMALLEST_COST = float(np.finfo(float).tiny)
-#: A twist is unreachable where more than this share of it is.
+#: Largest residual of a reachable twist relative to the twist [-].
 REACH_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class WorkingRollers:
-    """The rollers that have not failed, and the cost of their speeds."""
+    """The working rollers with the cost of their speeds."""
 
     count: int  #: number of all rollers
-    places: Indices  #: (w,) their numbers among all rollers
+    places: Indices  #: (w,) their indices among all rollers
     cost: Array  #: (w, w) C^T C, the cost (11) of their speeds [-]
-    even: Array  #: (w, w) E with |C E y| = |y|: speeds of equal cost [-]
+    even: Array  #: (w, w) E with |C E y| = |y|: variables of unit cost [-]
 
     def take(self, rows: Array) -> Array:
         """
-        Return a copy of what belongs to these rollers.
+        Return a copy of the columns of these rollers.
 
         :param rows: (..., r) on the speeds of all rollers.
         """
@@ -61,10 +61,10 @@ class WorkingRollers:
         """
         Return these rollers with another cost (11) of their speeds.
 
-        Only the ratios of its entries count: its trace becomes that of the cost of the paper.
+        The cost is scaled to the trace of the cost of the paper.
 
-        :param cost: (r, r) of the speeds of all rollers, symmetric and positive definite.
-        :raises GraspError: it is not.
+        :param cost: (r, r) cost of the speeds of all rollers, symmetric and positive definite.
+        :raises GraspError: the cost is not symmetric and positive definite.
         """
         words = f'the cost, one of {self.count} rows'
         given = cost if np.iterable(cost) else [cost]
@@ -86,9 +86,9 @@ class WorkingRollers:
 
     def spread(self, speeds: Array) -> Array:
         """
-        Return the speeds of all rollers [m/s]; those that have failed stand still.
+        Return the speeds of all rollers [m/s], zero for failed ones.
 
-        :param speeds: (w,) of the working rollers [m/s].
+        :param speeds: (w,) speeds of the working rollers [m/s].
         """
         velocities = np.zeros(self.count)
         velocities[self.places] = speeds
@@ -98,10 +98,10 @@ class WorkingRollers:
 @functools.lru_cache(maxsize=16)
 def working_rollers(robot: Robot, failed: frozenset[str]) -> WorkingRollers:
     """
-    Return the rollers that have not failed.
+    Return the working rollers of a robot.
 
     :param robot: the robot.
-    :param failed: names of the rollers that have failed.
+    :param failed: names of the failed rollers.
     :raises GraspError: the robot has no such roller.
     """
     check_roller_names('failed rollers', failed, robot.roller_names)
@@ -121,18 +121,17 @@ def _even(cost: Array) -> Array:
 
 class Reach(NamedTuple):
     """
-    The twists that the working rollers can produce while the contacts keep.
+    Reachable twists: those that the working rollers can produce without breaking contacts.
 
-    All rows are speeds of the object's surface, so that rotation and translation compare.
+    All rows are speeds of the object's surface, comparable for rotation and translation.
 
-    :ivar working: the rollers that work.
+    :ivar working: the working rollers.
     :ivar motion: (3, r) rows of the twist on the speeds of all rollers; of joints, (k, r).
-    :ivar rows: (k + g, w) rows of (20) on the speeds of the working rollers [-]: the components
-        of the twist along the directions, then what keeps the contacts, as far as rollers change
-        it.
-    :ivar directions: (k, 3) orthonormal: the reachable twists.
-    :ivar weights: (3,) what turns vx, vy, omega into speeds of the surface: 1, 1, d/2 [m].
-    :ivar opening: (g,) what turns an opening rate into speeds along the rows of the grip [-].
+    :ivar rows: (k + g, w) rows of (20) on the speeds of the working rollers [-]: components of the
+        twist along the directions, then the contact constraints that the rollers affect.
+    :ivar directions: (k, 3) orthonormal basis of the reachable twists.
+    :ivar weights: (3,) factors from vx, vy, omega to surface speeds: 1, 1, d/2 [m].
+    :ivar opening: (g,) factors from an opening rate to right-hand sides of the contact rows [-].
     """
 
     working: WorkingRollers
@@ -144,7 +143,7 @@ class Reach(NamedTuple):
 
     @property
     def contact_rows(self) -> Array:
-        """Return the rows (g, r) on the speeds of all rollers that keep the contacts [-]."""
+        """Return the contact constraints (g, r) on the speeds of all rollers [-]."""
         rows, working = self.rows[len(self.directions) :], self.working  # noqa: E203
         if len(working.places) == working.count:
             return rows
@@ -155,22 +154,22 @@ class Reach(NamedTuple):
     @classmethod
     def of(cls, jacobian: Array, working: WorkingRollers, weights: Array) -> Reach:
         """
-        Compute which twists are reachable.
+        Compute the reachable twists.
 
-        :param jacobian: (3 + g, r) of the grip, see `grip_jacobian`; or (k, r) of joints.
-        :param working: the rollers that work.
-        :param weights: (3,) see above; of joints (k,) ones.
+        :param jacobian: (3 + g, r) grip Jacobian, see `grip_jacobian`; or (k, r) of joints.
+        :param working: the working rollers.
+        :param weights: (3,) see above; (k,) ones for joints.
         """
         count, rows = len(weights), working.take(jacobian)
         rows[:count] *= weights[:, None]
         motion, task, grip = jacobian[:count], rows[:count], rows[count:]
-        # Rows that are independent together are so in the two steps below: eigenvalues of their
-        # products, in place of `numpy.linalg.svd` of the grip and of what is left of the task.
+        # Fast path for full rank: eigenvalues of the Gram matrix replace the two singular value
+        # decompositions below.
         squares = lapack.dsyev(rows.dot(rows.T), compute_v=0)[0].tolist()
-        if squares[0] > FREE_SHARE * max(1.0, squares[-1]):
+        if squares[0] > FULL_RANK_SHARE * max(1.0, squares[-1]):
             opening = np.zeros(len(grip))
             opening[:1] = 1.0
-            everywhere = EVERYWHERE if count == 3 else np.eye(count)
+            everywhere = IDENTITY if count == 3 else np.eye(count)
             return cls(working, motion, rows, everywhere, weights, opening)
         mixed, gains, basis = np.linalg.svd(grip, full_matrices=False)
         held = gains > RANK_TOLERANCE
@@ -185,15 +184,14 @@ class Reach(NamedTuple):
 
 class Task(NamedTuple):
     """
-    The commanded twist, reduced to what the working rollers can produce.
+    The commanded twist, projected on the reachable ones.
 
     :ivar reach: the reachable twists, with the rows of (20).
     :ivar direction: (k + g,) unit vector of the closest reachable twist in these rows.
-    :ivar speed: its size [m/s], zero where nothing of the twist is reachable.
-    :ivar status: `OK` where it is the commanded twist, `UNREACHABLE` where it is not, and `IDLE`
-        where nothing is commanded.
-    :ivar free: (w,) roller speeds that carry out 1 m/s of it at the least cost, without limits.
-    :ivar velocities: (r,) speeds of all rollers that carry out all of it so [m/s].
+    :ivar speed: its norm [m/s], zero if no part of the twist is reachable.
+    :ivar status: `OK` if it is the commanded twist, else `UNREACHABLE`; `IDLE` without a command.
+    :ivar free: (w,) least-cost roller speeds for 1 m/s of it, without limits.
+    :ivar velocities: (r,) least-cost speeds of all rollers for the whole of it [m/s].
     """
 
     reach: Reach
@@ -206,7 +204,7 @@ class Task(NamedTuple):
 
 def find_task(reach: Reach, twist: Array, opening_rate: float = 0.0) -> Task:
     """
-    Find the closest reachable twist (20), and the roller speeds of the least cost (11) for it.
+    Return the closest reachable twist (20) with its least-cost (11) roller speeds.
 
     :param reach: the reachable twists.
     :param twist: (3,) vx, vy [m/s], omega [rad/s] in the robot frame.
@@ -214,11 +212,11 @@ def find_task(reach: Reach, twist: Array, opening_rate: float = 0.0) -> Task:
     """
     direction, working = np.zeros(len(reach.rows)), reach.working
     opening = (reach.opening * opening_rate).tolist() if opening_rate else []
-    # A twist of any finite size must not overflow.
+    # Scaled so that no finite twist overflows.
     size = max(map(abs, twist.tolist() + opening)) or 1.0
     unit = reach.weights * (twist / size)
     smallest, status = 0.0, Status.OK
-    if reach.directions is EVERYWHERE:
+    if reach.directions is IDENTITY:
         direction[:3] = unit
     else:
         closest = reach.directions.dot(unit)
@@ -239,21 +237,21 @@ def find_task(reach: Reach, twist: Array, opening_rate: float = 0.0) -> Task:
     direction /= length
     speed = size * length
     free = least_cost(working.even, reach.rows, direction)
-    velocities = working.spread(free * min(speed, FASTEST))
+    velocities = working.spread(free * min(speed, MAX_TWIST_SPEED))
     return Task(reach, direction, speed, status, free, velocities)
 
 
 def least_cost(even: Array, equality: Array, direction: Array) -> Array:
     """
-    Return the u (w,) of the least cost (11) under (20): J u = direction, without limits.
+    Return the minimiser u (w,) of (11) under (20): J u = direction, without limits.
 
-    In place of `even @ numpy.linalg.lstsq(equality @ even, direction)[0]`, by the full rank.
+    Replaces `even @ numpy.linalg.lstsq(equality @ even, direction)[0]` at full rank.
 
     :param even: (w, w) E with |C E y| = |y|, see `WorkingRollers`.
     :param equality: (k, w) J, of full row rank.
-    :param direction: (k,).
+    :param direction: (k,) right-hand side.
     """
-    # (20): u = E y with the shortest y that fulfils J E y = direction.
+    # (20): u = E y with the minimum-norm y of J E y = direction.
     right = np.zeros(len(even))
     right[: len(direction)] = direction
     return even.dot(lapack.dgels(equality.dot(even), right)[1])

@@ -2,15 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Quadratic programs (QP): as far along a direction as limits allow, at the least cost (11).
+Quadratic programs (QP) of the task: largest progress under limits at the least cost (11).
 
     minimize   1/2 |C u|^2 - rho (s - s^2 / 4 reach)
     subject to J u = s * direction,  0 <= s <= reach,  lower <= G u <= upper
 
-The second term is an exact penalty: its slope is at least rho / 2 everywhere, more than any saving
-in the first term, so s is the largest one possible, but for |C u|^2 / rho, and the cost
-the least one there. That needs the direction scaled so that u and s are of like size. Where no
-limit binds, `least_cost` solves it. `project_target` leaves the direction where limits bind.
+The second term is an exact penalty: its slope is at least rho / 2, larger than any saving in the
+first term. So s is maximal up to |C u|^2 / rho, and the cost minimal at that s. The direction must
+be scaled so that u and s are of equal magnitude. Without binding limits `least_cost` is the
+solution. `project_target` deviates from the direction at binding limits.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
 import numpy as np
 
-#: rho, against |C u|^2 with |u| of the order of 1. The first is exact to rounding; where it has no
-#: solution (corners at which next to nothing can move) the others stop sooner.
+#: Penalties rho [-], relative to |C u|^2 with |u| of order 1, tried in turn. The first is exact to
+#: rounding; at degenerate vertices smaller ones give up progress earlier.
 PENALTIES = (1e8, 1e6, 1e4, 1e2, 1.0)
 NO_SOLUTION = (
     'the quadratic program of the manipulation has no solution; '
@@ -39,14 +39,14 @@ def maximize_progress(
     penalty: float = PENALTIES[0],
 ) -> tuple[Array, float]:
     """
-    Solve the quadratic program of this module; all quantities are without units, |u| is O(1).
+    Maximise s; all quantities are dimensionless, |u| is O(1).
 
     :param cost: (r, r) C^T C, positive definite.
     :param equality: (k, r) J, of full row rank.
-    :param direction: (k,) what J u is at s = 1.
+    :param direction: (k,) value of J u at s = 1.
     :param reach: the largest useful s, positive.
     :param limited: (l, r) G with its bounds, so that u = 0 is a solution.
-    :param penalty: rho, on missing progress against the cost; large for as far as possible.
+    :param penalty: rho, weight of missing progress against the cost; large for largest progress.
     :return: u (r,) and s.
     :raises SolverError: no solution was found.
     """
@@ -63,7 +63,7 @@ def maximize_progress(
     problem = QuadraticProgram(
         hessian, slope, rows, bounds, equality=equations, target=np.zeros(len(direction))
     )
-    # u = 0 is always admissible: a search that fails has met a degenerate corner.
+    # u = 0 is always admissible: the search failed at a degenerate vertex.
     for rho in [penalty, *(smaller for smaller in PENALTIES if smaller < penalty)]:
         hessian[r, r], slope[r] = rho / (2.0 * max(reach, 1.0)), -rho
         found = solve_qp(problem)
@@ -81,18 +81,18 @@ def project_target(
     regularization: float,
 ) -> Array:
     """
-    Return the u for which J u comes closest to a target within bounds, at the least cost there.
+    Return the least-cost u that minimises the distance of J u from a target under bounds.
 
-    Minimizes 1/2 |J u - target|^2 + regularization/2 |C u|^2 over the first `rank` rows of J; the
-    others hold exactly, or as J u = 0 where the bounds do not admit their targets. All quantities
-    are without units, |u| is O(1).
+    Minimises 1/2 |J u - target|^2 + regularization/2 |C u|^2 over the first `rank` rows of J; the
+    others are equalities, with J u = 0 if the bounds do not admit their targets. All quantities
+    are dimensionless, |u| is O(1).
 
     :param cost: (r, r) C^T C, positive definite.
     :param equality: (k, r) J.
-    :param target: (k,) what J u is to be.
-    :param rank: number of rows of J that need not reach their targets.
+    :param target: (k,) desired J u.
+    :param rank: number of rows of J in the least squares.
     :param limited: (l, r) G with its bounds, so that u = 0 is admissible.
-    :param regularization: weight of the cost; small for as close as possible.
+    :param regularization: weight of the cost; small for the smallest distance.
     :return: (r,)
     :raises SolverError: no solution was found.
     """

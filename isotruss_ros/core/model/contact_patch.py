@@ -2,11 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Contacts of a convex shape with a tube: one corner, or the two ends of what lies on the tube.
+Contact patch of a convex shape and a tube: one corner, or the two ends of a face.
 
-No angle decides whether a face lies on a tube: the tube gives by the depth of the object in it, so
-that a corner is a contact of its own where it is in the straight tube too. On what is narrower
-than a tube's radius a contact has no ends.
+No angle threshold separates a face from a corner: a second corner is a contact if it penetrates
+the straight tube. A face shorter than the tube's radius is one contact.
 """
 
 from __future__ import annotations
@@ -45,12 +44,12 @@ class PatchEnd(NamedTuple):
 
 def contact_patch(shape: Shape, normal: complex, depth: float, short: float) -> list[PatchEnd]:
     """
-    Return the ends of the contact of a shape with a tube, counter-clockwise: one or two.
+    Return one or two ends of the contact patch of a shape and a tube, counter-clockwise.
 
     :param shape: of the object.
-    :param normal: from the object toward the straight tube, unit vector x + iy in its frame.
-    :param depth: of the object in the tube [m].
-    :param short: least distance of two ends [m].
+    :param normal: unit vector from the object toward the straight tube, x + iy in its frame.
+    :param depth: penetration of the object into the tube [m].
+    :param short: minimum distance of two ends [m].
     """
     corner, back = shape.corner_at(normal), normal.conjugate()
     point = shape.point_at(corner, normal)

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A convex object in its place: shape, pose, and what else is known of it."""
+"""Convex objects: shape, pose and optional mass, centre of mass and friction."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 ORIGIN = Pose(0.0, 0.0, 0.0)
-#: Coefficient of friction between a tube and an object of which nothing is known, assumed [-].
+#: Assumed coefficient of friction between a tube and an object without a value of its own [-].
 DEFAULT_FRICTION = 0.5
 #: Segments shorter than this are points [m].
 TINY = 1e-12
@@ -28,17 +28,17 @@ TINY = 1e-12
 @dataclass(frozen=True)
 class ConvexObject:
     """
-    An object with a convex cross-section, in its place.
+    A convex object at a pose in the robot frame.
 
     :ivar shape: a `Disc`, `Polygon` or `Ellipse`, in the object's frame.
     :ivar pose: of the object's frame in the robot frame (x, y, angle) [m, rad].
     :ivar mass: None where it is not known [kg].
-    :ivar center_of_mass: (x, y) in the object's frame; that of the area if None [m].
-    :ivar friction: coefficient between this object and the tubes; None for that of the grasp.
+    :ivar center_of_mass: (x, y) in the object's frame; the centroid of the area if None [m].
+    :ivar friction: coefficient between this object and the tubes; None: that of the grasp [-].
     :ivar center: the origin of the object's frame in the robot frame, x + iy [m].
-    :ivar turn: the direction of the object's x axis in the robot frame, cos + i sin.
-    :ivar middle: the centroid of the area in the robot frame, x + iy; it is inside [m].
-    :ivar arm: by which moments are compared with forces: half the mean width [m].
+    :ivar turn: direction of the object's x axis in the robot frame, cos + i sin.
+    :ivar middle: centroid of the area in the robot frame, x + iy, inside the object [m].
+    :ivar arm: characteristic radius, half the mean width; turns moments into forces [m].
     :raises GraspError: a number is not usable.
     """
 
@@ -91,7 +91,7 @@ class ConvexObject:
 
         :param center: (x, y) in the robot frame [m].
         :param diameter: its own diameter d [m].
-        :param friction: coefficient between it and the tubes; None for that of the grasp.
+        :param friction: coefficient between it and the tubes; None: that of the grasp [-].
         :raises GraspError: a number is not usable.
         """
         x, y = finite_array(center, 2, "the object's centre [m]", GraspError)
@@ -99,9 +99,9 @@ class ConvexObject:
 
     def friction_or(self, given: float | None) -> float:
         """
-        Return the coefficient of friction of a grasp: a given one, or the object's own.
+        Return the coefficient of friction: the given one, the object's own or the default.
 
-        :param given: None for that of the object, or `DEFAULT_FRICTION` where it has none.
+        :param given: coefficient of the grasp; None: the object's, or `DEFAULT_FRICTION` [-].
         """
         if given is not None:
             return given
@@ -109,7 +109,7 @@ class ConvexObject:
 
     def moved_to(self, pose: ArrayLike) -> ConvexObject:
         """
-        Return the same object elsewhere.
+        Return the object at another pose.
 
         :param pose: of its frame in the robot frame (x, y, angle) [m, rad].
         :raises GraspError: the pose is not three finite numbers within range.
@@ -137,7 +137,7 @@ class ConvexObject:
         return found
 
     def _put(self, pose: ArrayLike) -> None:
-        """Set the pose and what follows from it."""
+        """Set the pose and the quantities derived from it."""
         try:
             x, y, angle = map(float, pose)
             fits = all(-MAX_DISTANCE <= number <= MAX_DISTANCE for number in pose)
@@ -153,7 +153,7 @@ class ConvexObject:
 
     def support(self, normals: Points) -> Array:
         """
-        Return how far tangents are from the origin of the object's frame, (c,) [m].
+        Return the support function of the object about its frame's origin, (c,) [m].
 
         :param normals: (c,) outward unit normals of the tangents in the robot frame, x + iy.
         """
@@ -161,7 +161,7 @@ class ConvexObject:
 
     def nearest(self, points: Points) -> SurfacePoints:
         """
-        Return what is nearest on the surface, with normals in the robot frame.
+        Return the nearest points of the surface, with normals in the robot frame.
 
         :param points: (c,) x + iy in the robot frame, outside or inside [m].
         """
@@ -178,18 +178,18 @@ class ConvexObject:
 
 
 class SegmentGaps(NamedTuple):
-    """Where segments are nearest to an object; arrays over segments."""
+    """Gaps between an object and line segments; arrays over segments."""
 
-    gaps: Array  #: (k,) from the object's surface, negative where the line cuts into it [m]
+    gaps: Array  #: (k,) distance from the surface, negative where the line penetrates it [m]
     normals: Points  #: (k,) unit vectors out of the object toward the segments, robot frame
-    shares: Array  #: (k,) where along the segment that is, 0 to 1
+    shares: Array  #: (k,) position of the nearest point along the segment, 0 to 1
 
 
 def segment_gaps(body: ConvexObject, starts: Points, ends: Points) -> SegmentGaps:
     """
-    Return how far segments are from an object, and which way.
+    Return the gaps between an object and line segments, with their directions.
 
-    A segment is on that side of the object on which its line does not have the object's middle.
+    The direction points from the object's centroid to the line of the segment.
 
     :param body: the object in its place.
     :param starts: (k,) where the segments begin, robot frame [m].

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a robot file describes, as plain values."""
+"""Content of a robot file as plain values."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ class Module:
     guide_ring_distance: float  #: distance g of the guide rings from the pinch points [m]
     axial_rigidity: float  #: EA of the rigid parts [N]
     flexural_rigidity: float  #: EI of the rigid parts [N m^2]
-    mass: float | None = None  #: of a module with its joint; None where it is not known [kg]
+    mass: float | None = None  #: mass of a module with its joint; None if unknown [kg]
 
 
 @dataclass(frozen=True)
 class Tube:
     """The closed tube through `joints`; the module at joint `passive` has no motor."""
 
-    name: str  #: of the tube
+    name: str  #: name of the tube
     joints: tuple[str, ...]  #: names of the joints in the order in which the tube visits them
     passive: str  #: name of the joint whose module has no motor
 
@@ -34,7 +34,7 @@ class Tube:
 @dataclass(frozen=True)
 class RobotDescription:
     """
-    What a robot file says, checked for form but not yet for mechanics.
+    Content of a robot file after the check of its form, before that of its mechanics.
 
     Lengths in m, speeds in m/s; `pressures` are gauge pressures by tube, in the order of the file
     [Pa]; `stiffness` is the block of the file as it stands.
@@ -47,15 +47,15 @@ class RobotDescription:
     :ivar module: dimensions of the roller modules.
     :ivar tube_diameter: outer diameter of the tubes [m].
     :ivar pressures: gauge pressures, in the order of the tubes [Pa].
-    :ivar local_stiffness: of the section against flattening, as a factor on the theory [-].
-    :ivar stiffness_scale: of the sections of the tubes, as a factor on the model [-].
-    :ivar tube_mass: of the tubes by their length [kg/m].
-    :ivar damping_ratio: of the slowest oscillation, against the critical damping [-].
-    :ivar calibration: block `calibration` of the robot file: how sure home and stiffness are.
+    :ivar local_stiffness: factor on the theoretical stiffness of the section to flattening [-].
+    :ivar stiffness_scale: factor on the stiffness of the tubes in the model [-].
+    :ivar tube_mass: mass of the tubes per length [kg/m].
+    :ivar damping_ratio: damping ratio of the slowest mode [-].
+    :ivar calibration: block `calibration` of the robot file: deviations of home and stiffness.
     :ivar stiffness: block `stiffness` of the robot file.
     :ivar supports: grounded axes by joint, of x and y.
     :ivar max_speed: largest speed of a roller [m/s].
-    :ivar max_acceleration: largest change of a roller's speed in a second [m/s^2].
+    :ivar max_acceleration: largest acceleration of a roller [m/s^2].
     :ivar min_length: smallest length of a member, pinch to pinch [m].
     :ivar max_length: largest length of a member, pinch to pinch [m].
     """
@@ -82,5 +82,5 @@ class RobotDescription:
 
     @property
     def braking_rate(self) -> float:
-        """Return the largest rate at which speeds decay within the acceleration [1/s]."""
+        """Return the largest decay rate of speeds within the acceleration limit [1/s]."""
         return self.max_acceleration / self.max_speed

@@ -17,12 +17,12 @@ from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices, Poin
 import numpy as np
 import scipy
 
-#: Semi-axes differ by at most this factor; beyond it an ellipse is a sheet.
-MAX_ASPECT = 1e3
-#: Newton steps toward the foot of a point, each with twice the digits once it is near.
-MAX_STEPS = 30
-#: The last step is this small against what it is added to; the error left is about its square.
-LAST_STEP = 1e-9
+#: Largest ratio of the semi-axes [-]; a thinner ellipse is a sheet.
+MAX_ASPECT_RATIO = 1e3
+#: Newton iterations for the foot of a point; convergence is quadratic near the root.
+MAX_NEWTON_ITERATIONS = 30
+#: Relative size of the last Newton step [-]; the remaining error is about its square.
+STEP_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -30,20 +30,20 @@ class Ellipse(Shape):
     """
     An ellipse around the origin of the object's frame, its axes along x and y.
 
-    :raises GraspError: these are not two positive numbers within range.
+    :raises GraspError: the semi-axes are not two positive numbers within range.
     """
 
-    semi_axes: tuple[float, float]  #: half of its extent along x and along y [m]
+    semi_axes: tuple[float, float]  #: half of the extent along x and along y [m]
     centroid: ClassVar[complex] = 0j
 
     def __post_init__(self) -> None:
         """Check the numbers."""
         a, b = finite_array(self.semi_axes, 2, 'semi_axes [m]', GraspError)
         fits = min(a, b) >= MIN_DIAMETER and max(a, b) <= MAX_SIZE
-        if not fits or max(a, b) > MAX_ASPECT * min(a, b):
+        if not fits or max(a, b) > MAX_ASPECT_RATIO * min(a, b):
             raise GraspError(
                 f'semi_axes ({a:g}, {b:g}) m: must be from {MIN_DIAMETER:g} to {MAX_SIZE:g} m '
-                f'and differ by at most a factor of {MAX_ASPECT:g}'
+                f'and differ by at most a factor of {MAX_ASPECT_RATIO:g}'
                 + likely_unit(float(max(a, b)), 'm', MIN_DIAMETER, MAX_SIZE)
             )
         object.__setattr__(self, 'semi_axes', (float(a), float(b)))
@@ -82,18 +82,18 @@ class Ellipse(Shape):
 
     def radius_rates(self, normals: Points) -> Array:
         """
-        Return how the radii of curvature change as the normals turn, (k,) [m/rad].
+        Return the derivatives of the radii of curvature by the angle of the normal, (k,) [m/rad].
 
         :param normals: (k,) outward unit normals, x + iy.
         """
         points, radii = self.surface_at(np.zeros(0, dtype=np.intp), normals)
-        # h(n) changes by how far the point is along the tangent.
+        # dh/dtheta is the coordinate of the contact point along the tangent.
         return -3.0 * radii * (points * normals.conj()).imag / self.support(normals)
 
     def nearest(self, points: Points) -> SurfacePoints:
-        """Return what is nearest on the surface; see `Shape.nearest`."""
+        """Return the nearest points of the surface; see `Shape.nearest`."""
         a, b = self.semi_axes
-        # In units of the long axis, which lies along x, and in the first quadrant.
+        # Scaled by the long axis, rotated to x, mirrored into the first quadrant.
         long, lying = max(a, b), a >= b
         flat = min(a, b) / long
         u, v = np.abs(points.real) / long, np.abs(points.imag) / long
@@ -101,7 +101,7 @@ class Ellipse(Shape):
             u, v = v, u
         x, y = _foot(u, v, flat)
         normals = normalize(x + 1j * y / flat**2)
-        # How far the point is along the normal; by the difference, of which the foot is free.
+        # Signed distance along the normal, from the difference to the foot.
         gaps = ((u - x + 1j * (v - y)) * normals.conj()).real
         radii = flat**2 * (x**2 + y**2 / flat**4) ** 1.5
         if not lying:
@@ -127,26 +127,25 @@ class Ellipse(Shape):
 
 def _foot(u: Array, v: Array, flat: float) -> tuple[Array, Array]:
     """
-    Return the feet of points in the first quadrant on the ellipse with semi-axes 1 and b = flat.
+    Return the feet in the first quadrant on the ellipse with semi-axes 1 and b = flat.
 
-    The foot is (u / (t + 1), b^2 v / (t + b^2)); that it is on the ellipse is one equation for t,
-    whose left side is convex and falls, so that Newton's method from below ends at the root. With
-    s = t + b^2.
+    The foot is (u / (t + 1), b^2 v / (t + b^2)) and fulfils the equation of the ellipse, which is
+    convex and decreasing in t: Newton's method from below converges. The unknown is s = t + b^2.
     """
     square = flat**2
     rest = 1.0 - square
     s = np.maximum(flat * v, u - rest)
     tiny = 1e-15 * square
-    # Inside near the long axis there is no root: the foot is above or below the point.
+    # Inside near the long axis no root exists: the foot is above or below the point.
     deep = s <= tiny
     s = np.where(deep, 1.0, s)
-    for _ in range(MAX_STEPS):
+    for _ in range(MAX_NEWTON_ITERATIONS):
         across, along = (flat * v / s) ** 2, (u / (s + rest)) ** 2
         slope = 2.0 * (along / (s + rest) + across / s)
-        # Nothing is to be done for what lies deep, where both terms may vanish.
+        # Both terms may vanish deep inside, where no step is needed.
         step = np.where(deep, 0.0, (along + across - 1.0) / np.where(deep, 1.0, slope))
         s = s + step
-        if (np.abs(step) <= LAST_STEP * s).all():
+        if (np.abs(step) <= STEP_TOLERANCE * s).all():
             break
     x = np.where(deep, u / max(rest, tiny), u / (s + rest))
     y = np.where(deep, flat * np.sqrt(np.maximum(0.0, 1.0 - x**2)), square * v / s)

@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Objects from YAML: a file, or the text of a parameter.
+Objects from YAML, a file or the text of a parameter.
 
     shape: polygon                            # or disc, with diameter; or ellipse, with semi_axes
     vertices: [[0, 0], [0.3, 0], [0.3, 0.2], [0, 0.2]]
     corner_radius: 0.01
-    mass: 1.5                                 # optional, as what follows
+    mass: 1.5                                 # optional, like the following keys
     center_of_mass: [0.15, 0.1]
     friction: 0.4
 """
@@ -27,10 +27,10 @@ from isotruss_ros.core.model.polygon import Polygon
 from isotruss_ros.core.model.safe_yaml import parse_yaml, read_text
 from isotruss_ros.core.model.shapes import Disc
 
-#: The shapes by name; the keys of each are its fields, of which those with a default are optional.
+#: Shape classes by name. Their fields are the keys; fields with a default are optional keys.
 SHAPES: dict[str, type] = {'disc': Disc, 'polygon': Polygon, 'ellipse': Ellipse}
-#: Keys of all objects.
-OPTIONAL = ('mass', 'center_of_mass', 'friction')
+#: Optional keys of all shapes.
+OPTIONAL_KEYS = ('mass', 'center_of_mass', 'friction')
 
 
 def read_object(path_or_text: str | Path) -> ConvexObject:
@@ -51,10 +51,10 @@ def read_object(path_or_text: str | Path) -> ConvexObject:
 
 def make_object(content: Any, source: str) -> ConvexObject:
     """
-    Return the object that keys and values describe; its pose is the origin.
+    Return the object given by keys and values; its pose is the origin.
 
     :param content: of a file, or of a message.
-    :param source: what is read, for errors.
+    :param source: name of the file or message, for errors.
     :raises ObjectFileError: it describes no object; names the key and what would be right.
     """
     if not isinstance(content, Mapping):
@@ -68,7 +68,7 @@ def make_object(content: Any, source: str) -> ConvexObject:
     if not isinstance(kind, str) or kind not in SHAPES:
         raise ObjectFileError(f'{source}: shape: {quote(str(kind))}: must be one of {known}')
     own = fields(SHAPES[kind])
-    allowed = ('shape', *(field.name for field in own), *OPTIONAL)
+    allowed = ('shape', *(field.name for field in own), *OPTIONAL_KEYS)
     for key in content:
         if key not in allowed:
             close = difflib.get_close_matches(str(key), allowed, n=1)
@@ -81,7 +81,7 @@ def make_object(content: Any, source: str) -> ConvexObject:
         if field.default is MISSING and field.name not in content:
             raise ObjectFileError(f'{source}: key {field.name!r} is missing; a {kind} needs it')
     sizes = {field.name: content[field.name] for field in own if field.name in content}
-    about = {key: content[key] for key in OPTIONAL if key in content}
+    about = {key: content[key] for key in OPTIONAL_KEYS if key in content}
     try:
         return ConvexObject(SHAPES[kind](**sizes), **about)
     except GraspError as error:

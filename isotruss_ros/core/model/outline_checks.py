@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What makes vertices and radii the outline of a convex polygon."""
+"""Checks of the vertices and corner radii of a convex polygon."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from isotruss_ros.core.model.units import likely_unit
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Points
 import numpy as np
 
-#: More corners than this are no workpiece but a slip.
+#: Largest number of vertices [-]; more are a mistake of the user.
 MAX_VERTICES = 1000
-#: The sine of the angle by which the outline turns at a corner is at least this.
-STRAIGHT = 1e-9
+#: Smallest sine of the turning angle at a corner [-], far above rounding.
+MIN_CORNER_SINE = 1e-9
 
 
 def check_outline(vertices: object, corner_radius: object) -> tuple[Points, Array]:
     """
-    Return vertices and the radii of the arcs there as arrays, (k,) x + iy and (k,) [m].
+    Return vertices (k,) x + iy and radii of the arcs (k,) [m] as checked arrays.
 
     :param vertices: as given to `Polygon`.
     :param corner_radius: as given to `Polygon`.
-    :raises GraspError: they are no convex polygon with arcs that fit; names the place.
+    :raises GraspError: the polygon is not convex, or an arc does not fit; names the vertex.
     """
     corners = _validate_vertices(vertices)
     radii = _validate_radii(corner_radius, len(corners))
@@ -68,7 +68,7 @@ def _validate_vertices(vertices: object) -> Points:
                 f'{MAX_SIZE:g} m of the origin{hint}'
             )
         found[i] = complex(x, y)
-    # Other programs close an outline by the first vertex, written again.
+    # Other programs close an outline by a repeated first vertex.
     return found[:-1] if count > 3 and found[0] == found[-1] else found
 
 
@@ -91,7 +91,7 @@ def _name(corner: complex, i: int) -> str:
 
 
 def _check_convex(corners: Points) -> None:
-    """Refuse what is not convex."""
+    """Raise GraspError if the polygon is not convex."""
     sides = np.roll(corners, -1) - corners
     lengths = np.abs(sides)
     i = int(lengths.argmin())
@@ -103,14 +103,14 @@ def _check_convex(corners: Points) -> None:
     turns = np.angle(sides * np.roll(sides, 1).conj())
     sines = np.sin(turns)
     i = int(np.abs(sines).argmin())
-    if abs(sines[i]) < STRAIGHT:
+    if abs(sines[i]) < MIN_CORNER_SINE:
         raise GraspError(
             f'{_name(corners[i], i)}: on one line with its neighbours; leave it out, or let the '
             'outline turn there'
         )
     turned = float(turns.sum())
     wrong = np.flatnonzero(turns * turned < 0.0)
-    # An outline that goes around more than once crosses itself, though all turns are alike.
+    # An outline that winds more than once crosses itself, though all turns have one sign.
     if len(wrong) or not 1.0 < abs(turned) < 3.0 * np.pi:
         i = int(wrong[0]) if len(wrong) else 0
         raise GraspError(
@@ -124,13 +124,13 @@ def _check_convex(corners: Points) -> None:
 
 
 def _check_fit(corners: Points, radii: Array) -> None:
-    """Refuse arcs that take more of a side than there is."""
+    """Raise GraspError if the arcs of a side are longer than the side."""
     sides = np.roll(corners, -1) - corners
     half = 0.5 * np.abs(np.angle(sides * np.roll(sides, 1).conj()))
     taken = radii * np.tan(half)
     left = np.abs(sides) - taken - np.roll(taken, -1)
     i = int(left.argmin())
-    if left[i] < -STRAIGHT * abs(sides[i]):  # arcs may take all of a side, up to rounding
+    if left[i] < -MIN_CORNER_SINE * abs(sides[i]):  # arcs may take all of a side, up to rounding
         raise GraspError(
             f'corner_radius {radii[i]:g} m does not fit: the side of {abs(sides[i]):g} m that '
             f'begins at {_name(corners[i], i)} is shorter than its two arcs take '

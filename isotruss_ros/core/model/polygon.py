@@ -19,33 +19,32 @@ from isotruss_ros.core.model.smooth_outline import CONIC_POINTS, SmoothOutline
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
 
-#: At most so many sides bound a shape with many.
-MAX_TANGENTS = 32
-#: Corners that sample a smooth outline turn by less than this [rad]: regular polygons with 13 or
-#: more, and 24 on an ellipse whose axes differ by less than a factor of 1.9.
-SAMPLE_TURN = 0.5
+#: Largest number of sides used as bounding tangents [-].
+MAX_BOUNDING_SIDES = 32
+#: Largest turning angle at corners that sample a smooth outline [rad]: regular polygons with 13 or
+#: more, and 24 on an ellipse with an aspect ratio below 1.9.
+MAX_SAMPLE_TURN = 0.5
 
 
 @dataclass(frozen=True)
 class Polygon(Shape):
     """
-    A convex polygon; its corners may be rounded off within it, by arcs tangent to both sides.
+    A convex polygon with sharp corners, or with corners rounded by arcs tangent to both sides.
 
     A polygon with many corners samples a smooth outline, see `smoothed`.
 
-    :ivar vertices: (x, y) of three or more vertices in the object's frame, around the polygon
-        either way; kept counter-clockwise, without a last one that repeats the first [m].
-    :ivar corner_radius: of the arcs, one for all corners or one for each vertex as given [m]; 0:
+    :ivar vertices: (x, y) of three or more vertices in the object's frame, in either sense; stored
+        counter-clockwise, without a repeated last one [m].
+    :ivar corner_radius: radius of the arcs, one for all corners or one for each vertex [m]; 0:
         sharp.
-    :raises GraspError: the vertices are no convex polygon, or the arcs do not fit into it; names
-        the place.
+    :raises GraspError: the polygon is not convex, or an arc does not fit; names the vertex.
     """
 
     vertices: tuple[tuple[float, float], ...]
     corner_radius: float | tuple[float, ...] = 0.0
 
     def __post_init__(self) -> None:
-        """Check the numbers, and turn the vertices counter-clockwise."""
+        """Check the numbers and orient the vertices counter-clockwise."""
         corners, radii = check_outline(self.vertices, self.corner_radius)
         step = 1 if polygon_moments(corners - corners[0])[0] > 0.0 else -1
         vertices = tuple((float(z.real), float(z.imag)) for z in corners[::step])
@@ -67,8 +66,8 @@ class Polygon(Shape):
 
     @property
     def bounding_normals(self) -> Points:
-        """Return outward unit normals (k,) of sides that bound the shape closely."""
-        return self.normals[:: 1 + (len(self.normals) - 1) // MAX_TANGENTS]
+        """Return outward unit normals (k,) of sides that enclose the shape tightly."""
+        return self.normals[:: 1 + (len(self.normals) - 1) // MAX_BOUNDING_SIDES]
 
     @cached_property
     def radii(self) -> Array:
@@ -77,7 +76,7 @@ class Polygon(Shape):
 
     @cached_property
     def turns(self) -> Array:
-        """Return the angles by which the outline turns at the vertices, (k,) [rad]."""
+        """Return the turning angles of the outline at the vertices, (k,) [rad]."""
         return np.angle(self.normals * np.roll(self.normals, 1).conj())
 
     @cached_property
@@ -96,14 +95,14 @@ class Polygon(Shape):
         ):
             if radius == 0.0:
                 continue
-            # Off with the kite between the two sides and the arc's centre, on with its sector.
+            # Subtract the kite between the two sides and the arc's centre, add the sector.
             out = (corner - center) / abs(corner - center)
             half = 0.5 * turn
             ends = center + radius * out * np.exp(1j * half * np.array([-1.0, 1.0]))
             kite = polygon_moments(np.array([corner, ends[1], center, ends[0]]))
             area = half * radius**2
             mean = center + out * 2.0 * radius * np.sin(half) / (3.0 * half)
-            # About the origin by that about the arc's centre.
+            # Parallel-axis theorem, from the arc's centre to the origin.
             polar = 0.5 * area * radius**2
             polar += area * (2.0 * (mean * center.conjugate()).real - abs(center) ** 2)
             parts += [(-kite[0], -kite[1], -kite[2]), (area, area * mean, polar)]
@@ -144,17 +143,17 @@ class Polygon(Shape):
 
     @cached_property
     def _directions(self) -> Array:
-        """Return the angles of the sides' normals from that of the first one, (k,) [rad]."""
+        """Return the angles of the sides' normals relative to the first one, (k,) [rad]."""
         return np.append(0.0, np.cumsum(self.turns[1:]))
 
     def _corner_of(self, normals: Points) -> Indices:
-        """Return the vertices (c,) in whose normal cones directions (c,) are."""
+        """Return the vertices (c,) whose normal cones contain the directions (c,)."""
         angles = np.angle(normals * self.normals[0].conj()) % (2.0 * np.pi)
         return self._directions.searchsorted(angles) % len(self.vertices)
 
     @cached_property
     def _numbers(self) -> tuple[list[complex], list[float], list[tuple[complex, float]]]:
-        """Return conjugate normals, directions, and arcs, in Python's numbers: one is quicker."""
+        """Return conjugate normals, directions and arcs as Python numbers, for speed."""
         arcs = zip(self.arc_centers.tolist(), self.radii.tolist(), strict=True)
         return self.normals.conj().tolist(), self._directions.tolist(), list(arcs)
 
@@ -164,7 +163,7 @@ class Polygon(Shape):
         return self.arc_centers[at] + self.radii[at] * normals
 
     def corners_at(self, normal: complex, sine: float) -> tuple[int, ...]:
-        """Return the corner that touches a straight line; see `Shape.corners_at`."""
+        """Return the corner in contact with a straight line; see `Shape.corners_at`."""
         facing, corner = self._numbers[0], self.corner_at(normal)
         # The faces that end and begin there are the nearest to the line.
         before, after = (normal * facing[corner - 1], normal * facing[corner])
@@ -175,7 +174,7 @@ class Polygon(Shape):
         return face % count, (face + 1) % count
 
     def corner_at(self, normal: complex) -> int:
-        """Return the corner that is farthest out along a normal; see `Shape.corner_at`."""
+        """Return the extreme corner along a normal; see `Shape.corner_at`."""
         facing, directions, _ = self._numbers
         # As `_corner_of`.
         angle = cmath.phase(normal * facing[0]) % (2.0 * math.pi)
@@ -192,7 +191,7 @@ class Polygon(Shape):
 
     @cached_property
     def _faces(self) -> list[tuple[Face, Face]]:
-        """Return the faces that end and begin at each corner."""
+        """Return the faces before and after each corner."""
         count, centers = len(self.vertices), self.arc_centers
         lengths = np.abs(np.roll(centers, -1) - centers).tolist()
         normals = self.normals.tolist()
@@ -219,7 +218,7 @@ class Polygon(Shape):
 
     @cached_property
     def _unrolled_corners(self) -> tuple[Array, Array]:
-        """Return the angles of the normals in the middle of the corners, and the arcs to there."""
+        """Return the angles of the mid normals of the corners, and the arcs to them."""
         turns, along = self.turns, 1j * self.normals
         middles = np.angle(self.normals[0]) - 0.5 * turns[0]
         middles = middles + np.append(0.0, np.cumsum(0.5 * (turns[1:] + turns[:-1])))
@@ -230,17 +229,17 @@ class Polygon(Shape):
         return middles, np.append(0.0, np.cumsum(steps))
 
     def nearest(self, points: Points) -> SurfacePoints:
-        """Return what is nearest on the surface; see `Shape.nearest`."""
+        """Return the nearest points of the surface; see `Shape.nearest`."""
         own = np.arange(len(points))
         away = points[:, None] - self.arc_centers
-        # Over the side that begins at a vertex, and past the one that ends there.
+        # Projections on the side after a vertex and on the side before it.
         begins, ends = self._facing
         after, before = away * begins, (away * ends).imag
         beyond = after.real - self.radii
         side = beyond.argmax(axis=1)
         gaps, normals = beyond[own, side], self.normals[side]
         radii = np.full(len(points), np.inf)
-        # An arc matters where the direction from its centre is between the normals of its sides.
+        # An arc is nearest where the direction from its centre is in its normal cone.
         beside = (after.imag < 0.0) & (before > 0.0)
         if not beside.any():
             return SurfacePoints(gaps, normals, radii)
@@ -255,18 +254,18 @@ class Polygon(Shape):
 
     @cached_property
     def _facing(self) -> tuple[Points, Points]:
-        """Return the conjugate normals of the sides that begin and end at the vertices, (k,)."""
+        """Return the conjugate normals of the sides before and after the vertices, (k,)."""
         begins = self.normals.conj()
         return begins, np.roll(begins, 1)
 
     def rounded(self, length: float) -> Polygon:
         """
-        Return the polygon with its corners rounded off as far as pieces of a length can tell.
+        Return the polygon with corners rounded to the resolution of segments of a given length.
 
-        A piece that lies over a corner, half on each side of it, finds it lower than it is by a
-        quarter of its length times the slope of the sides; the arc takes off as much.
+        A segment centred on a corner underestimates its height by a quarter of its length times
+        the slope of the sides; the arc removes the same height.
 
-        :param length: of the pieces [m].
+        :param length: length of the segments [m].
         """
         return _rounded(self, length)
 
@@ -274,7 +273,7 @@ class Polygon(Shape):
         """
         Return the smooth curve through the corners, if all are samples of one.
 
-        The corners turn by less than `SAMPLE_TURN`, and a convex curve through them exists.
+        The corners turn by less than `MAX_SAMPLE_TURN`, and a convex curve through them exists.
 
         :param length: below which all faces are [m].
         """
@@ -284,7 +283,7 @@ class Polygon(Shape):
     @cached_property
     def _curve(self) -> SmoothOutline | None:
         """Return the smooth curve through the corners where these are farthest out, if any."""
-        if len(self.vertices) < CONIC_POINTS or self.turns.max() >= SAMPLE_TURN:
+        if len(self.vertices) < CONIC_POINTS or self.turns.max() >= MAX_SAMPLE_TURN:
             return None
         outward = self.normals + np.roll(self.normals, 1)
         tips = self.arc_centers + self.radii * outward / np.abs(outward)
@@ -311,14 +310,14 @@ class Polygon(Shape):
 
 @functools.lru_cache(maxsize=64)
 def _rounded(polygon: Polygon, length: float) -> Polygon:
-    """Return what `Polygon.rounded` does; the last few are kept."""
+    """Return `Polygon.rounded` from a cache of the last few."""
     half = 0.5 * polygon.turns
     sides = np.abs(np.roll(polygon.corners, -1) - polygon.corners)
     room = 0.5 * np.minimum(sides, np.roll(sides, 1)) / np.tan(half)
     blunt = np.minimum(0.25 * length / np.tan(0.5 * half), room * (1.0 - 1e-9))
     if (blunt <= polygon.radii).all():
         return polygon
-    # What has been checked need not be checked again.
+    # The arguments have been checked already.
     found = object.__new__(Polygon)
     radii = np.maximum(polygon.radii, blunt)
     object.__setattr__(found, 'vertices', polygon.vertices)

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Poses in the robot frame, and the range of what is placed there."""
+"""Poses in the robot frame and the range of object coordinates."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 from numpy.typing import ArrayLike
 
-#: No object is smaller or farther away [m]; products of such numbers neither vanish nor overflow.
+#: Smallest size and largest distance of an object [m]; their products neither vanish nor overflow.
 MIN_DIAMETER, MAX_DISTANCE = 1e-9, 1e9
 #: Largest size [m] and mass [kg] of an object: several times what a robot of a few metres holds. A
 #: tenth would refuse objects of the examples, ten times would take centimetres for metres.
@@ -29,7 +29,7 @@ class Pose(NamedTuple):
 
 def pose_difference(pose: ArrayLike, other: ArrayLike) -> Array:
     """
-    Return a pose minus another one (3,) [m, rad]: the turn in (-pi, pi], the shorter way.
+    Return the difference of two poses (3,) [m, rad], its angle wrapped to (-pi, pi].
 
     :param pose: x, y [m], angle [rad] in the robot frame.
     :param other: the other one.

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Where robot files are: presets that come with the package, or a path."""
+"""Paths of robot files: presets of the package, or a given path."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from isotruss_ros.core.errors import RobotFileError
 
 
 def config_directory() -> Path:
-    """Return the folder of the presets, that of the package."""
+    """Return the folder of the presets."""
     return Path(__file__).resolve().parents[2] / 'config'
 
 
 def preset_names() -> list[str]:
-    """Return the names of the robots that come with the package."""
+    """Return the names of the presets."""
     return sorted(path.stem for path in config_directory().glob('*.yaml'))
 
 

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Read a robot file: YAML in, a checked description out, or an error that says what to mend."""
+"""Read a robot file: parse YAML, check it, and return the description."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from isotruss_ros.core.model.safe_yaml import parse_yaml, read_text
 from isotruss_ros.core.model.stiffness_law import find_contradictions, read_laws
 
 DEFAULT_FRAME = 'truss'
-#: Time from rest to the largest speed of the rollers, where the file names no acceleration [s]. It
-#: is that of the approach to limits of lengths, which a slower robot approaches more slowly.
+#: Default time from rest to the largest roller speed, if the file has no acceleration [s]. Equal
+#: to the time constant of the approach to member length limits.
 DEFAULT_RISE_TIME = 0.1
-#: Optional numbers of the block `tube`, and their names in the description.
-TUBE_NUMBERS = {
+#: Optional keys of the block `tube`, with their names in the description.
+TUBE_KEYS = {
     'stiffness_scale': 'stiffness_scale',
     'local_stiffness': 'local_stiffness',
     'mass_per_length': 'tube_mass',
@@ -34,8 +34,8 @@ def read_robot_file(name_or_path: str | Path) -> RobotDescription:
     Read and check the form of a robot file.
 
     :param name_or_path: the name of a preset, or the path of a robot file.
-    :raises RobotFileError: the file is missing, not YAML 1.2, or not a robot; each complaint names
-        the file, the key, the value and what would be right.
+    :raises RobotFileError: the file is missing, not YAML 1.2, or not a robot; each line names the
+        file, the key, the value and the valid range.
     """
     path = find_robot_file(name_or_path)
     text = read_text(path, 'a robot file', RobotFileError)
@@ -45,11 +45,11 @@ def read_robot_file(name_or_path: str | Path) -> RobotDescription:
 
 def describe_robot(path: Path, content: Any) -> RobotDescription:
     """
-    Check what a robot file says, and return the description.
+    Return the checked description of a robot file's content.
 
     :param path: of the file, for messages.
     :param content: plain values, lists and mappings, as they are in the file.
-    :raises RobotFileError: it is not a robot; see `read_robot_file`.
+    :raises RobotFileError: the content describes no robot; see `read_robot_file`.
     """
     check_form(path, content)
     joints = {name: (float(x), float(y)) for name, (x, y) in content['joints'].items()}
@@ -87,7 +87,7 @@ def describe_robot(path: Path, content: Any) -> RobotDescription:
         **limits,
         **{
             name: float(content['tube'][key])
-            for key, name in TUBE_NUMBERS.items()
+            for key, name in TUBE_KEYS.items()
             if key in content['tube']
         },
     )
@@ -99,7 +99,7 @@ def _check_stiffness(
     limits: Mapping[str, float],
     module: Module,
 ) -> Iterator[str]:
-    """Yield for what lengths and pressures of this file its stiffness model is none."""
+    """Yield lengths and pressures of this file at which its stiffness model is invalid."""
     if stiffness['model'] == 'power_law':
         lengths = limits['min_length'], limits['max_length']
         ring = module.guide_ring_distance
@@ -119,7 +119,7 @@ def _cross_check(
     limits: Mapping[str, float],
     pressure: float | Mapping[str, float],
 ) -> Iterator[str]:
-    """Yield what the schema cannot see: names that must refer to each other."""
+    """Yield unresolved cross-references between names, which the schema cannot express."""
     known = ', '.join(joints)
     used = {joint for tube in tubes for joint in tube.joints}
     for tube in tubes:

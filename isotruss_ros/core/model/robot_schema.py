@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The form of a robot file, by its schema: complaints name the key and what would be right."""
+"""Check the form of a robot file by its JSON schema."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from isotruss_ros.core.model.units import likely_unit
 if TYPE_CHECKING:
     import jsonschema
 
-#: Beyond this magnitude a number is a slip of the keyboard and overflows in products.
+#: Largest magnitude of a number; larger ones are typing errors and overflow in products.
 MAX_MAGNITUDE = 1e12
-#: Who made this many mistakes begins with the first ones.
+#: Largest number of reported mistakes [-].
 MAX_COMPLAINTS = 50
 
 
 def check_form(path: Path, content: Any) -> None:
     """
-    Collect the complaints, so that a file is mended in one go.
+    Raise one error with all complaints, so that a file is corrected in one pass.
 
     :param path: of the robot file, for messages.
-    :param content: what the YAML says.
-    :raises RobotFileError: it is not of the form that the schema asks for.
+    :param content: plain values from YAML.
+    :raises RobotFileError: the content violates the schema.
     """
     refuse_if_any(
         path,
@@ -48,11 +48,11 @@ def check_form(path: Path, content: Any) -> None:
 
 def refuse_if_any(path: Path, complaints: Iterable[str]) -> None:
     """
-    Refuse a file about which there is something to complain.
+    Raise RobotFileError if there are complaints.
 
     :param path: of the robot file, for messages.
     :param complaints: lines without the path.
-    :raises RobotFileError: holds the complaints, one on each line, the first of very many.
+    :raises RobotFileError: has one complaint on each line, at most `MAX_COMPLAINTS`.
     """
     first = [f'{path}: {line}' for line in itertools.islice(complaints, MAX_COMPLAINTS + 1)]
     if len(first) > MAX_COMPLAINTS:
@@ -62,7 +62,7 @@ def refuse_if_any(path: Path, complaints: Iterable[str]) -> None:
 
 
 def _is_number(_checker: jsonschema.TypeChecker, value: Any) -> bool:
-    """Accept finite numbers only: NaN and infinity pass for numbers in YAML and in JSON Schema."""
+    """Return whether a value is a finite number: YAML and JSON Schema allow NaN and infinity."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         return False
     return value == value and -MAX_MAGNITUDE <= value <= MAX_MAGNITUDE
@@ -70,9 +70,9 @@ def _is_number(_checker: jsonschema.TypeChecker, value: Any) -> bool:
 
 def _unique_texts(_validator: Any, wanted: bool, value: Any, _schema: Any) -> Iterator[Any]:
     """
-    Tell of texts that come twice; what is no text in such a list is another complaint.
+    Yield an error for repeated texts; items of other types have an error of their own.
 
-    In place of the test of jsonschema, which takes time in the square of the length.
+    Replaces the check of jsonschema, whose time is quadratic in the length.
     """
     texts = [item for item in value if isinstance(item, str)] if isinstance(value, list) else []
     if wanted and len(set(texts)) < len(texts):
@@ -83,7 +83,7 @@ def _unique_texts(_validator: Any, wanted: bool, value: Any, _schema: Any) -> It
 
 @functools.lru_cache(maxsize=1)
 def _validator() -> Any:
-    # A seventh of the time to import the core; who reads no robot file does not need it.
+    # Imported on use: a seventh of the import time of the core.
     import jsonschema
 
     schema = json.loads((config_directory() / 'robot.schema.json').read_text(encoding='utf-8'))
@@ -105,7 +105,7 @@ def _keys_that_are_not_text(value: Any, where: str = 'top level') -> Iterator[tu
 
 
 def _explain(error: jsonschema.ValidationError) -> Iterator[str]:
-    """Turn a schema error into lines 'key: value: what is wrong; what would be right'."""
+    """Translate a schema error into lines 'key: value: fault; valid range'."""
     where = '.'.join(map(str, error.absolute_path)) or 'top level'
     right = error.schema.get('description') if isinstance(error.schema, dict) else None
     if error.validator == 'additionalProperties':
@@ -130,7 +130,7 @@ def _explain(error: jsonschema.ValidationError) -> Iterator[str]:
 
 
 def _plausible(error: jsonschema.ValidationError) -> str:
-    """Return the range that a number is out of, and the unit that would explain it."""
+    """Return the violated range of a number, and the unit that explains it."""
     if error.validator not in ('minimum', 'maximum'):
         return ''
     low = error.schema.get('minimum', error.schema.get('exclusiveMinimum'))

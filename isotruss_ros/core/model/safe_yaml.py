@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""YAML from outside: read it with bounds, or say where it is wrong."""
+"""YAML from outside, parsed within bounds of size and depth."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 from ruamel.yaml.events import AliasEvent, CollectionEndEvent, CollectionStartEvent, ScalarEvent
 
-#: A robot of 300 modules needs 30 kB; beyond this size the file is something else.
+#: Largest file [characters]; a robot of 300 modules needs 30 kB.
 MAX_FILE_SIZE = 200_000
-#: The keys go four levels deep; the reader takes time in the square of the depth.
-MAX_DEPTH = 8
-#: Longer texts are no names, and longer numbers Python does not print.
+#: Largest nesting depth [-]; robot files need four, and parsing is quadratic in the depth.
+MAX_NESTING_DEPTH = 8
+#: Longest scalar [characters]; Python does not print longer integers.
 MAX_SCALAR_LENGTH = 1000
 
 
@@ -26,7 +26,7 @@ def read_text(path: Path, kind: str, error: type[IsotrussError]) -> str:
     Return the text of a file.
 
     :param path: of the file.
-    :param kind: what it is, with its article, for messages.
+    :param kind: kind of file with its article, for messages.
     :param error: the exception to raise.
     :raises IsotrussError: of the given class: the file is missing, too long or not UTF-8.
     """
@@ -46,20 +46,20 @@ def read_text(path: Path, kind: str, error: type[IsotrussError]) -> str:
 
 def parse_yaml(source: object, text: str, kind: str, refusal: type[IsotrussError]) -> Any:
     """
-    Return what a text of YAML 1.2 says: plain values, lists and mappings.
+    Return the content of a YAML 1.2 text: plain values, lists and mappings.
 
-    :param source: where it is from, for messages.
+    :param source: origin of the text, for messages.
     :param text: the YAML.
-    :param kind: what such texts are, in the plural, for messages.
+    :param kind: kind of texts in the plural, for messages.
     :param refusal: the exception to raise.
-    :raises IsotrussError: of the given class: the text is not YAML, or not such as is needed.
+    :raises IsotrussError: of the given class: the text is not YAML, or of another type.
     """
     try:
         depth = 0
         for event in YAML(typ='safe', pure=True).parse(text):
             depth += isinstance(event, CollectionStartEvent)
             depth -= isinstance(event, CollectionEndEvent)
-            if depth > MAX_DEPTH:
+            if depth > MAX_NESTING_DEPTH:
                 raise refusal(
                     f'{source}: line {event.start_mark.line + 1}: nested too deeply for {kind}'
                 )
@@ -68,7 +68,7 @@ def parse_yaml(source: object, text: str, kind: str, refusal: type[IsotrussError
                     f'{source}: line {event.start_mark.line + 1}: {event.value[:20]!r}... has '
                     f'{len(event.value)} characters; must be at most {MAX_SCALAR_LENGTH}'
                 )
-            # An alias can name its own parent, or unfold a small file into gigabytes.
+            # An alias can refer to its own parent, or expand a small file to gigabytes.
             if getattr(event, 'anchor', None) is not None:
                 sign = '*' if isinstance(event, AliasEvent) else '&'
                 raise refusal(

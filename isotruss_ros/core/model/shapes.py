@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Shapes of objects: convex cross-sections, by what touches them and from where.
+Convex cross-sections of objects, given by their support functions.
 
-A convex shape is known by its support function h(n), the distance from the origin of the tangent
-with the outward normal n. Its signed distance to a point x is the largest of x . n - h(n) over all
-normals, outside as well as inside; the normal for which it is that is the outward normal at the
-foot of x. Points and normals are complex numbers x + iy in the object's frame.
+The support function h(n) is the distance from the origin of the tangent with the outward normal n.
+The signed distance to a point x is the maximum of x . n - h(n) over all normals, outside and
+inside; the maximising normal is the outward normal at the foot of x. Points and normals are
+complex numbers x + iy in the object's frame.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from isotruss_ros.core.model.units import likely_unit
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices, Points
 import numpy as np
 
-#: Tangents that bound a shape without sides.
-TANGENTS = 16
+#: Number of tangents that enclose a smooth shape [-].
+BOUNDING_TANGENTS = 16
 
 
 class SurfacePoints(NamedTuple):
     """
-    What points find nearest to them on a surface; the foot of a point is `point - gap * normal`.
+    Nearest points of a surface; the foot of a point is `point - gap * normal`.
 
     :ivar gaps: (c,) distance from the surface, negative inside [m].
     :ivar normals: (c,) outward unit normals at the feet, x + iy; at a corner one within its cone.
@@ -42,37 +42,37 @@ class SurfacePoints(NamedTuple):
 
 
 class TouchedPoints(NamedTuple):
-    """Where a shape touches straight lines."""
+    """Contacts of a shape with straight lines."""
 
-    owners: list[int]  #: (k,) numbers of the lines: one for each, two where a face lies on it
-    corners: list[int]  #: (k,) numbers of the corners that are touched, see `Shape.corners_at`
-    points: list[complex]  #: (k,) of the surface, x + iy in the object's frame [m]
+    owners: list[int]  #: (k,) indices of the lines: one contact for each, two for a face on it
+    corners: list[int]  #: (k,) indices of the corners in contact, see `Shape.corners_at`
+    points: list[complex]  #: (k,) contact points, x + iy in the object's frame [m]
 
 
 class Face(NamedTuple):
-    """A straight face of a shape, seen from a corner at one of its ends."""
+    """A straight face of a shape, as a neighbour of one of its end corners."""
 
-    step: int  #: 1 where the face begins at that corner, counter-clockwise, -1 where it ends there
-    corner: int  #: number of the corner at its other end
-    normal: complex  #: of the face, outward unit vector x + iy
-    length: float  #: between the corners, of rounded ones between the centres of their arcs [m]
+    step: int  #: 1 if the face begins at that corner, counter-clockwise, -1 if it ends there
+    corner: int  #: index of the corner at its other end
+    normal: complex  #: outward unit normal, x + iy
+    length: float  #: length between the corners, or between the centres of their arcs [m]
 
 
 class Shape(ABC):
     """
     A convex cross-section, in the frame of the object.
 
-    A shape of one's own derives from this class. What has a body here is right for a shape that is
-    curved everywhere; one with faces or corners has its own.
+    User-defined shapes derive from this class. Methods with a body here are valid for smooth
+    shapes; shapes with faces or corners override them.
     """
 
-    #: Whether the shape is the same however it is turned about the origin.
+    #: Whether the shape is invariant under rotation about the origin.
     is_round: ClassVar[bool] = False
 
     @property
     def bounding_normals(self) -> Points:
-        """Return outward unit normals (k,) of tangents that bound the shape closely."""
-        return np.exp(2j * np.pi * np.arange(TANGENTS) / TANGENTS)
+        """Return outward unit normals (k,) of tangents that enclose the shape tightly."""
+        return np.exp(2j * np.pi * np.arange(BOUNDING_TANGENTS) / BOUNDING_TANGENTS)
 
     @property
     @abstractmethod
@@ -101,7 +101,7 @@ class Shape(ABC):
 
     def support(self, normals: Points) -> Array:
         """
-        Return h(n), the distance of tangents from the origin, (c,) [m].
+        Return the support function h(n), (c,) [m].
 
         :param normals: (c,) outward unit normals of the tangents, x + iy.
         """
@@ -110,24 +110,23 @@ class Shape(ABC):
     @abstractmethod
     def support_points(self, normals: Points) -> Points:
         """
-        Return points of the surface on tangents, (c,) x + iy [m]; of a face, one of its ends.
+        Return support points, (c,) x + iy [m]; for the normal of a face, one of its ends.
 
         :param normals: (c,) outward unit normals of the tangents, x + iy, or one.
         """
 
     def corners_at(self, normal: complex, sine: float) -> tuple[int, ...]:
         """
-        Return with which corners the shape touches a straight line: one; none counts as number 0.
+        Return the indices of corners in contact with a straight line; 0 for a smooth shape.
 
         :param normal: outward unit normal toward the line, x + iy.
-        :param sine: of the angle by which a line is inclined at most against a face that lies on
-            it, of which there are both ends.
+        :param sine: sine of the largest inclination at which both ends of a face touch a line.
         """
         return (0,)
 
     def corner_at(self, normal: complex) -> int:
         """
-        Return the number of the corner that is farthest out; a shape without any has number 0.
+        Return the index of the extreme corner along a normal; 0 for a smooth shape.
 
         :param normal: outward unit normal, x + iy.
         """
@@ -137,16 +136,16 @@ class Shape(ABC):
         """
         Return the point of the surface on a tangent, x + iy [m].
 
-        :param corner: number of the corner that is touched, see `corner_at`.
+        :param corner: index of the corner in contact, see `corner_at`.
         :param normal: outward unit normal of the tangent, x + iy.
         """
         return complex(self.support_points(normal))
 
     def faces_at(self, corner: int) -> tuple[Face, ...]:
         """
-        Return the face that ends at a corner and the one that begins there; none without faces.
+        Return the faces before and after a corner; none for a smooth shape.
 
-        :param corner: its number, see `corner_at`.
+        :param corner: its index, see `corner_at`.
         """
         return ()
 
@@ -155,15 +154,15 @@ class Shape(ABC):
         """
         Return points of the surface with given normals, and radii of curvature, (k,) each [m].
 
-        :param corners: (k,) numbers of the corners, whose arcs go on beyond their ends.
+        :param corners: (k,) indices of the corners; their arcs extend beyond their ends.
         :param normals: (k,) outward unit normals, x + iy.
         """
 
     def radius_rates(self, normals: Points) -> Array:
         """
-        Return how the radii of curvature change as the normals turn, (k,) [m/rad].
+        Return the derivatives of the radii of curvature by the angle of the normal, (k,) [m/rad].
 
-        Zero, of circles and arcs; a shape whose radius changes has its own.
+        Zero for circles and arcs; shapes with varying radius override it.
 
         :param normals: (k,) outward unit normals, x + iy.
         """
@@ -171,11 +170,10 @@ class Shape(ABC):
 
     def touch_lines(self, normals: list[complex], sine: float) -> TouchedPoints:
         """
-        Return where the shape touches straight lines, one line after the other.
+        Return the contacts of the shape with straight lines, in the order of the lines.
 
         :param normals: (m,) outward unit normals toward the lines, x + iy.
-        :param sine: of the angle by which a line is inclined at most against a face that lies on
-            it, of which there are both ends.
+        :param sine: sine of the largest inclination at which both ends of a face touch a line.
         """
         found = TouchedPoints([], [], [])
         for number, normal in enumerate(normals):
@@ -188,29 +186,29 @@ class Shape(ABC):
     @abstractmethod
     def unroll(self, angles: Array, corners: Indices) -> Array:
         """
-        Return the arcs from some point of the surface to those with given normals, (k,) [m].
+        Return the arc lengths from a fixed point of the surface to given normals, (k,) [m].
 
-        A shape that rolls on a straight line is touched where its normal points at the line.
-        Turning unrolls the arc between the points that are touched, and a face at once, as it
-        comes to lie on the line. A whole turn unrolls the perimeter.
+        A shape that rolls on a line touches it where its normal points at the line. Rotation
+        unrolls the arc between the contact points, and a face all at once. A full rotation unrolls
+        the perimeter.
 
-        :param angles: (k,) of the outward normals, not wrapped [rad].
-        :param corners: (k,) numbers of the corners that are touched, see `corner_at`.
+        :param angles: (k,) angles of the outward normals, not wrapped [rad].
+        :param corners: (k,) indices of the corners in contact, see `corner_at`.
         """
 
     @abstractmethod
     def nearest(self, points: Points) -> SurfacePoints:
         """
-        Return what is nearest on the surface.
+        Return the nearest points of the surface.
 
         :param points: (c,) x + iy, outside or inside [m].
         """
 
     def rounded(self, length: float) -> Shape:
         """
-        Return the shape with its corners rounded off as far as pieces of a length can tell.
+        Return the shape with corners rounded to the resolution of segments of a given length.
 
-        :param length: of the pieces [m].
+        :param length: length of the segments [m].
         """
         return self
 
@@ -244,7 +242,7 @@ class Disc(Shape):
     :raises GraspError: the diameter is not a positive number within range.
     """
 
-    diameter: float  #: its own diameter d [m]
+    diameter: float  #: diameter d [m]
     is_round: ClassVar[bool] = True
     centroid: ClassVar[complex] = 0j
 
@@ -307,7 +305,7 @@ class Disc(Shape):
 
 def normalize(vectors: Points) -> Points:
     """
-    Return directions; that of a point at the very centre is any, say upward.
+    Return unit vectors; the zero vector becomes i.
 
     :param vectors: (c,) x + iy [m].
     """

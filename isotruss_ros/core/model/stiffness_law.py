@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Measured stiffness laws k = C p^a L^b of a robot file, and where they contradict each other.
+Measured stiffness laws k = C p^a L^b of a robot file, and their consistency as beams.
 
-The axial law is that of a member pinched between two roller modules: L is its length from pinch to
-pinch. The transverse and the rotary law are those of a tube held by guide rings: L is the length
-from ring to ring (section III-A of the paper).
+The axial law is for a member between two roller modules: L is its length from pinch to pinch. The
+transverse and the rotary laws are for a tube between guide rings: L is its length from ring to
+ring (section III-A of the paper).
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from typing import Any, NamedTuple
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
-#: What is beyond comes from constants in other units, and overflows in products.
+#: Range of stiffnesses; values beyond come from constants in other units and overflow.
 MIN_STIFFNESS, MAX_STIFFNESS = 1e-30, 1e30
-#: 12 k_rotary / (k_transverse L^2) less than 4 by no more than this is 4 but for rounding.
+#: Relative rounding error of the ratio 12 k_rotary / (k_transverse L^2) against its bound 4 [-].
 RATIO_TOLERANCE = 1e-9
 
 
@@ -32,7 +32,7 @@ class Law(NamedTuple):
 
     def stiffness(self, length: Array, pressure: Array) -> Array:
         """
-        Return k; zero or infinite where it leaves the range of numbers.
+        Return the stiffness k; zero or infinite on underflow or overflow.
 
         :param length: (k,) pinch to pinch for an axial law, ring to ring for the others [m].
         :param pressure: (k,) gauge [Pa].
@@ -44,9 +44,9 @@ class Law(NamedTuple):
 
 def read_laws(block: Mapping[str, Any]) -> dict[str, Law]:
     """
-    Return the laws of a block `stiffness` with the model power_law, by mode.
+    Return the power laws of a `stiffness` block by mode.
 
-    :param block: of a robot file, checked for its form.
+    :param block: block of a robot file with the model `power_law`, its form checked.
     """
     modes = ('axial', 'transverse', 'rotary')
     # As floats: YAML also has integers, which overflow differently.
@@ -60,16 +60,16 @@ def find_contradictions(
     ring: float,
 ) -> Iterator[str]:
     """
-    Yield where laws have no stiffness, or one that no beam has.
+    Yield lengths and pressures at which the laws have no stiffness, or not that of a beam.
 
-    A beam's ratio 12 k_rotary / (k_transverse L^2) is 4 + 12 EI / (GA L^2), so at least 4. The
-    ratio of two power laws is a power law: if it is 4 or more at both ends of a range of lengths
-    it is so between them, and where it falls below 4 follows in closed form.
+    The ratio 12 k_rotary / (k_transverse L^2) of a beam is 4 + 12 EI / (GA L^2), at least 4. The
+    ratio of two power laws is a power law: at least 4 at both ends of a range of lengths, it is at
+    least 4 between them. The length at which it is 4 follows in closed form.
 
     :param laws: axial, transverse and rotary.
-    :param pressures: gauge, by tube [Pa].
+    :param pressures: gauge pressures by tube [Pa].
     :param limits: shortest and longest member, pinch to pinch [m].
-    :param ring: g, from a pinch point to its guide ring [m].
+    :param ring: distance g from a pinch point to its guide ring [m].
     """
     if limits[0] <= 2.0 * ring:
         yield (
@@ -97,7 +97,7 @@ def find_contradictions(
 def _contradiction(
     laws: Mapping[str, Law], pressure: float, limits: tuple[float, float], ring: float, case: str
 ) -> Iterator[str]:
-    """Yield from which length on, or up to which, no beam has both stiffnesses."""
+    """Yield the range of lengths at which no beam has both stiffnesses."""
     transverse, rotary = laws['transverse'], laws['rotary']
     slope = rotary.b - transverse.b - 2.0
     level = (

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Who is connected to whom: names and index arrays of a robot's joints, modules and members."""
+"""Topology: names and index arrays of a robot's joints, modules and members."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ class Topology:
     tube_names: tuple[str, ...]  #: names of the tubes, in the order of the robot file
     module_names: tuple[str, ...]  #: names t/j of the modules, tube by tube
     joint: Indices  #: (m,) node A of each module
-    following: Indices  #: (m,) the module that follows along the tube
-    previous: Indices  #: (m,) the module before it
-    tube: Indices  #: (m,) the tube of each module
-    driven: Indices  #: (r,) the modules that have a motor
+    following: Indices  #: (m,) next module along the tube
+    previous: Indices  #: (m,) previous module along the tube
+    tube: Indices  #: (m,) tube of each module
+    driven: Indices  #: (r,) modules with a motor
     grounded: Indices  #: (g,) grounded coordinates, numbered 2 node + (0 for x, 1 for y)
 
     @cached_property
@@ -56,7 +56,7 @@ class Topology:
 
     @cached_property
     def before_driven(self) -> Indices:
-        """Return the module before each that has a motor, (r,)."""
+        """Return the module before each driven module, (r,)."""
         return self.previous[self.driven]
 
     @cached_property
@@ -82,7 +82,7 @@ class Topology:
     @cached_property
     def incidence(self) -> Array:
         """
-        Return C, (m, r), of the member length rates Ldot = C phidot, which fulfils (13).
+        Return the incidence matrix C, (m, r): Ldot = C phidot, which fulfils (13).
 
         Its columns sum to zero over each tube.
         """
@@ -95,7 +95,7 @@ class Topology:
 
 def make_topology(description: RobotDescription) -> Topology:
     """
-    Give nodes, modules and members of a robot their numbers, in the order of its file.
+    Return the topology of a robot, numbered in the order of its file.
 
     :param description: of the robot.
     """
@@ -126,9 +126,9 @@ def make_topology(description: RobotDescription) -> Topology:
 
 def check_roller_names(what: str, names: Iterable[str], roller_names: Sequence[str]) -> None:
     """
-    Check that names are those of rollers.
+    Raise GraspError if names are not those of rollers.
 
-    :param what: where the names come from, for the error.
+    :param what: source of the names, for the error.
     :param names: names to check.
     :param roller_names: names of the robot's rollers.
     :raises GraspError: the robot has no such rollers.

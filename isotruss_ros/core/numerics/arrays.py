@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Arrays at the borders: numbers that callers hand over, and points as pairs of numbers."""
+"""Checked conversion of input to arrays of finite numbers, and of points to pairs of numbers."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ def finite_array(
     Return a copy of `count` finite real numbers as an array (count,).
 
     :param values: the numbers.
-    :param count: how many there must be.
-    :param what: what the numbers are, for the message.
+    :param count: required length.
+    :param what: name of the numbers, for the message.
     :param error: the exception to raise.
-    :param most: largest size that a number may have.
-    :raises IsotrussError: of the given class; names what was given and what would be right.
+    :param most: largest allowed magnitude.
+    :raises IsotrussError: of the given class; names the input and the requirement.
     """
     return _finite(values, (count,), what, error, most)
 
@@ -43,14 +43,14 @@ def finite_rows(
     most: float = np.inf,
 ) -> NDArray[np.float64]:
     """
-    Return a copy of rows of finite real numbers as an array (n, columns), none if there are none.
+    Return a copy of rows of finite real numbers as an array (n, columns).
 
-    :param values: the rows.
-    :param columns: how many numbers each must have.
-    :param what: what the rows are, for the message.
+    :param values: the rows, perhaps none.
+    :param columns: required length of each row.
+    :param what: name of the rows, for the message.
     :param error: the exception to raise.
-    :param most: largest size that a number may have.
-    :raises IsotrussError: of the given class; names what was given and what would be right.
+    :param most: largest allowed magnitude.
+    :raises IsotrussError: of the given class; names the input and the requirement.
     """
     rows = np.shape(values)[:1] if hasattr(values, 'shape') else (len(values),)
     return _finite(values, (*rows, columns), what, error, most)
@@ -63,7 +63,7 @@ def _finite(
     error: type[IsotrussError],
     most: float,
 ) -> NDArray[np.float64]:
-    """Return finite numbers as an array of some shape, see `finite_array`."""
+    """Return finite numbers as an array of any shape; see `finite_array`."""
     try:
         array = np.asarray(values)
     except ValueError:
@@ -83,7 +83,7 @@ def _finite(
 
 def as_xy(vectors: NDArray[np.complex128]) -> NDArray[np.float64]:
     """
-    Turn vectors x + iy, (c,), into an array of x and y, (c, 2).
+    Return vectors x + iy, (c,), as an array of x and y, (c, 2).
 
     :param vectors: (c,) x + iy.
     """

@@ -2,13 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-One thread for the linear algebra of this package, whatever the user's NumPy has.
+Run linear algebra of this package on one BLAS thread.
 
-The matrices of a robot have some hundred rows. OpenBLAS shares such a product among all cores, and
-its threads wait for each other in busy loops: that takes longer than the product. The number of
-threads is one number of the process, so it is set where a solve begins and set back where it ends;
-other threads of the user that multiply matrices in the meantime have one thread too. Another BLAS
-than OpenBLAS is left as it is.
+The matrices of a robot have some hundred rows. OpenBLAS distributes such a product over all cores,
+and the busy waiting of its threads takes longer than the product. The number of threads is a
+setting of the process: it is set at the begin of a solve and restored at its end, and applies to
+other threads of the user in the meantime. Other BLAS libraries are not changed.
 """
 
 from __future__ import annotations
@@ -31,19 +30,19 @@ R = TypeVar('R')
 
 
 class Library(NamedTuple):
-    """A BLAS library that has threads."""
+    """A BLAS library with a settable number of threads."""
 
-    count: Callable[[], int]  # type: ignore[assignment]  #: returns the number of its threads
-    set_count: Callable[[int], None]  #: sets it
+    count: Callable[[], int]  # type: ignore[assignment]  #: returns the number of threads
+    set_count: Callable[[int], None]  #: sets the number of threads
 
 
 @functools.cache
 def find_libraries() -> tuple[Library, ...]:
-    """Return the OpenBLAS libraries of NumPy and SciPy, which bring one each."""
+    """Return the OpenBLAS libraries that NumPy and SciPy have loaded."""
     found = {}
     for module in (np.linalg._umath_linalg, lapack._flapack):  # type: ignore[attr-defined]
-        # A symbol is looked up in a library and in all that it was linked with. The interpreter's
-        # lock stays taken: these calls take less than releasing it.
+        # Symbols are looked up in a library and in its dependencies. PyDLL keeps the interpreter's
+        # lock: these calls are shorter than its release.
         library = ctypes.PyDLL(module.__file__)
         for prefix, suffix in itertools.product(PREFIXES, SUFFIXES):
             names = (f'{prefix}openblas_{act}_num_threads{suffix}' for act in ('get', 'set'))
@@ -57,7 +56,7 @@ def find_libraries() -> tuple[Library, ...]:
 
 class OneThread:
     """
-    A context in which BLAS has one thread; the first of all that overlap sets it, the last back.
+    Context with one BLAS thread; of overlapping contexts the first sets, the last restores.
 
     :param libraries: the libraries.
     """
@@ -81,7 +80,7 @@ class OneThread:
                     library.set_count(1)
 
     def __exit__(self, *_: object) -> None:
-        """Set it back."""
+        """Restore the number of threads."""
         with self._lock:
             self._users -= 1
             if self._users == 0:
@@ -95,9 +94,9 @@ ONE_THREAD = OneThread()
 
 def single_threaded(function: Callable[P, R]) -> Callable[P, R]:
     """
-    Return a function that calls another one while BLAS has one thread.
+    Return a function that runs another one with one BLAS thread.
 
-    :param function: the other one.
+    :param function: function to run.
     """
 
     @functools.wraps(function)

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Factor a square matrix once, solve with it and with its transpose often."""
+"""Factorizations of square matrices for repeated solves with the matrix and its transpose."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from scipy.sparse.linalg import LinearOperator, onenormest, splu
 
 class DenseFactor:
     """
-    LU of a dense matrix; quicker than sparse up to some hundred rows.
+    LU of a dense matrix; faster than sparse LU up to some hundred rows.
 
     :param matrix: (n, n), overwritten.
     """
 
     def __init__(self, matrix: Array) -> None:
-        # LAPACK wants columns first: the transpose of a C array is one without a copy.
+        # LAPACK is column-major: the transpose of a C array avoids a copy.
         self._lu, self._pivots, info = lapack.dgetrf(matrix.T, overwrite_a=True)
         if info > 0:
             raise np.linalg.LinAlgError(f'singular: pivot {info} is zero')
@@ -44,15 +44,15 @@ class DenseFactor:
         return lapack.dgetrs(self._lu, self._pivots, right, trans=0)[0]
 
     def _condition(self, norm: float) -> float:
-        """Return an estimate of the condition number by the 1-norm of the matrix."""
-        # What was factored is the transpose, whose infinity norm that is.
+        """Return an estimate of the condition number from the 1-norm of the matrix."""
+        # The transpose was factored; its infinity norm is the 1-norm of the matrix.
         inverse, _ = lapack.dgecon(self._lu, norm, norm='I')
         return 1.0 / inverse if inverse > 0.0 else float('inf')
 
 
 class SparseFactor:
     """
-    LU of a sparse matrix (SuperLU); minimum degree fills in less than its default order.
+    LU of a sparse matrix (SuperLU), ordered by minimum degree for less fill-in.
 
     :param matrix: (n, n).
     """
@@ -88,7 +88,7 @@ def factorize(matrix: Array | csc_matrix) -> Factor:
 
 def factorize_with_condition(matrix: Array | csc_matrix) -> tuple[Factor | None, float]:
     """
-    Factor a matrix and estimate its condition number in the 1-norm; a dense one stays as it is.
+    Factor a matrix and estimate its condition number in the 1-norm; a dense matrix is kept.
 
     :param matrix: (n, n).
     :return: the factor, and the estimate; None and infinity if the matrix is exactly singular.
@@ -109,14 +109,14 @@ def factorize_with_condition(matrix: Array | csc_matrix) -> tuple[Factor | None,
         rmatmat=factor.solve_transposed,
         dtype=np.float64,
     )
-    # A pivot that is nearly zero overflows; that is an infinite condition number.
+    # A nearly zero pivot overflows: the condition number is infinite.
     with np.errstate(over='ignore', invalid='ignore'):
         condition = norm * float(onenormest(inverse))
     return factor, condition if np.isfinite(condition) else float('inf')
 
 
-#: Regularises constraints where pivots are counted, of a matrix that is scaled to 1.
-SOFTENED = 1e-7
+#: Diagonal regularisation of constraint rows for the count of pivots, relative to the matrix [-].
+CONSTRAINT_REGULARIZATION = 1e-7
 
 
 def count_negative_pivots(matrix: Array | csc_matrix, constraints: int) -> int:
@@ -124,7 +124,7 @@ def count_negative_pivots(matrix: Array | csc_matrix, constraints: int) -> int:
     Return the number of negative pivots of the factors L D L^T of a symmetric matrix.
 
     :param matrix: (n, n), scaled to 1: a stiffness bordered by constraints.
-    :param constraints: the last rows, whose diagonal is zero.
+    :param constraints: number of last rows, whose diagonal is zero.
     """
     if isinstance(matrix, np.ndarray):
         factors, pivots, _ = lapack.dsytrf(matrix, lower=True)
@@ -132,12 +132,12 @@ def count_negative_pivots(matrix: Array | csc_matrix, constraints: int) -> int:
         single = pivots > 0
         negative = (factors.diagonal() < 0.0) & single
         return int(np.count_nonzero(negative)) + int(np.count_nonzero(~single)) // 2
-    # SuperLU does not exchange rows of a matrix that is quasi-definite: the constraints are made
-    # soft, and their stiffness is added to that of what they bind.
+    # SuperLU exchanges no rows of a quasi-definite matrix: the constraints are regularised, and
+    # their penalty stiffness is added to the constrained block.
     rows = matrix[-constraints:, :-constraints] if constraints else matrix[:0]
-    softened = SOFTENED * identity(constraints, format='csc')
+    softened = CONSTRAINT_REGULARIZATION * identity(constraints, format='csc')
     stiff = matrix[: matrix.shape[0] - constraints, : matrix.shape[0] - constraints]
-    blocks = [[stiff + rows.T @ rows / SOFTENED**0.5, rows.T], [rows, -softened]]
+    blocks = [[stiff + rows.T @ rows / CONSTRAINT_REGULARIZATION**0.5, rows.T], [rows, -softened]]
     whole = bmat(blocks, format='csc') if constraints else matrix
     options = {'SymmetricMode': True}
     factor = splu(whole, permc_spec='MMD_AT_PLUS_A', diag_pivot_thresh=0.0, options=options)

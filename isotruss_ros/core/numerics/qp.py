@@ -2,23 +2,21 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Strictly convex quadratic programs (QP), by SciPy's nonnegative least squares.
+Strictly convex quadratic programs (QP), solved by SciPy's nonnegative least squares.
 
     minimize   1/2 x^T P x + q^T x
     subject to A x = b,  G x <= h,  lower <= x <= upper
 
-What the equalities leave free and the Cholesky factor L of P turn it into the point of a
-polyhedron that is nearest to the origin (Lawson and Hanson, Solving Least Squares Problems, 1974,
-chapter 23, problem LDP):
+The null space of the equalities and the Cholesky factor L of P reduce it to the least distance
+problem (Lawson and Hanson, Solving Least Squares Problems, 1974, chapter 23, LDP):
 
     minimize |y|  subject to  y . column <= room  for each column
 
-The search for it ends after finitely many exchanges also at corners of many limits, where dual
-active-set solvers give up now and then, and it needs nothing but SciPy: one solver with and
-without ROS. An answer is checked by duality, so that it is the nearest point or none.
+The search is finite also at degenerate vertices, where dual active-set solvers fail occasionally,
+and it needs SciPy alone: one solver with and without ROS. Each answer is checked by duality.
 
-Contact is such a program with x >= 0 alone, a linear complementarity problem: where contact is,
-and how hard, equation (8). Principal pivoting ends it in a few steps.
+Contact is such a program with x >= 0 alone, a linear complementarity problem (LCP), equation (8).
+Block principal pivoting solves it in a few steps.
 """
 
 from __future__ import annotations
@@ -31,24 +29,24 @@ import numpy as np
 import scipy
 from scipy.linalg import cholesky, lapack, solve_triangular
 
-#: Inequalities hold to the first of these, against the largest of their coefficients times
-#: 1 + |x|; to the second where planes that are next to dependent meet and no search comes closer.
+#: Tolerances of the inequalities relative to their largest coefficient times 1 + |x| [-]; the
+#: second for nearly dependent active constraints.
 TOLERANCE, LOOSE_TOLERANCE = 1e-9, 1e-8
-#: Where more constraints meet than there are directions, rounding misleads the search: it starts
-#: again with bounds that are apart by so much, against the size of the solution.
-RELAXATIONS = (0.0, 1e-12, 1e-11, 1e-10, 1e-9)
+#: Perturbations of the bounds, relative to the size of the solution [-], tried in turn at
+#: degenerate vertices, where rounding disturbs the search.
+BOUND_PERTURBATIONS = (0.0, 1e-12, 1e-11, 1e-10, 1e-9)
 SMALLEST = float(np.finfo(float).tiny)
-#: Columns shorter than this share of the longest constrain nothing.
-PARALLEL = 1e-12
-#: Of the search for the active constraints; it takes a few.
+#: Columns shorter than this share of the longest are zero; also the rank tolerance [-].
+RANK_TOLERANCE = 1e-12
+#: Iteration cap of the active-set search [-]; it takes a few.
 MAX_EXCHANGES = 1000
-#: |y|^2 is at most so much above the least, against the square of the size.
-GAP = 1e-8
+#: Duality gap of |y|^2 relative to the squared size [-].
+DUALITY_GAP = 1e-8
 EPSILON = float(np.finfo(float).eps)
 GOLDEN_RATIO = 0.6180339887498949
-#: Gaps and complementarity hold to this [m]; forces to this over the stiffest point's compliance.
+#: Tolerance of gaps and complementarity [m]; of forces, divided by the smallest compliance.
 GAP_TOLERANCE = 1e-9
-#: Exchanges of many points at once without fewer wrong ones, before least squares.
+#: Block exchanges without progress before least squares [-].
 MAX_BLOCK_EXCHANGES = 10
 
 
@@ -59,10 +57,10 @@ class QuadraticProgram(NamedTuple):
     :ivar hessian: (n, n) P, positive definite.
     :ivar gradient: (n,) q.
     :ivar rows: (l, n) G.
-    :ivar bounds: (l,) h; infinite where there is no bound.
-    :ivar lower: (n,) of x, infinite where there is no bound; None for none at all.
-    :ivar upper: (n,), None together with `lower`.
-    :ivar equality: (k, n) A, of full row rank; None if there is none.
+    :ivar bounds: (l,) h; infinite without a bound.
+    :ivar lower: (n,) lower bounds of x, infinite without a bound; None: no bounds at all.
+    :ivar upper: (n,) upper bounds of x, None together with `lower`.
+    :ivar equality: (k, n) A, of full row rank; None: no equalities.
     :ivar target: (k,) b.
     """
 
@@ -81,8 +79,8 @@ def solve_qp(problem: QuadraticProgram) -> Array | None:
     Return the solution of a quadratic program.
 
     :param problem: the program.
-    :return: (n,) a point that fulfils the conditions of optimality, or None where none was found:
-        the constraints contradict each other, or P is not positive definite.
+    :return: (n,) the optimal point; None if the constraints contradict each other, or P is not
+        positive definite.
     """
     rows, bounds = _inequalities(problem)
     free, start = _free_space(problem)
@@ -92,20 +90,20 @@ def solve_qp(problem: QuadraticProgram) -> Array | None:
         return start if excess <= LOOSE_TOLERANCE * largest * (1.0 + np.abs(start).max()) else None
     whole = problem.equality is None
     curvature = problem.hessian if whole else free.T @ problem.hessian @ free
-    # Variables of one size: P holds penalties up to 1e8 beside costs of 1.
+    # Scaled variables: P has penalties up to 1e8 beside costs of 1.
     scale = 1.0 / np.sqrt(np.maximum(curvature.diagonal(), SMALLEST))
     factor, failed = lapack.dpotrf(scale[:, None] * curvature * scale, lower=1)
     if failed:
         return None
     free = free * scale
-    # y = L^T z + offset is the distance from the minimum without inequalities.
+    # y = L^T z + offset: distance from the unconstrained minimum.
     slope = free.T @ (problem.hessian @ start + problem.gradient)
     offset, _ = lapack.dtrtrs(factor, slope, lower=1)
     turned, _ = lapack.dtrtrs(factor, (rows * scale if whole else rows @ free).T, lower=1)
     room = bounds - rows @ start + offset @ turned
     best: Array | None = None
     least = LOOSE_TOLERANCE
-    for relaxation in RELAXATIONS:
+    for relaxation in BOUND_PERTURBATIONS:
         nearest = find_nearest(turned, room, np.sqrt(offset @ offset), relaxation)
         if nearest is None:
             continue
@@ -120,14 +118,14 @@ def solve_qp(problem: QuadraticProgram) -> Array | None:
                 return found
             if not len(active):
                 break
-            # An offset much longer than x has taken digits: the active constraints give them back.
+            # An offset much longer than x loses digits: the active constraints restore them.
             left = bounds[active] - rows[active] @ found
             step = solve_least_squares(turned[:, active].T, left)
     return best
 
 
 def _inequalities(problem: QuadraticProgram) -> tuple[Array, Array]:
-    """Return all rows and bounds C x <= d."""
+    """Return all rows and bounds of C x <= d."""
     rows, bounds = problem.rows, problem.bounds
     if problem.lower is not None and problem.upper is not None:
         unit = np.eye(len(problem.gradient))
@@ -138,7 +136,7 @@ def _inequalities(problem: QuadraticProgram) -> tuple[Array, Array]:
 
 
 def _free_space(problem: QuadraticProgram) -> tuple[Array, Array]:
-    """Return an orthonormal basis (n, f) of what the equalities leave free, and one solution."""
+    """Return an orthonormal null space (n, f) of the equalities, and one solution."""
     n = len(problem.gradient)
     if problem.equality is None:
         return np.eye(n), np.zeros(n)
@@ -152,26 +150,25 @@ def _free_space(problem: QuadraticProgram) -> tuple[Array, Array]:
 
 
 class Nearest(NamedTuple):
-    """The point of a polyhedron that is nearest to the origin."""
+    """Nearest point of a polyhedron to the origin."""
 
     point: Array  #: (f,) y
-    active: Indices  #: (a,) numbers of the constraints that keep it from the origin
+    active: Indices  #: (a,) indices of the active constraints
 
 
 def find_nearest(columns: Array, room: Array, size: float, relaxation: float) -> Nearest | None:
     """
-    Return the point of a polyhedron that is nearest to the origin.
+    Return the point of a polyhedron nearest to the origin.
 
-    :param columns: (f, l) its planes' normals, of any lengths.
-    :param room: (l,) what y . column may be.
+    :param columns: (f, l) normals of its planes, of any length.
+    :param room: (l,) upper bounds of y . column.
     :param size: an estimate of |y|, not negative.
-    :param relaxation: by which the search for the active constraints sets the bounds apart,
-        against the size; 0 or small.
-    :return: None where none was found: the constraints contradict each other, or rounding has
-        misled the search.
+    :param relaxation: perturbation of the bounds in the active-set search, relative to the size; 0
+        or small.
+    :return: None if the constraints contradict each other, or rounding disturbed the search.
     """
     lengths = np.sqrt(np.einsum('fl,fl->l', columns, columns))
-    lengths[lengths <= PARALLEL * lengths.max(initial=0.0)] = np.inf
+    lengths[lengths <= RANK_TOLERANCE * lengths.max(initial=0.0)] = np.inf
     normals, bounds = columns / lengths, room / lengths
     beyond = -bounds.min(initial=0.0)
     if beyond <= relaxation * size:
@@ -188,18 +185,18 @@ def find_nearest(columns: Array, room: Array, size: float, relaxation: float) ->
         return None
     active = np.flatnonzero(weights)
     left = 1.0 + matrix[-1, active] @ weights[active]
-    # Nothing is left where constraints contradict, none is active where the relaxation put the
+    # The residual vanishes if constraints contradict; none is active if the perturbation moved the
     # origin inside.
     if not EPSILON < left <= 1.0 or not len(active):
         return None
     normals, bounds = normals[:, active], bounds[active]
-    # The shortest y at these bounds: directions of very different stiffness keep their digits.
+    # Minimum-norm y at the active bounds keeps the digits of directions of different stiffness.
     point = solve_least_squares(normals.T, bounds)
-    # Duality: with multipliers that are not negative |y|^2 is at most the gap above the least.
+    # Duality: with nonnegative multipliers |y|^2 exceeds the minimum by at most the gap.
     apart, multipliers = np.abs(bounds - point @ normals), weights[active] * (size / left)
     for _ in range(2):
         rest = point + normals @ multipliers
-        if rest @ rest + 2.0 * multipliers @ apart <= GAP * size * size:
+        if rest @ rest + 2.0 * multipliers @ apart <= DUALITY_GAP * size * size:
             return Nearest(point, active)
         multipliers = np.maximum(multipliers - solve_least_squares(normals, rest), 0.0)
     return None
@@ -207,9 +204,9 @@ def find_nearest(columns: Array, room: Array, size: float, relaxation: float) ->
 
 def solve_least_squares(matrix: Array, right: Array) -> Array:
     """
-    Return the shortest x with the least |matrix x - right|.
+    Return the minimum-norm least-squares solution of matrix x = right.
 
-    In place of `numpy.linalg.lstsq(matrix, right, rcond=PARALLEL)`, without its singular values.
+    Replaces `numpy.linalg.lstsq(matrix, right, rcond=RANK_TOLERANCE)`, without singular values.
 
     :param matrix: (m, n), of any rank, m and n at least 1.
     :param right: (m,)
@@ -219,20 +216,20 @@ def solve_least_squares(matrix: Array, right: Array) -> Array:
     padded[:rows, 0] = right
     pivots = np.zeros(columns, dtype=np.intc)
     work = 16 * len(padded)
-    return lapack.dgelsy(matrix, padded, pivots, PARALLEL, work)[1][:columns, 0]
+    return lapack.dgelsy(matrix, padded, pivots, RANK_TOLERANCE, work)[1][:columns, 0]
 
 
 def solve_complementarity(compliance: Array, gaps: Array, active: Flags) -> tuple[Array, Flags]:
     """
-    Find forces f >= 0 with g = gaps + compliance @ f >= 0 and f g = 0, equations (6) and (8).
+    Solve the contact LCP f >= 0, g = gaps + compliance @ f >= 0, f g = 0, equations (6) and (8).
 
-    By exchanging all points that are wrong at once (Judice and Pires, 1994), which takes a few
-    steps or goes in circles; then by nonnegative least squares.
+    Block principal pivoting (Judice and Pires, 1994) takes a few steps or cycles; after a cycle
+    nonnegative least squares follows.
 
     :param compliance: (c, c) symmetric positive definite [m/N].
-    :param gaps: (c,) without forces [m].
-    :param active: (c,) a guess of where the contact is.
-    :return: forces (c,) [N] and where they act.
+    :param gaps: (c,) gaps without contact forces [m].
+    :param active: (c,) initial guess of the points in contact.
+    :return: forces (c,) [N] and the mask of points in contact.
     :raises SolverError: the matrix is not positive definite.
     """
     active = active.copy()
@@ -254,7 +251,7 @@ def solve_complementarity(compliance: Array, gaps: Array, active: Flags) -> tupl
 
 
 def _by_least_squares(compliance: Array, gaps: Array) -> tuple[Array, Flags]:
-    """Do the same with W = R^T R: 1/2 f W f + f g is 1/2 |R f + R^-T g|^2 but for a constant."""
+    """Solve the LCP by nonnegative least squares on the Cholesky factor W = R^T R."""
     try:
         root = cholesky(compliance)
         target = solve_triangular(root, -gaps, trans='T')
@@ -267,7 +264,7 @@ def _by_least_squares(compliance: Array, gaps: Array) -> tuple[Array, Flags]:
 
 
 def _closing(compliance: Array, gaps: Array, active: Flags) -> Array:
-    """Return the forces at the active points, of any sign, that close their gaps."""
+    """Return the forces (of any sign) that close the gaps at the active points."""
     places = np.flatnonzero(active)
     if not len(places):
         return np.zeros(0)

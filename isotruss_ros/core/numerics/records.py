@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Results as data: a short `repr`, a table for notebooks, plain Python, equality by value."""
+"""Results as data: short `repr`, table for notebooks, plain Python, equality by value."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-#: An array of more numbers is shown by its shape, a text or a list is cut off [-].
+#: Longest array and text shown in full [numbers, characters].
 MAX_SHOWN_NUMBERS, MAX_SHOWN_CHARACTERS = 12, 90
 
 
 class Record:
     """
-    Base of results.
+    Base class of results.
 
-    The data of a result are its fields, but for those with `repr=False`, and its properties. A
-    class that names its `data` has these alone. The first ones are shown.
+    The data of a result are its fields, except those with `repr=False`, and its properties. A
+    class attribute `data` replaces them. The `headline` is shown.
 
-    :cvar headline: names of the data that are shown, first what one looks for first.
-    :cvar data: names of all data, or none to take fields and properties.
+    :cvar headline: names of the data that are shown, the most important first.
+    :cvar data: names of all data; empty for fields and properties.
     """
 
     headline: ClassVar[tuple[str, ...]] = ()
@@ -36,7 +36,7 @@ class Record:
     def __init_subclass__(
         cls, headline: tuple[str, ...] = (), data: tuple[str, ...] = (), **rest: Any
     ) -> None:
-        """Note the names; the methods of this class replace those that a dataclass would make."""
+        """Store the names of the data; these methods replace those of a dataclass."""
         super().__init_subclass__(**rest)
         cls.headline, cls.data = headline or cls.headline, data or cls.data
 
@@ -45,12 +45,12 @@ class Record:
         return {name: as_plain(getattr(self, name)) for name in _names(type(self))}
 
     def __repr__(self) -> str:
-        """Return the name of the class and a line for each of the first data."""
+        """Return the name of the class and one line for each item of the headline."""
         lines = [f'{name}: {_show(getattr(self, name))}' for name in _shown(type(self))]
         return '\n  '.join([type(self).__name__, *lines])
 
     def _repr_html_(self) -> str:
-        """Return the first data as tables: one of numbers, one with a row for each name."""
+        """Return the headline as tables: one of numbers, one with a row for each name."""
         values = {name: getattr(self, name) for name in _shown(type(self))}
         by_name = {name: each for name, each in values.items() if isinstance(each, Mapping)}
         rows = [
@@ -73,7 +73,7 @@ class Record:
         return table
 
     def __eq__(self, other: object) -> bool:
-        """Return whether the other one is of the same class and has equal data."""
+        """Return whether the other object is of the same class and has equal data."""
         if type(other) is not type(self):
             return NotImplemented
         names = _names(type(self))
@@ -84,8 +84,8 @@ def as_plain(value: Any) -> Any:
     """
     Return a value as numbers, texts, lists and dictionaries.
 
-    :param value: an array, of complex numbers as pairs; a result, an object, or plain Python.
-    :raises TypeError: it is of another kind.
+    :param value: an array (complex numbers become pairs), a result, an object, or plain Python.
+    :raises TypeError: the value is of another kind.
     """
     if value is None or (
         isinstance(value, (bool, int, float, str)) and not isinstance(value, enum.Enum)
@@ -117,10 +117,10 @@ def as_plain(value: Any) -> Any:
 
 def is_equal(value: Any, other: Any) -> bool:
     """
-    Return whether two values are equal, arrays by their numbers; not a number equals itself.
+    Return whether two values are equal, arrays by their numbers; NaN equals NaN.
 
-    :param value: one of them.
-    :param other: the other one.
+    :param value: first value.
+    :param other: second value.
     """
     if isinstance(value, np.ndarray) or isinstance(other, np.ndarray):
         return np.array_equal(value, other, equal_nan=True)
@@ -134,7 +134,7 @@ def is_equal(value: Any, other: Any) -> bool:
 
 
 def _names(kind: type[Record]) -> tuple[str, ...]:
-    """Return the names of the data of a class: those that are shown come first."""
+    """Return the names of the data of a class, headline first."""
     if kind.data:
         return kind.data
     fields: Any = dataclasses.fields(kind) if dataclasses.is_dataclass(kind) else ()
@@ -160,7 +160,7 @@ def _cell(values: Mapping[str, Any], key: str) -> str:
 
 
 def _show(value: Any) -> str:
-    """Return a value in one line, numbers to four digits."""
+    """Return a value on one line, numbers to four digits."""
     if hasattr(value, 'to_dict'):
         return type(value).__name__
     if isinstance(value, np.ndarray) and value.size > MAX_SHOWN_NUMBERS:

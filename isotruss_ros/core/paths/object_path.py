@@ -2,13 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-A path of the object: poses one after the other, and where along them it should be at which time.
+Path of the object: interpolated poses as a function of time.
 
-From pose to pose, position and angle change evenly, the angle in the shorter direction, in the
-time of the slower of the two: the centre at `speed`, or the turn at `turn_rate`. So one of the
-limits is reached on every piece and none is exceeded. A smooth path is first cut into short pieces
-of centripetal Catmull-Rom splines through the poses, which make neither cusps nor loops between
-two poses (Yuksel, Schaefer and Keyser, Computer-Aided Design 2011).
+Position and angle are interpolated linearly between poses, the angle in the shorter direction. The
+duration of a segment is the larger of that of the centre at `speed` and that of the rotation at
+`turn_rate`. A smooth path is a centripetal Catmull-Rom spline through the poses, without cusps or
+loops between two poses (Yuksel, Schaefer and Keyser, Computer-Aided Design 2011), sampled in short
+segments.
 """
 
 from __future__ import annotations
@@ -22,36 +22,36 @@ import numpy as np
 from numpy.typing import ArrayLike
 import scipy
 
-#: More poses, or a longer path, are a mistake; so are greater speeds [m/s, rad/s].
+#: Largest number of poses, duration [s] and speeds [m/s, rad/s] of a valid path.
 MAX_POSES = 10_000
 MAX_DURATION = 86_400.0
 MAX_SPEED, MAX_TURN_RATE = 10.0, 100.0
-#: A half turn has no shorter direction; this much less has one [rad].
+#: Smallest difference of a rotation from a half turn, which has no shorter direction [rad].
 HALF_TURN_MARGIN = 1e-6
-#: Poses nearer to each other than this are one [m, rad].
-SAME = 1e-9
-#: The pieces of a smooth path are about so long [m], or turn about so far [rad].
+#: Smallest distance of distinct poses [m, rad].
+POSE_TOLERANCE = 1e-9
+#: Approximate length [m] and rotation [rad] of a segment of a smooth path.
 PIECE, PIECE_TURN = 0.005, 0.02
 MAX_PIECES_OF_A_SPAN = 200
-#: More of them in all would take long to compute, and fill the memory.
+#: Largest number of segments of a smooth path [-]; bounds time and memory.
 MAX_PIECES = 100_000
 
 
 class ObjectPath:
     """
-    Poses and when each is due.
+    Poses of the object with their times.
 
-    :ivar poses: (n, 3) x, y [m] and angle [rad] in the robot frame; the angle has no jumps by full
-        turns, and begins where the first pose has it.
-    :ivar times: (n,) when each pose is due, from 0 [s].
-    :ivar duration: of the whole path [s].
-    :ivar length: of the path of the centre [m].
-    :param poses: (n, 3) two or more; those that repeat the one before are left out.
-    :param speed: of the centre along the path [m/s].
-    :param turn_rate: largest rate of turn [rad/s].
-    :param smooth: whether the path rounds its corners; straight from pose to pose if not.
-    :param first: number of the first pose in errors.
-    :raises PathError: names what cannot be followed and what would be right.
+    :ivar poses: (n, 3) x, y [m] and unwrapped angle [rad] in the robot frame, beginning with the
+        angle of the first pose.
+    :ivar times: (n,) times of the poses, from 0 [s].
+    :ivar duration: duration of the path [s].
+    :ivar length: length of the path of the centre [m].
+    :param poses: (n, 3) two or more poses; repeated ones are removed.
+    :param speed: speed of the centre along the path [m/s].
+    :param turn_rate: largest angular velocity [rad/s].
+    :param smooth: spline through the poses instead of straight segments.
+    :param first: index of the first pose in errors.
+    :raises PathError: names the invalid value and its valid range.
     """
 
     def __init__(
@@ -70,7 +70,7 @@ class ObjectPath:
         self.times = np.concatenate([[0.0], np.cumsum(self._durations())])
 
     def _durations(self) -> Array:
-        """Return the time from each pose to the next (n - 1,) [s]."""
+        """Return the durations of the segments (n - 1,) [s]."""
         steps = np.diff(self.poses, axis=0)
         length = np.hypot(steps[:, 0], steps[:, 1])
         with np.errstate(over='ignore'):  # of all but no speed; refused below
@@ -85,7 +85,7 @@ class ObjectPath:
 
     @property
     def duration(self) -> float:
-        """Return when the last pose is due [s]."""
+        """Return the duration of the path [s]."""
         return float(self.times[-1])
 
     @property
@@ -96,9 +96,9 @@ class ObjectPath:
 
     def pose(self, time: float) -> Array:
         """
-        Return where the object should be at a time: at rest at the ends, before and after.
+        Return the desired pose at a time; constant before the start and after the end.
 
-        :param time: since the beginning of the path [s].
+        :param time: time since the start of the path [s].
         :raises PathError: the time is not a number.
         """
         if math.isnan(time):
@@ -107,13 +107,13 @@ class ObjectPath:
 
 
 def _limit(name: str, value: float, most: float, unit: str) -> float:
-    if not 0.0 < value <= most:  # also refuses what is not a number
+    if not 0.0 < value <= most:  # also refuses NaN
         raise PathError(f'{name} {value!r} {unit}: must be positive, at most {most:g} {unit}')
     return float(value)
 
 
 def _checked(poses: ArrayLike, first: int) -> Array:
-    """Return the poses as numbers (n, 3)."""
+    """Return the poses as checked numbers (n, 3)."""
     try:
         array = np.asarray(poses, dtype=np.float64)
     except (TypeError, ValueError) as error:
@@ -134,7 +134,7 @@ def _checked(poses: ArrayLike, first: int) -> Array:
 
 
 def _unwrapped(poses: Array, first: int) -> Array:
-    """Return the poses, each turned in the shorter direction from the one before."""
+    """Return the poses with unwrapped angles."""
     turns = np.diff(poses[:, 2])
     turns = turns - 2.0 * math.pi * np.round(turns / (2.0 * math.pi))
     far = np.flatnonzero(np.abs(turns) > math.pi - HALF_TURN_MARGIN)
@@ -149,8 +149,8 @@ def _unwrapped(poses: Array, first: int) -> Array:
 
 
 def _distinct(poses: Array) -> Array:
-    """Return the poses that are not where the one before is."""
-    cells = np.round(poses / SAME)
+    """Return the poses without repetitions."""
+    cells = np.round(poses / POSE_TOLERANCE)
     differs = (np.diff(cells, axis=0) != 0.0).any(axis=1)
     if not differs.any():
         raise NoMotionError(
@@ -161,14 +161,14 @@ def _distinct(poses: Array) -> Array:
 
 def _smoothed(poses: Array, durations: Array) -> Array:
     """
-    Cut the splines through poses into short pieces.
+    Return samples of the spline through poses.
 
-    :param durations: (n - 1,) from pose to pose, the measure of how far apart they are [s].
-    :raises PathError: there are too many pieces.
+    :param durations: (n - 1,) durations of the segments, the metric of the spline [s].
+    :raises PathError: the path has too many segments.
     """
     spans = np.sqrt(durations)
     knots = np.concatenate([[0.0], np.cumsum(spans)])
-    # Those of the parabola through each pose and its neighbours.
+    # Tangents of the parabola through each pose and its neighbours.
     tangents = np.gradient(poses, knots, axis=0, edge_order=2 if len(poses) > 2 else 1)
     steps = np.diff(poses, axis=0)
     wanted = np.maximum(np.hypot(*steps[:, :2].T) / PIECE, np.abs(steps[:, 2]) / PIECE_TURN)

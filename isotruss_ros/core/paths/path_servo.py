@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Path servo: in every cycle, follow the path, wait, or abort, by the inputs and their ages.
+Path servo: follow, pause or abort a path in each control cycle, by the validity of its inputs.
 
-An unusable input stops the object: a pose that is missing, too old or rejected ends the path, and
-while the manipulation is stopped, or timed out, path time stands still and the twist is zero.
+A missing, stale or rejected pose ends the path. While the manipulation is stopped, or its feedback
+stale, path time is stopped and the twist zero.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ import numpy as np
 
 
 class Outcome(enum.IntEnum):
-    """How following a path ended, the same as in isotruss_msgs/FollowObjectPath."""
+    """Result of path following, equal to isotruss_msgs/FollowObjectPath."""
 
     REACHED = 0
     CANCELLED = 1
@@ -43,12 +43,12 @@ class Outcome(enum.IntEnum):
 
 class ServoFeedback(NamedTuple):
     """
-    How the manipulation carried out the last twist.
+    Feedback of the manipulation on the last twist.
 
-    :ivar code: number of the `Status`.
-    :ivar scale: part of the twist that was carried out, 0 to 1.
+    :ivar code: code of the `Status`.
+    :ivar scale: executed share of the twist, 0 to 1.
     :ivar message: the reason in words.
-    :ivar frequency: lowest natural frequency of the held object; 0 if not known [rad/s].
+    :ivar frequency: lowest natural frequency of the held object; 0 if unknown [rad/s].
     """
 
     code: int
@@ -59,12 +59,12 @@ class ServoFeedback(NamedTuple):
 
 class Step(NamedTuple):
     """
-    What to do in this cycle.
+    Output of one control cycle.
 
-    :ivar twist: (3,) of the object, robot frame [m/s, rad/s].
-    :ivar outcome: how it ended, None while it goes on.
-    :ivar message: in words, once it ended.
-    :ivar tracking: how it goes; None where that is not known.
+    :ivar twist: (3,) twist of the object, robot frame [m/s, rad/s].
+    :ivar outcome: result of path following, None while it is active.
+    :ivar message: the result in words.
+    :ivar tracking: state of the tracking; None if unknown.
     """
 
     twist: Array
@@ -73,7 +73,7 @@ class Step(NamedTuple):
     tracking: Tracking | None
 
 
-#: The outcome for each phase that ends the path.
+#: Outcomes by final phase.
 OUTCOMES = {
     PathPhase.REACHED: Outcome.REACHED,
     PathPhase.OFF_PATH: Outcome.OFF_PATH,
@@ -83,16 +83,16 @@ OUTCOMES = {
 
 class PathServo:
     """
-    State of following a path: its settings and the latest input of each kind.
+    State of path following: settings and the latest value of each input.
 
     :ivar pose: input of the measured `Pose` of the object, robot frame.
     :ivar servo_feedback: input of the `ServoFeedback` of the manipulation.
-    :ivar rollers: input of the measured `RollerState`, by which paths are foreseen.
-    :ivar held_grip: likewise, input of the `GripRecord` of the loop that holds the object.
-    :ivar estimate: input of the `EstimatedTravel` whose offsets the rollers have; None without.
-    :ivar tracker: of the present path, or of the last one; None before the first.
-    :param period: time from cycle to cycle [s].
-    :param timeout: inputs older than this are not relied on [s].
+    :ivar rollers: input of the measured `RollerState`, for the feasibility check of paths.
+    :ivar held_grip: input of the `GripRecord` of the loop that holds the object, for the same.
+    :ivar estimate: input of the `EstimatedTravel` with the offsets of the rollers; None without.
+    :ivar tracker: tracker of the current or last path; None before the first.
+    :param period: period of the control loop [s].
+    :param timeout: largest age of inputs [s].
     """
 
     def __init__(self, period: float, timeout: float) -> None:
@@ -108,7 +108,7 @@ class PathServo:
 
     def measured(self, now: float) -> Pose:
         """
-        Return where the object is.
+        Return the measured pose of the object.
 
         :param now: time on the clock of the inputs [s].
         :raises InputError: its pose is missing, stale or invalid.
@@ -117,13 +117,13 @@ class PathServo:
 
     def begin(self, path: ObjectPath, settings: TrackingSettings, now: float) -> None:
         """
-        Take a path; the next cycle is its first.
+        Start a path; its first cycle is the next one.
 
-        :param path: of the object.
-        :param settings: of the tracking.
+        :param path: path of the object.
+        :param settings: settings of the tracking.
         :param now: time on the clock of the inputs [s].
-        :raises PathError: it does not begin where the object is.
-        :raises InputError: there is no usable pose of the object.
+        :raises PathError: the path does not begin at the object's pose.
+        :raises InputError: the object's pose is missing, stale or invalid.
         """
         self.tracker = None
         measured = self.measured(now)
@@ -140,7 +140,7 @@ class PathServo:
 
     def decide(self, now: float) -> Step:
         """
-        Return what to do in the cycle that begins now; never raises for an input.
+        Return the output of the current cycle; invalid inputs never raise.
 
         :param now: time on the clock of the inputs [s].
         """
@@ -163,7 +163,7 @@ class PathServo:
         return Step(tracking.twist, outcome, message, tracking)
 
     def _last_feedback(self, now: float) -> ServoFeedback:
-        """Return how the manipulation carried out the last twist; a halt if that is not known."""
+        """Return the feedback on the last twist; a halt if unknown."""
         try:
             (given,) = require_fresh(now, self.timeout, status=self.servo_feedback)
         except InputError as error:

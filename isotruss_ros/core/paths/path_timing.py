@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Time along a path: it slows down where the robot cannot follow, and never jumps."""
+"""Path time: runs slower where the robot lags, without jumps."""
 
 from __future__ import annotations
 
@@ -9,27 +9,27 @@ import math
 
 from isotruss_ros.core.inputs import Timeline
 
-#: Measurements are no older than this [s].
-MEMORY = 1.0
-#: Limits of the robot do not slow below this rate: the rest of the path may lead away from them.
-MIN_RATE = 0.1
-#: A robot that follows at less than this rate makes no progress.
-STANDSTILL = 0.05
+#: Length of the history of path time, the largest age of a measurement [s].
+HISTORY_DURATION = 1.0
+#: Smallest rate under limits of the robot [-]: the rest of the path may leave them.
+MIN_LIMITED_RATE = 0.1
+#: Smallest rate that counts as progress [-].
+MIN_PROGRESS_RATE = 0.05
 
 
 class PathClock:
     """
-    Runs from 0 to the path's duration at a rate from 0 to 1.
+    Path time from 0 to the path's duration, at a rate from 0 to 1.
 
     :ivar time: path time [s].
-    :ivar rate: path time by time.
-    :ivar ramp_time: from rest to rate 1 and back [s].
+    :ivar rate: derivative of path time by time [-].
+    :ivar ramp_time: time from rest to rate 1 and back [s].
     :ivar waited: time since the last progress [s].
-    :ivar period: of the control loop, which may change on the path [s].
-    :param duration: of the path [s].
-    :param ramp_time: from rest to rate 1 and back [s].
-    :param progress_timeout: how long a time counts for progress [s].
-    :param period: of the control loop; a longer cycle than two counts as two [s].
+    :ivar period: period of the control loop, variable along the path [s].
+    :param duration: duration of the path [s].
+    :param ramp_time: time from rest to rate 1 and back [s].
+    :param progress_timeout: largest time without progress [s].
+    :param period: period of the control loop; cycles longer than two are clipped to two [s].
     """
 
     def __init__(
@@ -37,7 +37,7 @@ class PathClock:
     ) -> None:
         self.time = self.rate = self.waited = 0.0
         self._duration, self.ramp_time = duration, ramp_time
-        self._least_progress = STANDSTILL * progress_timeout
+        self._least_progress = MIN_PROGRESS_RATE * progress_timeout
         self._mark = self._now = 0.0
         self.period = period
         self._known = Timeline()
@@ -45,12 +45,12 @@ class PathClock:
 
     @property
     def at_end(self) -> bool:
-        """Tell whether the path is over."""
+        """Return whether path time is at the end of the path."""
         return self.time >= self._duration
 
     @property
     def time_left(self) -> float:
-        """Return how long the rest takes if nothing slows: up the ramp, on, down the ramp [s]."""
+        """Return the remaining time without slow-down, with ramps up and down [s]."""
         left = self._duration - self.time
         peak = min(1.0, math.sqrt(left / self.ramp_time + 0.5 * self.rate**2))
         cruise = left - (peak**2 - 0.5 * self.rate**2) * self.ramp_time
@@ -58,16 +58,16 @@ class PathClock:
 
     def time_then(self, elapsed: float, age: float) -> float:
         """
-        Return what path time was some time ago [s].
+        Return the path time of a past moment [s].
 
-        :param elapsed: since the last call of `advance` [s].
-        :param age: how long ago [s].
+        :param elapsed: time since the last call of `advance` [s].
+        :param age: age of the moment [s].
         """
         return self._known.at(self._now + elapsed - age)
 
     def step(self, elapsed: float) -> float:
         """
-        Return what part of the elapsed time counts: a starved loop does not leap ahead [s].
+        Return the elapsed time, clipped so that a late cycle does not jump ahead [s].
 
         :param elapsed: time since the last cycle [s].
         """
@@ -75,20 +75,20 @@ class PathClock:
 
     def advance(self, elapsed: float, room: float, scale: float, held: bool) -> None:
         """
-        Move path time to where it is to be one cycle from now.
+        Advance path time to its value one cycle from now.
 
-        :param elapsed: since the last call [s].
-        :param room: 0 to 1, the rate that the lag of the robot allows; obeyed at once.
-        :param scale: 0 to 1, what part of the last twist the limits of the robot left; followed at
-            the pace of the ramp, since the status of a slower twist is received some cycles later.
+        :param elapsed: time since the last call [s].
+        :param room: rate limit by the lag of the robot, 0 to 1; applied at once.
+        :param scale: scale of the last twist by limits of the robot, 0 to 1; applied along the
+            ramp, since the feedback is some cycles late.
         :param held: whether the robot is stopped.
         """
         self._now += max(elapsed, 0.0)
         if self._now > self._known.last[0]:
             self._known.add(self._now, self.time)
-        self._known.discard_before(self._now - MEMORY)
+        self._known.discard_before(self._now - HISTORY_DURATION)
         step = self.step(elapsed)
-        wanted = 1.0 if scale >= 1.0 else max(self.rate * scale, MIN_RATE)
+        wanted = 1.0 if scale >= 1.0 else max(self.rate * scale, MIN_LIMITED_RATE)
         most = step / self.ramp_time
         rate = min(max(wanted, self.rate - most), self.rate + most)
         left = self._duration - self.time

@@ -2,14 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Follow a path of the object: feed-forward of the path, feedback of the measured pose.
+Path tracking: feed-forward of the path and feedback of the measured pose.
 
     twist = r * (d pose of the path / d tau)  +  K * (pose of the path - measured pose)
 
-The object moves as its twist says, so each coordinate is an integrator, and what slip, noise and
-a wrong shape add is a disturbance at its input: the error decays at the rate K and stays within
-disturbance / K, however long the path is. Path time runs at the rate r = d tau / dt from 0 to 1:
-slower where the robot lags, never backward, and never in jumps.
+Each coordinate of the object is an integrator of its twist; slip, noise and kinematic errors are
+disturbances at its input. The error decays at the rate K and is bounded by disturbance / K for any
+length of the path. Path time runs at the rate r = d tau / dt from 0 to 1: slower where the robot
+lags, monotonic and without jumps.
 """
 
 from __future__ import annotations
@@ -26,50 +26,50 @@ from isotruss_ros.core.paths.object_path import ObjectPath
 from isotruss_ros.core.paths.path_timing import PathClock
 import numpy as np
 
-#: K times the delay of the loop is at most this. An integrator under feedback with a delay that
-#: varies up to T is stable while K T < 3/2 (Yorke 1970); half of that is the margin.
-MAX_GAIN_TIMES_DELAY = 0.75
-#: An object held at the frequency omega is off its path by about this times a / omega^2 where it
-#: is accelerated by a: twice for a step of a, and more with the lag of the loop.
-INERTIA = 2.5
-#: Path time runs freely up to this share of the tolerances, and stands still from this one on.
+#: Largest product of gain K and delay of the loop [-]. An integrator under feedback with a delay
+#: of up to T is stable for K T < 3/2 (Yorke 1970); a gain margin of 2 remains.
+MAX_GAIN_DELAY_PRODUCT = 0.75
+#: Peak deviation of an object with natural frequency omega under a step of acceleration a, in
+#: units of a / omega^2 [-]: 2 without damping, more with the lag of the loop.
+PEAK_DEVIATION_FACTOR = 2.5
+#: Shares of the tolerances between which path time slows from full rate to standstill [-].
 FREE, STANDING = 0.5, 0.9
-#: At the end the error must be below this share of the tolerances.
-REACHED = 0.5
-#: The feedback is at most this share of the path's own speed and turn rate.
-MAX_CORRECTION = 0.5
-#: Zero divided by this is zero.
-TINY = 1e-12
+#: Largest error at the end of the path, as a share of the tolerances [-].
+END_ERROR_SHARE = 0.5
+#: Bound of the feedback as a share of the path's speed and turn rate [-].
+MAX_FEEDBACK_SHARE = 0.5
+#: Smallest divisor [m, rad].
+MIN_DIVISOR = 1e-12
 
 
 class PathPhase(enum.Enum):
-    """How it goes along the path."""
+    """Phase of path following."""
 
-    FOLLOWING = enum.auto()  #: path time runs as it should
-    SLOWED = enum.auto()  #: path time runs slower: the robot lags, or is slowed by its limits
-    HELD = enum.auto()  #: the robot is stopped; path time stands still
-    SETTLING = enum.auto()  #: the path is over, the object not yet within tolerance of its end
-    REACHED = enum.auto()  #: the object is at the end of the path
-    OFF_PATH = enum.auto()  #: off the path, or off its end for too long
-    STUCK = enum.auto()  #: stopped, or too slow, for too long
+    FOLLOWING = enum.auto()  #: path time runs at full rate
+    SLOWED = enum.auto()  #: path time runs slower: the robot lags or is at its limits
+    HELD = enum.auto()  #: the robot and path time are stopped
+    SETTLING = enum.auto()  #: path time is at the end, the object not yet within tolerance
+    REACHED = enum.auto()  #: the object is within tolerance of the end
+    OFF_PATH = enum.auto()  #: beyond the tolerance of the path, or too long of its end
+    STUCK = enum.auto()  #: without progress for too long
 
 
-#: In these there is nothing more to follow.
+#: Final phases.
 FINISHED = frozenset({PathPhase.REACHED, PathPhase.OFF_PATH, PathPhase.STUCK})
 
 
 @dataclass(frozen=True)
 class TrackingSettings:
     """
-    How to follow.
+    Settings of path tracking.
 
-    :ivar position_tolerance: how far the object may be off the path [m].
-    :ivar angle_tolerance: the same for its orientation [rad].
-    :ivar position_gain: rate at which errors of position decay [1/s].
-    :ivar angle_gain: the same for the orientation [1/s].
-    :ivar ramp_time: from rest to the full speed of the path, and back [s].
-    :ivar progress_timeout: the object may stand still for this long [s].
-    :raises PathError: names the value and what would be right.
+    :ivar position_tolerance: largest error of position [m].
+    :ivar angle_tolerance: largest error of orientation [rad].
+    :ivar position_gain: decay rate of the position error [1/s].
+    :ivar angle_gain: decay rate of the orientation error [1/s].
+    :ivar ramp_time: time from rest to the full speed of the path, and back [s].
+    :ivar progress_timeout: largest time without progress [s].
+    :raises PathError: names the value and its valid range.
     """
 
     position_tolerance: float = 0.01
@@ -80,29 +80,29 @@ class TrackingSettings:
     progress_timeout: float = 3.0
 
     def __post_init__(self) -> None:
-        """Reject what is not a positive number; gains may be 0."""
+        """Refuse values that are not positive numbers; gains may be 0."""
         for name, value in vars(self).items():
             if not (value > 0.0 or (value == 0.0 and name.endswith('gain'))) or value == math.inf:
                 raise PathError(f'{name} {value!r}: must be a positive number')
 
 
-#: How an object is brought back that went along a little as the grip closed on it: at this speed
-#: [m/s] and rate of turn [rad/s], so slowly that robots with masses do not swing.
-RETURN = TrackingSettings(position_tolerance=0.0025)
+#: Tracking settings, speed [m/s] and turn rate [rad/s] of the return of an object displaced by #:
+#: the closing grip; slow enough to excite no oscillation of robots with masses.
+RETURN_SETTINGS = TrackingSettings(position_tolerance=0.0025)
 RETURN_SPEED, RETURN_TURN_RATE = 0.002, 0.02
 
 
 class Tracking(NamedTuple):
     """
-    What to do in one cycle, and how it goes.
+    Output of the tracking in one cycle.
 
-    :ivar phase: of following the path.
-    :ivar twist: (3,) of the object, robot frame [m/s, rad/s]; zero where it must not move.
-    :ivar position_error: from where the object should have been when it was measured [m].
-    :ivar angle_error: the same for its orientation, not negative [rad].
-    :ivar progress: 0 to 1, by time.
-    :ivar time_left: if nothing slows the object any more [s].
-    :ivar message: in words, with the numbers, once it is finished.
+    :ivar phase: phase of path following.
+    :ivar twist: (3,) twist of the object, robot frame [m/s, rad/s].
+    :ivar position_error: error at the time of the measurement [m].
+    :ivar angle_error: error of orientation at that time, not negative [rad].
+    :ivar progress: share of path time, 0 to 1.
+    :ivar time_left: remaining time at full rate [s].
+    :ivar message: result in words and numbers, in final phases.
     """
 
     phase: PathPhase
@@ -116,14 +116,14 @@ class Tracking(NamedTuple):
 
 class PathTracker:
     """
-    State of following one path.
+    State of the tracking of one path.
 
     :ivar clock: path time.
-    :ivar max_position_error: so far [m].
-    :ivar max_angle_error: so far [rad].
-    :param path: what to follow.
-    :param settings: how.
-    :param period: of the control loop [s].
+    :ivar max_position_error: largest position error so far [m].
+    :ivar max_angle_error: largest orientation error so far [rad].
+    :param path: path of the object.
+    :param settings: settings of the tracking.
+    :param period: period of the control loop [s].
     """
 
     def __init__(self, path: ObjectPath, settings: TrackingSettings, period: float) -> None:
@@ -137,9 +137,9 @@ class PathTracker:
 
     def allow_for_inertia(self, frequency: float) -> None:
         """
-        Take so long from rest to speed that the object keeps within its free share of the path.
+        Extend the ramp so that inertial deviations stay within the free share of the tolerance.
 
-        :param frequency: lowest natural frequency of the held object; 0 if not known [rad/s].
+        :param frequency: lowest natural frequency of the held object; 0 if unknown [rad/s].
         """
         if frequency > 0.0:
             settings, path = self.settings, self.path
@@ -147,24 +147,24 @@ class PathTracker:
                 path.speed / settings.position_tolerance,
                 path.turn_rate / settings.angle_tolerance,
             )
-            needed = INERTIA * max(shares) / (FREE * frequency**2)
+            needed = PEAK_DEVIATION_FACTOR * max(shares) / (FREE * frequency**2)
             self.clock.ramp_time = max(settings.ramp_time, needed)
 
     @property
     def rms_position_error(self) -> float:
-        """Return the root mean square error of position so far, over time [m]."""
+        """Return the root mean square position error over time so far [m]."""
         return math.sqrt(self._squares / self._watched) if self._watched > 0.0 else 0.0
 
     def update(
         self, measured: Pose, age: float, elapsed: float, scale: float = 1.0, held: bool = False
     ) -> Tracking:
         """
-        Return what to do until the next cycle.
+        Return the output for the next cycle.
 
-        :param measured: pose of the object.
-        :param age: how old it is [s].
-        :param elapsed: since the last cycle; a longer one than two periods counts as two [s].
-        :param scale: 0 to 1, what part of the last twist the limits of the robot left.
+        :param measured: measured pose of the object.
+        :param age: age of the pose [s].
+        :param elapsed: time since the last cycle, clipped to two periods [s].
+        :param scale: scale of the last twist by limits of the robot, 0 to 1.
         :param held: whether the robot is stopped.
         :raises PathError: the measured pose is not three finite numbers within range.
         """
@@ -186,8 +186,8 @@ class PathTracker:
         phase = self._phase(share, over, min(room, scale), held)
         twist = np.zeros(3)
         if phase not in FINISHED and phase is not PathPhase.HELD:
-            # The mean over the step: exact also where the path turns a corner in it, or ends.
-            ahead = (self.path.pose(self.clock.time) - here) / max(step, TINY)
+            # Mean over the step: exact also across corners and at the end.
+            ahead = (self.path.pose(self.clock.time) - here) / max(step, MIN_DIVISOR)
             twist = ahead + self._feedback(error, age)
         return Tracking(
             phase,
@@ -206,27 +206,27 @@ class PathTracker:
         self._squares += step * position_error * position_error  # of any size: ** would raise
 
     def _feedback(self, error: Array, age: float) -> Array:
-        """Return the twist that takes the error away (3,), within its bounds."""
+        """Return the feedback twist (3,), within its bounds."""
         settings, path = self.settings, self.path
-        most = MAX_GAIN_TIMES_DELAY / (age + self.clock.period)
+        most = MAX_GAIN_DELAY_PRODUCT / (age + self.clock.period)
         twist = error * min(settings.position_gain, most)
         twist[2] = error[2] * min(settings.angle_gain, most)
         speed, turn = math.hypot(twist[0], twist[1]), abs(float(twist[2]))
-        twist[:2] *= min(1.0, MAX_CORRECTION * path.speed / max(speed, TINY))
-        twist[2] *= min(1.0, MAX_CORRECTION * path.turn_rate / max(turn, TINY))
+        twist[:2] *= min(1.0, MAX_FEEDBACK_SHARE * path.speed / max(speed, MIN_DIVISOR))
+        twist[2] *= min(1.0, MAX_FEEDBACK_SHARE * path.turn_rate / max(turn, MIN_DIVISOR))
         return twist
 
     def _phase(self, share: float, over: bool, pace: float, held: bool) -> PathPhase:
         """
-        Return how it goes.
+        Return the phase of path following.
 
-        :param share: the error over its tolerance.
-        :param over: whether the object should be at the end of the path now.
-        :param pace: the rate that the robot's lag and limits leave.
+        :param share: error divided by its tolerance.
+        :param over: whether path time was at the end at the time of the measurement.
+        :param pace: rate limit by the robot's lag and limits.
         """
         if share > 1.0:
             return PathPhase.OFF_PATH
-        if over and not held and share <= REACHED:
+        if over and not held and share <= END_ERROR_SHARE:
             return PathPhase.REACHED
         if self.clock.waited > self.settings.progress_timeout:
             return PathPhase.OFF_PATH if over and not held else PathPhase.STUCK
@@ -237,7 +237,7 @@ class PathTracker:
         return PathPhase.SLOWED if pace < 1.0 else PathPhase.FOLLOWING
 
     def _words(self, phase: PathPhase, error: str) -> str:
-        """Return the message for a path that is finished; empty for one that is not."""
+        """Return the message of a final phase; empty for other phases."""
         where = 'the end of the path' if self.clock.at_end else 'the path'
         if phase is PathPhase.STUCK:
             return f'no progress for {self.clock.waited:.3g} s, {error} off {where}'

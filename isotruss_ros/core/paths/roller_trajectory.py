@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Roller trajectories: straight lines of roller travel with rounded corners, and a servo along them.
+Roller trajectories: piecewise linear roller travel with parabolic blends, and its tracking.
 
-The servo begins where the rollers are and closes the loop over measured positions. While a roller
-lags, trajectory time waits; an input that is missing, timed out or rejected ends the trajectory,
-and so does a tolerance of the goal that is violated.
+The servo starts at the measured positions and closes the loop over them. Trajectory time stops
+while a roller lags. A missing, stale or rejected input, or a violated tolerance of the goal, ends
+the trajectory.
 """
 
 from __future__ import annotations
@@ -21,38 +21,36 @@ from isotruss_ros.core.paths.trajectory_tolerances import TrajectoryTolerances
 import numpy as np
 from numpy.typing import ArrayLike
 
-#: What takes longer is a mistake [s].
+#: Largest duration of a valid trajectory [s].
 MAX_DURATION = 86_400.0
-#: Rate at which errors of the roller positions decay [1/s].
-GAIN = 5.0
+#: Decay rate of errors of the roller positions [1/s].
+POSITION_GAIN = 5.0
 #: Largest distance of the rollers from the first waypoint [m].
 START_TOLERANCE = 0.01
-#: Of the last waypoint, within which the rollers rest [m], for as long as this [s]; and where they
-#: come no nearer: what encoders resolve or drives reach is less fine [m].
+#: Tolerance of the last waypoint [m] and time within it at the end [s]; larger tolerance of drives
+#: or encoders of low resolution [m].
 TOLERANCE, SETTLING_TIME, NEAR_TOLERANCE = 2e-5, 0.1, 5e-4
-#: Trajectory time waits while a roller lags by more than this [m].
+#: Largest lag of a roller while trajectory time runs [m].
 MAX_LAG = 5e-3
-#: After this time without progress a trajectory is given up [s].
+#: Largest time without progress [s].
 PROGRESS_TIMEOUT = 3.0
-#: A cycle takes the trajectory on by at most so much: one that comes later than that would cut its
-#: corners [s].
-MAX_STEP = 0.2
+#: Largest advance of trajectory time in a cycle [s]; longer ones would cut corners.
+MAX_TIME_STEP = 0.2
 
 
 class RollerTrajectory:
     """
-    Waypoints of the rollers at given times, straight lines of travel between them.
+    Waypoints of the rollers with times, connected by straight lines.
 
-    Corners, with start and end, are rounded by parabolas at the largest acceleration, half of it
-    before the waypoint and half of it after. So the start takes longer, by half of its parabola.
+    Corners, start and end have parabolic blends at the largest acceleration, centred on the
+    waypoint. The duration is longer by half of the first blend.
 
-    :ivar duration: of the whole trajectory [s].
+    :ivar duration: duration of the trajectory [s].
     :param robot: the robot.
     :param positions: (k, r) waypoints [m], at least one.
-    :param times: (k,) when to be there [s], from 0 on, increasing, at most a day.
-    :raises ConfigurationError: shapes that do not fit, numbers that are not finite, times that do
-        not increase or do not end, or a speed or an acceleration beyond what the robot's rollers
-        can do.
+    :param times: (k,) times of the waypoints, increasing from 0, at most a day [s].
+    :raises ConfigurationError: wrong shapes, numbers that are not finite, times that do not
+        increase or are too long, or speed or acceleration beyond the limits of the rollers.
     """
 
     def __init__(self, robot: Robot, positions: ArrayLike, times: ArrayLike) -> None:
@@ -86,7 +84,7 @@ class RollerTrajectory:
         self.duration = float(self._times[-1] + self._halves[-1])
 
     def _round_corners(self, robot: Robot, steps: Array) -> Array:
-        """Return half of the time (k,) in which each corner is rounded [s]."""
+        """Return half of the durations (k,) of the blends [s]."""
         changes = np.abs(np.diff(self._slopes, axis=0)).max(axis=1)
         most = robot.description.max_acceleration
         needed = 0.5 * (changes[1:] + changes[:-1])
@@ -102,9 +100,9 @@ class RollerTrajectory:
 
     def at(self, time: float) -> RollerState:
         """
-        Return what the rollers should do at a time [s]; they stand still before and after.
+        Return desired roller positions and velocities at a time [s], at rest before and after.
 
-        :param time: since the beginning [s].
+        :param time: time since the start [s].
         """
         times, slopes = self._times, self._slopes
         piece = int(np.searchsorted(times, time, side='right'))
@@ -125,12 +123,12 @@ class RollerTrajectory:
 
 class RollerStep(NamedTuple):
     """
-    What to do in this cycle.
+    Output of one control cycle.
 
-    :ivar speeds: (r,) of the rollers [m/s].
-    :ivar ended: whether the trajectory is over, well or not.
-    :ivar failure: why it was given up; empty while it goes on and when the rollers arrived.
-    :ivar at_goal: whether the failure is that they did not arrive in time.
+    :ivar speeds: (r,) commanded roller speeds [m/s].
+    :ivar ended: whether the trajectory has ended, successfully or not.
+    :ivar failure: reason of a failure; empty if active or successful.
+    :ivar at_goal: whether the failure is a timeout at the goal.
     """
 
     speeds: Array
@@ -141,12 +139,12 @@ class RollerStep(NamedTuple):
 
 class RollerTrajectoryServo:
     """
-    State of following one trajectory.
+    State of the tracking of one trajectory.
 
     :ivar rollers: input of the measured `RollerState`.
-    :ivar time: of the trajectory, where the rollers are [s].
+    :ivar time: trajectory time [s].
     :param robot: the robot.
-    :param timeout: measurements older than this are not used [s].
+    :param timeout: largest age of measurements [s].
     """
 
     def __init__(self, robot: Robot, timeout: float) -> None:
@@ -162,12 +160,12 @@ class RollerTrajectoryServo:
 
     @property
     def busy(self) -> bool:
-        """Return whether there is a trajectory to follow."""
+        """Return whether a trajectory is active."""
         return self._trajectory is not None
 
     @property
     def wanted(self) -> RollerState | None:
-        """Return where the rollers should be; None where there is no trajectory."""
+        """Return desired positions and velocities of the rollers; None without a trajectory."""
         return None if self._trajectory is None else self._trajectory.at(self.time)
 
     def begin(
@@ -178,14 +176,14 @@ class RollerTrajectoryServo:
         tolerances: TrajectoryTolerances | None = None,
     ) -> None:
         """
-        Take a trajectory in place of any other; one that is rejected changes nothing.
+        Start a trajectory in place of any other; a rejected one changes nothing.
 
         :param trajectory: the new one.
         :param now: time on the clock of the inputs [s].
-        :param start: when it begins, and the rollers rest until then [s]; at once if None.
-        :param tolerances: of the goal; those of the servo if None.
+        :param start: start time, with the rollers at rest until then [s]; at once if None.
+        :param tolerances: tolerances of the goal; those of the servo if None.
         :raises InputError: the joint states are missing, timed out or rejected.
-        :raises ConfigurationError: the trajectory does not begin there.
+        :raises ConfigurationError: the trajectory does not begin at the measured positions.
         """
         state = self.check_start(trajectory, now)
         self._trajectory, self._offsets = trajectory, state.offsets
@@ -195,12 +193,12 @@ class RollerTrajectoryServo:
 
     def check_start(self, trajectory: RollerTrajectory, now: float) -> RollerState:
         """
-        Return where the rollers are; refuse a trajectory that does not begin there.
+        Return the measured roller state; raise if a trajectory does not begin there.
 
-        :param trajectory: to begin.
+        :param trajectory: trajectory to start.
         :param now: time on the clock of the inputs [s].
         :raises InputError: the joint states are missing, timed out or rejected.
-        :raises ConfigurationError: the trajectory does not begin there.
+        :raises ConfigurationError: the trajectory does not begin at the measured positions.
         """
         state = require_fresh(now, self.timeout, joint_states=self.rollers)[0].value
         away = np.abs(trajectory.at(0.0).positions - state.positions)
@@ -214,12 +212,12 @@ class RollerTrajectoryServo:
         return state
 
     def end(self) -> None:
-        """Give the trajectory up."""
+        """Abort the trajectory."""
         self._trajectory = None
 
     def decide(self, now: float) -> RollerStep:
         """
-        Return what to do in the cycle that begins now; never raises for an input.
+        Return the output of the current cycle; invalid inputs never raise.
 
         :param now: time on the clock of the inputs [s].
         """
@@ -232,13 +230,13 @@ class RollerTrajectoryServo:
             return self._finish(str(error))
         if now < self._start:
             return RollerStep(np.zeros(len(self._robot.roller_names)), False, '')
-        # Cycles come late on a busy machine, or seldom by a clock that ticks seldom.
-        longest = min(MAX_STEP, self.timeout)
+        # Cycles are late on a busy machine, or rare on a coarse clock.
+        longest = min(MAX_TIME_STEP, self.timeout)
         elapsed, self._before = min(max(0.0, now - self._before), longest), now
         state = measured.value
         if self.time < trajectory.duration:
             self._offsets = state.offsets
-        # Each marker moves an estimate by more than the tolerance: at the end the last one counts.
+        # Each marker moves an estimate by more than the tolerance: at the end the latest is used.
         state = state._replace(positions=state.positions - state.offsets + self._offsets)
         if self._tolerances.path is not None:
             then = trajectory.at(self.time - max(0.0, now - measured.time))
@@ -255,11 +253,11 @@ class RollerTrajectoryServo:
         now: float,
         elapsed: float,
     ) -> RollerStep:
-        """Go on along the trajectory, wait for a roller, or end at rest."""
+        """Advance trajectory time, stop it for a lagging roller, or end at rest."""
         ahead, positions = min(self.time + elapsed, trajectory.duration), state.positions
         behind = trajectory.at(self.time).positions - positions
         error = trajectory.at(ahead).positions - positions
-        # Rollers at rest are behind, those under way are ahead by what they do in a cycle.
+        # Rollers at rest lag, moving ones lead by their travel in a cycle.
         waits = min(float(np.abs(error).max()), float(np.abs(behind).max())) > MAX_LAG
         if waits:
             error = behind
@@ -281,31 +279,31 @@ class RollerTrajectoryServo:
             words = f'roller {worst} stays {lag:.4g} m behind the trajectory'
             late = at_end or self._waited <= PROGRESS_TIMEOUT
             return self._finish(violation or words, late)
-        speeds = (error - behind) / (elapsed or self.timeout) + GAIN * behind
+        speeds = (error - behind) / (elapsed or self.timeout) + POSITION_GAIN * behind
         if at_end:
-            # What has arrived rests: rollers are uneven only while they move.
+            # Rollers that have arrived stay at rest: they are out of step only in motion.
             rest = TOLERANCE if goal is None else np.minimum(TOLERANCE, goal.positions)
             speeds = np.where(np.abs(error) <= rest, 0.0, speeds)
         limit = self._robot.description.max_speed
         return RollerStep(np.clip(speeds, -limit, limit), False, '')
 
     def _gives_up(self, trajectory: RollerTrajectory, at_end: bool, now: float) -> bool:
-        """Return whether rollers that are not at the end yet had time enough."""
+        """Return whether rollers short of the end have timed out."""
         goal_time = self._tolerances.goal_time
         if goal_time is not None and now > self._start + trajectory.duration + goal_time:
             return True
         return self._waited > PROGRESS_TIMEOUT and (goal_time is None or not at_end)
 
     def _finish(self, failure: str = '', at_goal: bool = False) -> RollerStep:
-        """End the trajectory, with the rollers still."""
+        """End the trajectory with the rollers at rest."""
         self._trajectory = None
         return RollerStep(np.zeros(len(self._robot.roller_names)), True, failure, at_goal)
 
     def _rests(self, near: bool, measured: float, now: float) -> bool:
         """
-        Take note of whether the rollers are near to the end; tell whether they stay there.
+        Update the time within the end tolerance; return whether it is long enough.
 
-        :param measured: when they were there [s].
+        :param measured: time of the measurement [s].
         """
         if not near:
             self._near_since = None

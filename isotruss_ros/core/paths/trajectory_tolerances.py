@@ -15,7 +15,7 @@ import numpy as np
 
 class Tolerance(NamedTuple):
     """
-    Largest deviation of measured rollers from where they should be; infinite where unbounded.
+    Largest deviations of measured from desired roller states; infinite if unbounded.
 
     :ivar positions: (r,) [m].
     :ivar velocities: (r,) [m/s].
@@ -28,11 +28,11 @@ class Tolerance(NamedTuple):
         self, names: Sequence[str], wanted: RollerState, measured: RollerState
     ) -> str:
         """
-        Return which roller deviates by how much, in words; empty where none does.
+        Return the deviating roller and its deviation in words; empty within the tolerance.
 
-        :param names: of the rollers.
-        :param wanted: where they should be.
-        :param measured: where they are.
+        :param names: names of the rollers.
+        :param wanted: desired state.
+        :param measured: measured state.
         """
         for what, unit, bounds, off in (
             ('', 'm', self.positions, wanted.positions - measured.positions),
@@ -50,12 +50,12 @@ class Tolerance(NamedTuple):
 
 class TrajectoryTolerances(NamedTuple):
     """
-    What a goal allows.
+    Tolerances of a trajectory goal.
 
-    :ivar path: along the trajectory; None for no bound: the trajectory waits for its rollers.
-    :ivar goal: at its end; None for that of the servo.
-    :ivar goal_time: how much later than planned the end may be reached, infinite without bound
-        [s]; None for that of the servo.
+    :ivar path: tolerance along the trajectory; None: unbounded, trajectory time stops for lagging
+        rollers.
+    :ivar goal: tolerance at its end; None: that of the servo.
+    :ivar goal_time: largest delay of the end, infinite if unbounded [s]; None: that of the servo.
     """
 
     path: Tolerance | None = None

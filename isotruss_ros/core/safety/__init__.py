@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Distances, barriers and failed rollers: what keeps a motion safe.
+Safety of motions: clearances, control barrier functions, detection of failed rollers.
 
 Entry points: `shape_guard.ShapeGuard`, `barriers`, `roller_failure.FailureDetector`.
-Imports `core.holding` and what is below it.
+Imports `core.holding` and the packages below it.
 """

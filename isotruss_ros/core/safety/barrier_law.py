@@ -2,17 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-What a barrier is, and how its margin may be used up: the control barrier function of all barriers.
+Barriers and the control barrier function of their margins.
 
-A margin h is what is left between a value and the bound that it must not fall below. It may fall
-at
+A margin h is the difference between a value and its lower bound. Its rate is bounded by
 
-    dh/dt >= -rate h / (1 - h / band),   h counted from a small safety margin on,
+    dh/dt >= -rate h / (1 - h / band),   h reduced by a small safety margin,
 
-a class-K function of h: freely where more than `band` is left, slower and slower inside of it,
-and not at all at the safety margin. A command holds for a sample, so there is a discrete-time
-bound too: whatever the motion between two samples does to the margin in second order, a share of
-it is left.
+a class-K function of h: unbounded above `band`, zero at the safety margin. Since a command is
+constant during a sample, a discrete-time bound applies as well: a share of the margin is left at
+the end of the sample, including effects of second order.
 """
 
 from __future__ import annotations
@@ -28,26 +26,26 @@ from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
 
-#: Share of the band at which motion comes to rest, the safety margin: what is below is for effects
-#: of second order.
-SAFETY_SHARE = 0.01
-#: Share of a margin, and of the safety margin, that is left after a sample, however long it is.
-KEPT_SHARE = 0.1
-#: What is beyond the bound must not get further, but for rounding and effects of second order: for
-#: the square of the rollers' travel, in units of this [m], times the band.
+#: Safety margin, at which motion stops, as a share of the band [-]; covers effects of second
+#: order.
+SAFETY_MARGIN_SHARE = 0.01
+#: Smallest share of a margin, and of the safety margin, left after a sample of any length [-].
+MIN_MARGIN_SHARE = 0.1
+#: Tolerance beyond the bound, for rounding and effects of second order: the band times the squared
+#: travel of the rollers in units of this length [m].
 ROUNDING, BEND = 1e-9, 0.05
-#: Keeps shares of motions that change nothing finite.
-TINY = 1e-15
+#: Smallest divisor of shares [-].
+MIN_DIVISOR = 1e-15
 
 
 @dataclass(frozen=True)
 class BarrierLaw:
     """
-    A bound on values, and how quickly they may approach it.
+    Lower bound of values, and bound of their rate of approach.
 
-    :ivar bound: the smallest value that is allowed.
-    :ivar band: a margin larger than this is not restricted, in units of the value.
-    :ivar rate: a small margin shrinks by at most this share of itself in a second [1/s].
+    :ivar bound: smallest allowed value.
+    :ivar band: margin above which the rate is unbounded, in units of the value.
+    :ivar rate: largest decay rate of a small margin [1/s].
     """
 
     bound: float
@@ -56,42 +54,42 @@ class BarrierLaw:
 
     @cached_property
     def active_below(self) -> float:
-        """Return the value below which it is restricted."""
+        """Return the value below which the rate is bounded."""
         return self.bound + self.band
 
     @cached_property
     def safety_margin(self) -> float:
-        """Return the margin at which motion comes to rest."""
-        return SAFETY_SHARE * self.band
+        """Return the margin at which motion stops."""
+        return SAFETY_MARGIN_SHARE * self.band
 
     def class_k_bound(self, margins: Array) -> Array:
         """
-        Return how quickly margins may fall, not negative [1/s]; inf outside the band.
+        Return the bound of the decrease of margins [1/s], infinite above the band.
 
-        :param margins: (k,).
+        :param margins: (k,) margins.
         """
         return self._class_k(np.maximum(margins - self.safety_margin, 0.0))
 
     def discrete_bound(self, margins: Array, duration: float, travel: float) -> Array:
         """
-        Return what must be left of margins after a sample.
+        Return the smallest margins at the end of a sample.
 
-        What has got down to `KEPT_SHARE` of the safety margin must not get further, nor may
-        anything beyond the bound; so errors of a fraction of the safety margin do no harm. Below
-        that share there is no safety margin for effects of second order: they are allowed there,
-        or the robot would stop in every other sample, but not across the bound.
+        Margins below `MIN_MARGIN_SHARE` of the safety margin, or beyond the bound, must not
+        decrease, so that errors of a fraction of the safety margin are harmless. Effects of second
+        order are tolerated there (else the robot would stop in every other sample), but not across
+        the bound.
 
-        :param margins: (k,) at its beginning.
-        :param duration: of the sample, positive [s].
-        :param travel: the largest of a roller in this sample or the one before it [m].
+        :param margins: (k,) margins at the start of the sample.
+        :param duration: duration of the sample, positive [s].
+        :param travel: largest travel of a roller in this or the previous sample [m].
         """
-        last = KEPT_SHARE * self.safety_margin
+        last = MIN_MARGIN_SHARE * self.safety_margin
         left = np.maximum(margins, last)
         slowly = left - 2.0 * duration * self._class_k(left)
-        kept = np.maximum(np.maximum(KEPT_SHARE * left, slowly), last)
+        kept = np.maximum(np.maximum(MIN_MARGIN_SHARE * left, slowly), last)
         allowed = ROUNDING + self.band * (travel / BEND) ** 2
-        # Many such effects must not lead across the bound either: what is left last is kept.
-        floor = np.where(margins > 0.0, np.minimum(margins, KEPT_SHARE * last), -np.inf)
+        # The sum of such effects must not cross the bound: the last remainder is kept.
+        floor = np.where(margins > 0.0, np.minimum(margins, MIN_MARGIN_SHARE * last), -np.inf)
         beyond = np.maximum(margins - allowed, floor - ROUNDING)
         return np.where(margins > last, kept, beyond)
 
@@ -101,19 +99,19 @@ class BarrierLaw:
             return self.rate * left / (1.0 - share)
 
 
-#: Numbers of values, or all of them.
+#: Indices of values, or all values.
 Selection: TypeAlias = Indices | slice
-EVERYTHING = slice(None)
+ALL_VALUES = slice(None)
 
 
 class ActiveValues(NamedTuple):
     """
-    The values of a barrier that are near their bound in one configuration.
+    Values of a barrier within its band in one configuration.
 
-    :ivar indices: (k,) numbers of the values.
+    :ivar indices: (k,) indices of the values.
     :ivar values: (k,) the values.
-    :ivar node_rows: (k, 2n) their derivatives by the node coordinates.
-    :ivar roller_rows: (k, r) those by the travel of the rollers besides; None for none.
+    :ivar node_rows: (k, 2n) derivatives by the node coordinates.
+    :ivar roller_rows: (k, r) further derivatives by the travel of the rollers; None: zero.
     """
 
     indices: Indices
@@ -122,31 +120,31 @@ class ActiveValues(NamedTuple):
     roller_rows: Array | None = None
 
 
-NOTHING = ActiveValues(np.zeros(0, dtype=np.intp), np.zeros(0), np.zeros((0, 0)))
+NO_ACTIVE_VALUES = ActiveValues(np.zeros(0, dtype=np.intp), np.zeros(0), np.zeros((0, 0)))
 
 
 class Barrier(Protocol):
-    """Values of a configuration that must not fall below a bound."""
+    """A lower bound on functions of the configuration."""
 
     @property
     def status(self) -> Status:
-        """Return the status of a command that this barrier slows."""
+        """Return the status of a command limited by this barrier."""
 
     @property
     def needs_object(self) -> bool:
         """
         Return whether the values depend on the object.
 
-        Such a barrier counts only while one is held, which the guard then moves along a step.
+        Such a barrier applies only while an object is held, which the guard moves with the step.
         """
 
     @property
     def law(self) -> BarrierLaw:
-        """Return the bound, and how it may be approached."""
+        """Return the bound and the rate of approach."""
 
     def active(self, config: Configuration, grip: Grip | None) -> ActiveValues:
         """
-        Return the values within the band of the law, for a robot and what it holds.
+        Return the values within the band of the law.
 
         :param config: configuration of the robot.
         :param grip: the grip; None without an object.
@@ -154,38 +152,38 @@ class Barrier(Protocol):
 
     def values(self, config: Configuration, grip: Grip | None, indices: Selection) -> Array:
         """
-        Return values of these numbers in one configuration.
+        Return values by index in one configuration.
 
         :param config: configuration of the robot.
         :param grip: the grip; None without an object.
-        :param indices: numbers of the values.
+        :param indices: indices of the values.
         """
 
     def names(self, indices: Indices) -> list[str]:
         """
-        Return the names of the values of these numbers.
+        Return the names of values by index.
 
-        :param indices: numbers of the values.
+        :param indices: indices of the values.
         """
 
 
 class BarrierViolation(NamedTuple):
-    """What keeps a motion from being admissible."""
+    """Violation of a barrier by a motion."""
 
-    share: float  #: of the motion, which is admissible as far as one can tell
-    status: Status  #: of a command that is slowed by it
-    names: tuple[str, ...]  #: what would come too near to its bound
+    share: float  #: admissible share of the motion
+    status: Status  #: status of a command limited by it
+    names: tuple[str, ...]  #: name of the value
 
 
 class BarrierLimit:
     """
-    The active values of one barrier in one configuration, as a limit on the rollers.
+    Active values of one barrier in one configuration, as a limit on the rollers.
 
     :ivar barrier: the barrier.
-    :ivar indices: (k,) numbers of the values.
-    :ivar matrix: (k, r) their derivatives by roller travel.
-    :ivar margins: (k,) what is left of them.
-    :param active: its values that are near their bound.
+    :ivar indices: (k,) indices of the values.
+    :ivar matrix: (k, r) derivatives by roller travel.
+    :ivar margins: (k,) margins of the values.
+    :param active: values within the band.
     """
 
     can_slide = True
@@ -196,7 +194,7 @@ class BarrierLimit:
 
     @property
     def status(self) -> Status:
-        """Return the status of a command that this limit slows."""
+        """Return the status of a command limited by this limit."""
         return self.barrier.status
 
     def rows(self, config: Configuration) -> Rows:
@@ -217,13 +215,13 @@ class BarrierLimit:
         duration: float,
     ) -> BarrierViolation | None:
         """
-        Return how a motion violates the discrete-time bound, None where it does not.
+        Return the violation of the discrete-time bound by a motion, None if admissible.
 
-        :param end: where it leads.
-        :param grip: what the robot holds there; None without an object.
-        :param travel: (r,) of the rollers in it [m].
-        :param velocities: (r,) of the rollers before it [m/s].
-        :param duration: of the motion, in whose middle the rows were found [s].
+        :param end: configuration at its end.
+        :param grip: grip at its end; None without an object.
+        :param travel: (r,) roller travel of the motion [m].
+        :param velocities: (r,) roller velocities before it [m/s].
+        :param duration: duration of the motion; the rows are those of its midpoint [s].
         """
         law = self.barrier.law
         before = self.margins - 0.5 * duration * (self.matrix @ velocities)
@@ -240,13 +238,13 @@ class BarrierLimit:
 
 def _admissible_share(room: Array, slope: Array, change: Array) -> Array:
     """
-    Return the share of a motion after which margins have fallen by the room that they have.
+    Return the share of a motion at which the decrease of margins reaches its bound.
 
-    A margin is taken for a parabola over the share, of which slope and end are known.
+    The margin is interpolated by a parabola in the share, from slope and end value.
 
-    :param room: not negative.
-    :param slope: at the beginning, of the share.
-    :param change: at the end.
+    :param room: allowed decrease, not negative.
+    :param slope: derivative by the share at the start.
+    :param change: change at the end.
     """
     root = np.sqrt(np.maximum(slope**2 - 4.0 * (change - slope) * room, 0.0))
-    return np.minimum(2.0 * room / np.maximum(root - slope, TINY), 1.0)
+    return np.minimum(2.0 * room / np.maximum(root - slope, MIN_DIVISOR), 1.0)

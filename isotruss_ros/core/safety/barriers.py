@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The barriers of a shape: rigidity, and distances between parts of the robot and to its object.
+Barriers: rigidity, and clearances between parts of the robot and to its object.
 
-Verlet's neighbour list says which of the distances need measuring.
+A Verlet neighbour list selects the distances to evaluate.
 """
 
 from __future__ import annotations
@@ -22,32 +22,32 @@ from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.safety.barrier_law import (
     ActiveValues,
+    ALL_VALUES,
     BarrierLaw,
-    EVERYTHING,
-    NOTHING,
+    NO_ACTIVE_VALUES,
     Selection,
 )
 from isotruss_ros.core.safety.margins import grip_gradients, object_distances
 import numpy as np
 
-#: Pairs that are this much farther apart than close are in the list too [m].
-SKIN = 0.05
+#: Skin of the Verlet neighbour list [m].
+NEIGHBOR_SKIN = 0.05
 NO_PAIRS = np.zeros(0, dtype=np.intp)
 
 
 class Measured(NamedTuple):
-    """A state in which distances were measured."""
+    """State of the last evaluation of distances."""
 
-    config: Configuration  #: where the robot was
-    grip: Grip | None  #: what it held; None where no distance depends on that
-    spare: float  #: how far the smallest of the distances was from being close [m]
+    config: Configuration  #: configuration of the robot
+    grip: Grip | None  #: grip; None if the distances do not depend on it
+    spare: float  #: smallest distance minus the bound for close pairs [m]
 
     def holds(self, config: Configuration, grip: Grip | None) -> bool:
         """
-        Return whether none of the distances can be close in another state.
+        Return whether no pair can be close in another state.
 
-        :param config: where the robot is.
-        :param grip: what it holds, None as in the measured state.
+        :param config: configuration of the robot.
+        :param grip: grip, None as in the measured state.
         """
         if self.spare <= 0.0:
             return False
@@ -59,7 +59,7 @@ class Measured(NamedTuple):
 
 
 def _moved(grip: Grip, then: Grip) -> float:
-    """Return how far no point of the object has moved [m]; infinite where it is another."""
+    """Return a bound of the object's displacement [m]; infinite for another object."""
     if grip.members != then.members:
         return math.inf
     body, before = grip.body, then.body
@@ -70,13 +70,13 @@ def _moved(grip: Grip, then: Grip) -> float:
 
 class NeighborList:
     """
-    Pairs of parts that may be close, measured only when they may have become so.
+    Pairs of parts that may be close, evaluated only when necessary.
 
-    It saves work and changes no result: the distance of two parts changes by no more than what
-    both of them have moved. The pairs near each other are in a list; all others are measured
-    again when they may have entered it, those of the list when one of them may be close.
+    The results are exact: the distance of two parts changes at most by the displacements of both.
+    Near pairs are in a list. Pairs outside are evaluated when they may have entered it, pairs of
+    the list when one may be close.
 
-    :param near: pairs closer than this are close [m].
+    :param near: largest distance of close pairs [m].
     """
 
     def __init__(self, near: float) -> None:
@@ -92,16 +92,18 @@ class NeighborList:
         measure: Callable[[Selection], Array],
     ) -> tuple[Indices, Array]:
         """
-        Return the numbers of the pairs that are close, and their distances [m].
+        Return the indices of the close pairs and their distances [m].
 
-        :param config: where the robot is.
-        :param grip: what it holds; None where no distance depends on that.
-        :param measure: distances [m] of pairs of these numbers, in this state.
+        :param config: configuration of the robot.
+        :param grip: grip; None if the distances do not depend on it.
+        :param measure: function from indices of pairs to distances [m] in this state.
         """
         if self._others is None or not self._others.holds(config, grip):
-            distances = measure(EVERYTHING)
-            self._pairs = np.flatnonzero(distances < self._near + SKIN)
-            spare = SKIN if len(self._pairs) else distances.min(initial=np.inf) - self._near
+            distances = measure(ALL_VALUES)
+            self._pairs = np.flatnonzero(distances < self._near + NEIGHBOR_SKIN)
+            spare = (
+                NEIGHBOR_SKIN if len(self._pairs) else distances.min(initial=np.inf) - self._near
+            )
             self._others = Measured(config, grip, float(spare))
             distances = distances[self._pairs]
         elif not len(self._pairs) or (self._listed and self._listed.holds(config, grip)):
@@ -116,10 +118,10 @@ class NeighborList:
 
 class SelfCollisionBarrier:
     """
-    Parts of the robot stay apart, see `CollisionModel`.
+    Clearance between parts of the robot, see `CollisionModel`.
 
     :param robot: the robot.
-    :param law: of the distance between surfaces [m].
+    :param law: law of the distance between surfaces [m].
     """
 
     status = Status.SLOWED_SELF_COLLISION
@@ -131,12 +133,12 @@ class SelfCollisionBarrier:
         self._neighbors = NeighborList(law.active_below)
 
     def active(self, config: Configuration, grip: Grip | None) -> ActiveValues:
-        """Return the pairs that are close; see `Barrier.active`."""
+        """Return the close pairs; see `Barrier.active`."""
         pairs, distances = self._neighbors.find_close(
             config, None, lambda indices: self.values(config, grip, indices)
         )
         if not len(pairs):
-            return NOTHING
+            return NO_ACTIVE_VALUES
         return ActiveValues(pairs, distances, self._model.gradients(config, pairs))
 
     def values(self, config: Configuration, grip: Grip | None, indices: Selection) -> Array:
@@ -150,10 +152,10 @@ class SelfCollisionBarrier:
 
 class ObjectBarrier:
     """
-    The robot stays clear of the object that it holds, beside the grip; see `CollisionModel`.
+    Clearance between the robot and the held object outside the grip, see `CollisionModel`.
 
     :param robot: the robot.
-    :param law: of the distance between surfaces [m].
+    :param law: law of the distance between surfaces [m].
     """
 
     status = Status.SLOWED_OBJECT
@@ -165,17 +167,17 @@ class ObjectBarrier:
         self._neighbors = NeighborList(law.active_below)
 
     def active(self, config: Configuration, grip: Grip) -> ActiveValues:
-        """Return the parts that are close to the object; see `Barrier.active`."""
+        """Return the parts close to the object; see `Barrier.active`."""
         parts, distances = self._neighbors.find_close(
             config, grip, lambda indices: self.values(config, grip, indices)
         )
         if not len(parts):
-            return NOTHING
+            return NO_ACTIVE_VALUES
         return ActiveValues(parts, distances, *grip_gradients(config, grip, parts))
 
     def values(self, config: Configuration, grip: Grip, indices: Selection) -> Array:
-        """Return the distances of parts, inf for those at the grip [m]; see `Barrier.values`."""
-        far = self.law.active_below + SKIN
+        """Return the distances of parts, inf for parts of the grip [m]; see `Barrier.values`."""
+        far = self.law.active_below + NEIGHBOR_SKIN
         return object_distances(config, grip.body, grip.members, far, indices)
 
     def names(self, indices: Indices) -> list[str]:
@@ -186,13 +188,12 @@ class ObjectBarrier:
 
 class RigidityBarrier:
     """
-    The shape stays rigid, see `rigidity_index`.
+    Rigidity index of the configuration, see `rigidity_index`.
 
-    All singular values that are near the bound count: where two are close, the one that is
-    the smallest after a step may be another than before it.
+    All singular values near the bound are included: the order of close ones may change in a step.
 
     :param robot: the robot.
-    :param law: of the rigidity index, which is 1 at home [-].
+    :param law: law of the rigidity index, 1 at home [-].
     """
 
     status = Status.SLOWED_RIGIDITY
@@ -204,32 +205,32 @@ class RigidityBarrier:
         self._far: tuple[Configuration, float] | None = None
 
     def active(self, config: Configuration, grip: Grip | None) -> ActiveValues:
-        """Return the least rigid modes; see `Barrier.active`."""
+        """Return the modes of the smallest indices; see `Barrier.active`."""
         if self._far is not None and self.change(config, self._far[0]) < self._far[1]:
-            return NOTHING
+            return NO_ACTIVE_VALUES
         modes = self._index.modes(config)
         spare = float(modes.values[0]) - self.law.active_below
         self._far = (config, spare) if spare > 0.0 else None
         if spare >= 0.0:
-            return NOTHING
+            return NO_ACTIVE_VALUES
         count = int((modes.values < self.law.active_below).sum())
         few = Modes(modes.values[:count], modes.rows[:, :count], modes.nodes[:, :count])
         return ActiveValues(np.arange(count), few.values, self._index.gradients(config, few))
 
     def change(self, config: Configuration, other: Configuration) -> float:
         """
-        Return by how much the rigidity indices of two shapes can differ at most.
+        Return a bound of the difference of the rigidity indices of two configurations.
 
-        :param config: one shape.
-        :param other: the other shape.
+        :param config: first configuration.
+        :param other: second configuration.
         """
         change = np.abs(config.gradients - other.gradients) * self._index.weights
         return math.sqrt(change @ change)
 
     def values(self, config: Configuration, grip: Grip | None, indices: Selection) -> Array:
-        """Return the rigidity index of modes, least first; see `Barrier.values`."""
+        """Return the rigidity indices of modes in ascending order; see `Barrier.values`."""
         return self._index.modes(config).values[indices]
 
     def names(self, indices: Indices) -> list[str]:
-        """Return one name for all; see `Barrier.names`."""
+        """Return one name for all modes; see `Barrier.names`."""
         return ['the rigidity of the shape'] * len(indices)

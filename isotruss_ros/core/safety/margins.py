@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How far a shape is from singular and self-colliding configurations, in one call."""
+"""Margins of a configuration to singularity and collision."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ import numpy as np
 
 class ShapeMargins(NamedTuple):
     """
-    How far a shape is from singular and self-colliding configurations.
+    Margins of a configuration to singularity and collision.
 
-    :ivar rigidity: see `rigidity_index`: 1 at home, 0 where the locked robot is a mechanism.
-    :ivar clearance: the smallest distance between parts of the robot that must not meet, between
-        surfaces [m], negative where they overlap; see `CollisionModel`.
-    :ivar object_clearance: that between the robot and the object away from the grip; inf where
-        there is no object.
-    :ivar nearest: the names of the parts at `clearance`.
-    :ivar nearest_to_object: the name of the part at `object_clearance`, empty if there is none.
+    :ivar rigidity: rigidity index, 1 at home, 0 at a singular configuration.
+    :ivar clearance: smallest distance between surfaces of parts [m], negative if they overlap; see
+        `CollisionModel`.
+    :ivar object_clearance: smallest distance between the object and parts outside the grip [m];
+        inf without an object.
+    :ivar nearest: names of the parts at `clearance`.
+    :ivar nearest_to_object: name of the part at `object_clearance`, empty without an object.
     """
 
     rigidity: float
@@ -46,12 +46,12 @@ def shape_margins(
     config: Configuration, body: ConvexObject | None = None, members: tuple[str, ...] = ()
 ) -> ShapeMargins:
     """
-    Measure how far a shape is from losing its rigidity, self-collision and pushing an object.
+    Return the margins of a configuration to singularity, self-collision and object collision.
 
-    :param config: where the robot is.
+    :param config: configuration of the robot.
     :param body: an object in the plane of the robot; None for none.
-    :param members: names of the members that hold the object: the parts that hold it do not count,
-        see `object_distances`. None for a free object: everything counts.
+    :param members: names of the grasping members, which are excluded, see `object_distances`.
+        None: no part is excluded.
     :raises GraspError: the robot has no such members.
     """
     try:
@@ -80,19 +80,19 @@ def object_distances(
     """
     Return the distances between an object and the parts of the robot [m].
 
-    :param config: where the robot is.
-    :param body: the object in its place.
-    :param members: names of the members that hold it; none where it is free. They are left out;
-        and a module at which two of them meet with the rods at its joint.
-    :param far: of parts that are certainly farther off the distance is a lower bound [m].
-    :param parts: numbers of parts: members, modules, rods, m of each; all when left out.
-    :return: (k,), inf for what is left out.
+    :param config: configuration of the robot.
+    :param body: the object at its pose.
+    :param members: names of the grasping members; empty for a free object. They are excluded, with
+        a module at which two of them meet and the rods at its joint.
+    :param far: distance beyond which a lower bound is returned [m].
+    :param parts: indices of parts: members, modules, rods, m of each; default all.
+    :return: (k,) distances, inf for excluded parts.
     :raises GraspError: no such members.
     """
     model = collision_model(config.robot)
     starts, ends = model.part_ends(config, parts)
     radii = model.part_radii[parts]
-    # The circle that contains the object is no farther.
+    # The enclosing circle gives a lower bound.
     distances = nearest_on_segment(body.center, starts, ends)[0] - body.shape.reach - radii
     near = np.flatnonzero(distances < far)
     if len(near):
@@ -103,13 +103,13 @@ def object_distances(
 
 def grip_gradients(config: Configuration, grip: Grip, parts: Indices) -> tuple[Array, Array]:
     """
-    Return how the distances of the object from some parts change.
+    Return the gradients of the distances between the object and parts.
 
-    :param config: where the robot is.
-    :param grip: what it holds; its contacts roll.
-    :param parts: (k,) numbers of parts.
-    :return: (k, 2n) rows on the node velocities, by which the parts move, and (k, r) rows on the
-        roller speeds, by which the object does [-].
+    :param config: configuration of the robot.
+    :param grip: the grip, with rolling contacts.
+    :param parts: (k,) indices of parts.
+    :return: (k, 2n) gradients by the nodes for the motion of the parts, and (k, r) by roller
+        travel for the motion of the object [-].
     :raises GraspError: see `find_contacts`.
     :raises ConfigurationError: the configuration is singular.
     """
@@ -120,11 +120,11 @@ def grip_gradients(config: Configuration, grip: Grip, parts: Indices) -> tuple[A
 
 @functools.lru_cache(maxsize=64)
 def _left_out(robot: Robot, members: tuple[str, ...]) -> Array:
-    """Return which parts (3m,) do not count."""
+    """Return the mask of excluded parts (3m,)."""
     topology, own = robot.topology, find_members(robot, members).members
     held = np.zeros((3, topology.n_modules), dtype=bool)
     held[0, own] = True
-    # Where a member ends, the following one begins.
+    # The next member begins at the end of a member.
     meeting = np.intersect1d(topology.following[own], own)
     held[1, meeting] = True
     held[2] = np.isin(topology.joint, topology.joint[meeting])

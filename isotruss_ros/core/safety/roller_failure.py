@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Detect rollers that have failed: commanded, and not moving for a stated time.
+Detection of failed rollers: commanded without motion for a given time.
 
-The commanded travel of a roller is compared with the measured one, both as ranges, the largest
-less the smallest. The motion may lag, so delays between command and motion do no harm; neither do
-commands that oscillate, and noise that does not grow with time.
+The ranges (maximum minus minimum) of commanded and measured travel are compared. The detection is
+insensitive to delays between command and motion, to oscillating commands, and to noise without
+drift.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ import numpy as np
 @dataclass(frozen=True)
 class FailureCriterion:
     """
-    When a roller has failed.
+    Criterion of a failed roller.
 
-    :ivar time: commanded for this long without moving [s].
-    :ivar min_speed: slower commands do not count: friction may hold them [m/s].
-    :ivar min_travel: nor does a commanded range of travel below this [m].
-    :ivar min_swing: nor a range below what the roller travels in this time at the mean commanded
-        speed: drives need not follow such oscillations [s].
-    :ivar min_share: a roller that moved over this share of the commanded range works.
-    :ivar settling: rollers follow commands within this time [s].
-    :ivar evident: a roller that works after a commanded range of this is timed again [m].
-    :ivar max_gap: samples further apart than this, or running back, are no evidence [s].
+    :ivar time: commanded time without motion [s].
+    :ivar min_speed: smallest commanded speed that counts, above stiction [m/s].
+    :ivar min_travel: smallest commanded range of travel that counts [m].
+    :ivar min_swing: smallest commanded range that counts, in units of the mean commanded speed
+        [s]; drives need not follow faster oscillations.
+    :ivar min_share: measured share of the commanded range that proves motion [-].
+    :ivar settling: largest delay between command and motion [s].
+    :ivar evident: commanded range after which a working roller is timed anew [m].
+    :ivar max_gap: largest interval of samples that count; they must not run back [s].
     """
 
     time: float = 1.0
@@ -46,7 +46,7 @@ class FailureCriterion:
 
 
 class _Range:
-    """Smallest and largest of numbers that change, (r,) each, since each was last reset."""
+    """Running minimum and maximum of numbers (r,), each since its last reset."""
 
     def __init__(self, count: int) -> None:
         self.least, self.most = np.zeros(count), np.zeros(count)
@@ -65,14 +65,14 @@ class _Range:
 
 class FailureDetector:
     """
-    Compares commands and travel of the rollers.
+    Compares commanded and measured travel of the rollers.
 
-    A roller that is not commanded is never flagged. One that is flagged stays so until it is
-    reset: held at zero, it cannot show that it works.
+    Rollers without commands are never flagged. A flag is latched until reset: at zero speed a
+    roller cannot prove that it works.
 
-    :ivar failed: names of the rollers that have failed.
-    :param names: of the rollers.
-    :param criterion: when one has failed.
+    :ivar failed: names of the failed rollers.
+    :param names: names of the rollers.
+    :param criterion: criterion of a failed roller.
     """
 
     def __init__(self, names: Sequence[str], criterion: FailureCriterion) -> None:
@@ -81,19 +81,19 @@ class FailureDetector:
         self.criterion = criterion
         self._names = tuple(names)
         self._time: float | None = None
-        self._sent = np.zeros(count)  # travel that was commanded [m]
+        self._sent = np.zeros(count)  # commanded travel [m]
         self._commanded = np.zeros(count)  # time with a command since the roller last moved [s]
         self._path = np.zeros(count)  # commanded path length in that time [m]
-        self._asked = np.full(count, np.nan)  # range to compare with; nan while there is none [m]
-        self._asked_at = np.zeros(count)  # the time when that range was commanded [s]
+        self._asked = np.full(count, np.nan)  # range for comparison; nan without one [m]
+        self._asked_at = np.zeros(count)  # time at which that range was commanded [s]
         self._sent_range, self._moved_range = _Range(count), _Range(count)
 
     def reset(self, names: Collection[str] | None = None) -> None:
         """
-        Take rollers for working again, and compare them from now on.
+        Clear the flags of rollers and restart their comparison.
 
-        :param names: which; all of them when left out.
-        :raises GraspError: there is no such roller.
+        :param names: names of rollers; default all.
+        :raises GraspError: the robot has no such roller.
         """
         cleared = frozenset(self._names if names is None else names)
         check_roller_names('rollers', cleared, self._names)
@@ -102,11 +102,11 @@ class FailureDetector:
 
     def update(self, positions: Array, time: float, commanded: Array) -> None:
         """
-        Compare a sample of the rollers' travel with what was commanded.
+        Compare a sample of the measured travel with the commands.
 
-        :param positions: (r,) travel [m].
-        :param time: of the sample; one with the time of the sample before is ignored [s].
-        :param commanded: (r,) speeds that were commanded since the sample before [m/s].
+        :param positions: (r,) measured travel [m].
+        :param time: time of the sample; repeated times are ignored [s].
+        :param commanded: (r,) speeds commanded since the previous sample [m/s].
         """
         if time == self._time:
             return
@@ -125,7 +125,7 @@ class FailureDetector:
         self._judge(time, positions)
 
     def _judge(self, time: float, positions: Array) -> None:
-        """Flag the rollers that have failed, and time again those that work."""
+        """Flag failed rollers and restart the timing of working ones."""
         criterion, sent, moved = self.criterion, self._sent_range.size, self._moved_range.size
         timed = (sent >= criterion.evident) & (moved >= criterion.min_share * sent)
         long = self._commanded >= criterion.time - criterion.settling
@@ -135,7 +135,7 @@ class FailureDetector:
             self._begin(timed, positions)
 
     def _flag(self, long: Flags, sent: Array, moved: Array, time: float) -> Flags:
-        """Flag those that have failed, of the rollers with a long command; return who is due."""
+        """Flag failed rollers among those with a sufficient command; return the rollers due."""
         criterion = self.criterion
         swing = criterion.min_swing * self._path
         far = (sent >= criterion.min_travel) & (sent * self._commanded >= swing)

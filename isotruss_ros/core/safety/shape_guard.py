@@ -2,12 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Keep a robot away from singular and self-colliding configurations, from sample to sample of a loop.
+Shape guard: keep sampled motions away from singular and self-colliding configurations.
 
-Barriers hand the quadratic program rows, dh/dt >= -class-K bound of h: right to first order, for
-the instant. A command holds for a sample, so the guard computes where it leads as well: at the
-end of the sample each margin must be above its discrete-time bound, or the command is scaled down
-until it is.
+Barriers contribute rows dh/dt >= -class-K bound of h to the quadratic program, a first-order bound
+at one instant. Since a command is constant during a sample, the guard also evaluates the end of
+the sample: the command is scaled down until each margin is above its discrete-time bound.
 """
 
 from __future__ import annotations
@@ -23,37 +22,37 @@ from isotruss_ros.core.manipulation.rolling_grip import roll_object
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.safety.barrier_law import (
+    ALL_VALUES,
     Barrier,
     BarrierLaw,
     BarrierLimit,
     BarrierViolation,
-    EVERYTHING,
 )
 from isotruss_ros.core.safety.barriers import ObjectBarrier, RigidityBarrier, SelfCollisionBarrier
 import numpy as np
 
-#: Longest steps of the rollers that cannot jump over a band, nor over half a safety margin [m].
+#: Largest roller steps that cannot cross a band, and half a safety margin [m].
 BAND_STEP, SAFETY_STEP = 1e-3, 2e-4
-#: A command is scaled down this often before the robot stands still, each time with some to spare.
+#: Largest number of reductions of a command before a stop [-], and factor on each [-].
 ATTEMPTS, SPARE = 4, 0.8
-#: What rounding leaves of a row that depends on no roller.
-NOISE = 1e-10
+#: Rounding error of a row that depends on no roller [-].
+ROW_ROUNDING = 1e-10
 
 
 @dataclass(frozen=True)
 class ShapeBounds:
     """
-    What a shape must keep, and how far from there the robot is slowed.
+    Bounds of the configuration, and the bands in which the robot is slowed.
 
     :raises ConfigurationError: a number is out of its range.
     """
 
-    min_rigidity: float = 0.2  #: least rigidity, as a share of that at home; see `rigidity_index`
-    min_clearance: float = 0.02  #: least distance between parts of the robot [m]
-    min_object_clearance: float = 0.02  #: between the robot and the object, beside the grip [m]
-    rigidity_band: float = 0.2  #: the robot is slowed where less than this is left to the bound
-    clearance_band: float = 0.1  #: the same for the distances [m]
-    rate: float = 5.0  #: a small margin shrinks by at most this share of itself in a second [1/s]
+    min_rigidity: float = 0.2  #: smallest rigidity index, 1 at home; see `rigidity_index`
+    min_clearance: float = 0.02  #: smallest distance between parts of the robot [m]
+    min_object_clearance: float = 0.02  #: distance of the object from parts outside the grip [m]
+    rigidity_band: float = 0.2  #: margin of the rigidity index below which the robot is slowed
+    clearance_band: float = 0.1  #: margin of the distances below which the robot is slowed [m]
+    rate: float = 5.0  #: largest decay rate of a small margin [1/s]
 
     def __post_init__(self) -> None:
         """Check the numbers."""
@@ -76,10 +75,10 @@ class ShapeGuard:
     """
     The barriers of a robot.
 
-    :ivar bounds: what its shapes must keep.
-    :ivar own: barriers beside rigidity, self-collision and the object.
+    :ivar bounds: bounds of the configuration.
+    :ivar own: user-defined barriers.
     :param robot: the robot.
-    :param barriers: those beside rigidity, self-collision and the object.
+    :param barriers: user-defined barriers, in addition to rigidity and clearances.
     """
 
     def __init__(
@@ -102,10 +101,10 @@ class ShapeGuard:
 
     def watch(self, config: Configuration, grip: Grip | None) -> Watch:
         """
-        Find what is near its bound.
+        Return the active values in one configuration.
 
-        :param config: where the robot is in the middle of the sample that a command is for.
-        :param grip: what it holds then; None without an object, of which nothing is kept clear.
+        :param config: predicted configuration at the midpoint of the sample of a command.
+        :param grip: grip at that time; None without an object.
         :raises ConfigurationError: the configuration is singular.
         :raises GraspError: see `find_contacts`.
         """
@@ -121,19 +120,19 @@ class ShapeGuard:
                 if active.roller_rows is not None:
                     rows[start:stop] += active.roller_rows
                 own = rows[start:stop]
-                own[np.abs(own) < NOISE] = 0.0
+                own[np.abs(own) < ROW_ROUNDING] = 0.0
                 limits.append(BarrierLimit(barrier, active, rows[start:stop]))
         return Watch(config, grip, barriers, tuple(limits))
 
 
 class Watch:
     """
-    What is near its bound in one configuration.
+    Active values in one configuration.
 
-    :ivar limits: for `solve_twist`.
-    :param config: configuration in the middle of the interval of the command.
+    :ivar limits: limits for `solve_twist`.
+    :param config: configuration at the midpoint of the command's interval.
     :param grip: the grip there; None without an object.
-    :param barriers: those that count.
+    :param barriers: the barriers.
     """
 
     def __init__(
@@ -149,11 +148,11 @@ class Watch:
 
     def keep(self, command: RollerCommand, velocities: Array, duration: float) -> RollerCommand:
         """
-        Return a command, scaled down where it would lead too near to a bound.
+        Return a command, scaled down if it violates a discrete-time bound.
 
-        :param command: for the sample in whose middle the robot was expected.
-        :param velocities: (r,) with which it was expected to get to that middle [m/s].
-        :param duration: of the sample [s].
+        :param command: command for the sample with the predicted midpoint.
+        :param velocities: (r,) roller velocities assumed in the prediction [m/s].
+        :param duration: duration of the sample [s].
         """
         rollers = command.roller_velocities
         size = duration * float(np.abs(rollers).max())
@@ -171,7 +170,7 @@ class Watch:
         return command if violation is None else _scaled(command, share, violation)
 
     def _within_reach(self, size: float) -> tuple[BarrierLimit, ...]:
-        """Return the limits that a step of this size of the rollers [m] could violate."""
+        """Return the limits that a roller step of this size [m] could violate."""
         return tuple(
             limit
             for limit in self.limits
@@ -185,7 +184,7 @@ class Watch:
         velocities: Array,
         duration: float,
     ) -> BarrierViolation | None:
-        """Return why a motion is not admissible, None where it is."""
+        """Return the violation of a barrier by a motion, None if admissible."""
         start, grip = self._config, self._grasp
         travel = duration * rollers
         try:
@@ -196,7 +195,7 @@ class Watch:
         if grip is not None and (long or any(limit.barrier.needs_object for limit in limits)):
             try:
                 grip = roll_object(grip, start, end)
-            except GraspError:  # a contact is lost on the way there
+            except GraspError:  # a contact is lost during the motion
                 return BarrierViolation(0.5, Status.SLOWED_OBJECT, ('the contacts of the grip',))
         found = [limit.violation(end, grip, travel, velocities, duration) for limit in limits]
         if long:
@@ -206,8 +205,8 @@ class Watch:
     def _jumped(
         self, barrier: Barrier, end: Configuration, grip: Grip | None
     ) -> BarrierViolation | None:
-        """Return what has got beyond a bound from outside of its band."""
-        left = barrier.values(end, grip, EVERYTHING) - barrier.law.bound
+        """Return the violation by values that crossed their whole band."""
+        left = barrier.values(end, grip, ALL_VALUES) - barrier.law.bound
         for limit in self.limits:
             if limit.barrier is barrier:
                 left[limit.indices] = np.inf

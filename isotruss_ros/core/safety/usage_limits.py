@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-How quickly commands use up what holds an object: the slip margin, and the moments of its tubes.
+Limits on the rate at which commands use slip margin and utilisation.
 
-What a command will use of them is learned from what the travel of the rollers used so far.
+The gradients by roller travel are identified online from past travel (least mean squares).
 """
 
 from __future__ import annotations
@@ -14,48 +14,47 @@ from isotruss_ros.core.manipulation.status import RollerCommand, Status
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
-#: At this utilisation a tube has folded: more is not told apart.
-FOLDED = 2.0
-#: Shares that a path uses in a second of what is left to the bound on the utilisation, and of the
-#: slip margin [1/s].
+#: Largest distinguished utilisation [-]; a tube has folded beyond it.
+MAX_UTILISATION_VALUE = 2.0
+#: Largest decay rates of the margin of utilisation and of the slip margin [1/s].
 UTILISATION_RATE, MARGIN_RATE = 5.0, 2.0
-#: Travel of the rollers in a cycle that tells of the change; shorter ones tell less [m].
-TELLING = 1e-4
+#: Regularization of the normalised least mean squares [m]; shorter travel has less weight.
+LMS_REGULARIZATION = 1e-4
 
 
 class UsageLimits:
     """
-    Slows commands that would use too much of what is left.
+    Limits commands by predicted slip margin and utilisation.
 
-    :param grasp: how the object is held at first.
+    :param grasp: initial equilibrium of the object.
     """
 
     def __init__(self, grasp: HeldGrip) -> None:
-        #: Of utilisation and slip margin, by how much travel uses them, least mean squares.
+        #: Gradients of utilisation and slip margin by roller travel, by least mean squares.
         self._rates = np.zeros((2, len(grasp.config.roller_positions)))
         self._take(grasp)
 
     def learn(self, grasp: HeldGrip, margin: float, travel: Array) -> None:
         """
-        Take in what the last travel did.
+        Update the gradients from the last travel.
 
-        :param grasp: how the object is held after it.
-        :param margin: change of the slip margin that it made [N].
-        :param travel: (r,) of the rollers [m].
+        :param grasp: equilibrium of the object after it.
+        :param margin: change of the slip margin by it [N].
+        :param travel: (r,) roller travel [m].
         """
         used = self._used
         self._take(grasp)
         missed = np.array([self._used - used, -margin]) - self._rates @ travel
-        step = travel / float(travel @ travel + TELLING**2)
+        step = travel / float(travel @ travel + LMS_REGULARIZATION**2)
         self._rates = self._rates + np.outer(missed, step)
 
     def margin_share(self, command: RollerCommand, period: float, free: float) -> float:
         """
-        Return the part of a command's twist that leaves enough of the slip margin, 0 to 1.
+        Return the share of a command that keeps enough slip margin, 0 to 1.
 
         :param command: the command.
-        :param period: for which it holds [s].
-        :param free: slip margin that may be used up [N].
+        :param period: duration of the command [s].
+        :param free: usable part of the slip margin [N].
         """
         return self._share(1, command, period * MARGIN_RATE * free, period)
 
@@ -63,11 +62,11 @@ class UsageLimits:
         self, command: RollerCommand, period: float, most: float
     ) -> RollerCommand:
         """
-        Return a command, slowed where it would use too much of what is left of the tubes.
+        Return a command, scaled if the predicted utilisation approaches its bound too fast.
 
         :param command: the command.
-        :param period: for which it holds [s].
-        :param most: largest utilisation of a tube [-].
+        :param period: duration of the command [s].
+        :param most: largest allowed utilisation of a tube [-].
         """
         left = period * UTILISATION_RATE * (most - self._used)
         share = self._share(0, command, left, period)
@@ -76,12 +75,12 @@ class UsageLimits:
         return command.slowed(share, Status.SLOWED_UTILISATION, (self._member,))
 
     def _share(self, quantity: int, command: RollerCommand, left: float, period: float) -> float:
-        """Return the part of a command that uses no more of a quantity than is left."""
+        """Return the share of a command whose use of a quantity is within the available one."""
         more = float(self._rates[quantity] @ (period * command.roller_velocities))
         return 1.0 if more <= max(left, 0.0) else max(left, 0.0) / more
 
     def _take(self, grasp: HeldGrip) -> None:
-        """Take in which member is nearest to its wrinkling moment, and how near."""
+        """Store the most utilised member and its utilisation."""
         used = grasp.sections.utilisation
         self._member = f'member {grasp.config.robot.member_names[int(used.argmax())]}'
-        self._used = min(float(used.max()), FOLDED)
+        self._used = min(float(used.max()), MAX_UTILISATION_VALUE)

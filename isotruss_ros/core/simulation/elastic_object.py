@@ -14,7 +14,7 @@ from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, NotHeldErr
 from isotruss_ros.core.holding.loaded_frame import held_joints
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.kinematics.depths import member_depths, push_out, TOLERANCE
+from isotruss_ros.core.kinematics.depths import member_depths, OVERLAP_TOLERANCE, push_out
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, finite_array
@@ -146,7 +146,7 @@ class ElasticObject:
 
     def _pressed(self, config: Configuration) -> bool:
         """Return whether two members press on the object where it lies, deeper than they push."""
-        return bool(np.sort(member_depths(config, self._body))[-2] > TOLERANCE)
+        return bool(np.sort(member_depths(config, self._body))[-2] > OVERLAP_TOLERANCE)
 
     def _roll(self, before: HeldGrip, config: Configuration) -> None:
         """

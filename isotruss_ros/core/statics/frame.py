@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from isotruss_ros.core.errors import StructureError
-from isotruss_ros.core.kinematics.constraints import DENSE_UP_TO
+from isotruss_ros.core.kinematics.constraints import MAX_DENSE_COORDINATES
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
 from isotruss_ros.core.numerics.factorization import (
     count_negative_pivots,
@@ -265,7 +265,7 @@ class Frame:
             scale[free:] = 1.0 / np.sqrt(np.where(norms > 0.0, norms, 1.0))
         entries = np.concatenate([entries, weight, weight, pairs.ravel()[pattern.curved]])
         entries *= scale[pattern.matrix_rows] * scale[pattern.matrix_columns]
-        if size <= DENSE_UP_TO:
+        if size <= MAX_DENSE_COORDINATES:
             flat = np.bincount(pattern.flat_places, entries, minlength=size * size)
             return flat.reshape(size, size), scale
         places = pattern.matrix_rows, pattern.matrix_columns

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Nodes that bring up a robot: checks before it moves, and calibration.
+Bring-up of a robot: checks before the first motion, and calibration.
 
-Entry points: `preflight`, `check_rollers`, `calibration`, `pluck`. Beside them are the joint
-markers that they gather. Imports `nodes.framework`, `calibration` and the core.
+Entry points: `preflight`, `check_rollers`, `calibration`, `pluck`. `joint_markers` has their
+measurements. Imports `nodes.framework`, `calibration` and the core.
 """

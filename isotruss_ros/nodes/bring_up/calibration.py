@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node `calibration`: zeros of the rollers and stiffness of the tubes, from joint markers."""
+"""Node `calibration`: roller offsets and tube stiffness from joint markers."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from isotruss_ros.nodes.bring_up.joint_markers import (
     DEVIATION,
     JointMarkers,
     MeasuredJoints,
-    STILL,
+    REST_TOLERANCE,
     WINDOW,
 )
 from isotruss_ros.nodes.framework.parameters import FixedSpec, ROBOT
@@ -28,16 +28,14 @@ import numpy as np
 
 SPECS = (
     ROBOT,
-    FixedSpec(
-        'output', 'calibrated_robot.yaml', 'Robot file that is written; it may be that of `robot`'
-    ),
+    FixedSpec('output', 'calibrated_robot.yaml', 'Output robot file, possibly that of `robot`'),
     WINDOW,
     DEVIATION,
 )
 
 
 class Calibration(StoppableNode):
-    """Measure the empty robot when it is asked to, and write what follows to a robot file."""
+    """Measures the empty robot on request, and writes the result to a robot file."""
 
     node_name = 'calibration'
     specs = SPECS
@@ -56,7 +54,7 @@ class Calibration(StoppableNode):
         return self._markers.measure(self.now())
 
     def _calibrate_home(self) -> str:
-        """Add the posture in which the robot is, and fit the zeros to all so far."""
+        """Add the current posture, and fit the offsets to all postures so far."""
         posture, _ = self._measure()
         kept = [each for each in self._postures if not _is_same(each, posture)]
         self._postures = [*kept, posture]
@@ -69,7 +67,7 @@ class Calibration(StoppableNode):
     def _calibrate_stiffness(
         self, request: CalibrateStiffness.Request, response: CalibrateStiffness.Response
     ) -> CalibrateStiffness.Response:
-        """Compare the joints under a pull with those of the posture without it."""
+        """Fit the stiffness to the joints under a pull and in the same posture without it."""
         try:
             under, count = self._measure()
             before = [each for each in self._postures if _is_same(each, under)]
@@ -100,5 +98,7 @@ class Calibration(StoppableNode):
 
 
 def _is_same(posture: Posture, other: Posture) -> bool:
-    """Return whether the rollers are in the same places."""
-    return bool(np.abs(posture.roller_positions - other.roller_positions).max() < 2.0 * STILL)
+    """Return whether the rollers are at the same positions."""
+    return bool(
+        np.abs(posture.roller_positions - other.roller_positions).max() < 2.0 * REST_TOLERANCE
+    )

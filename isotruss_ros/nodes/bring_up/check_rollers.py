@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Node `check_rollers`: turns one roller at a time, and compares how the joints move.
+Node `check_rollers`: moves one roller at a time, and checks the motion of the joints.
 
-It ends with the first roller of a wrong sign, scale or assignment, before another one turns.
+It ends at the first roller of a wrong sign, scale or assignment, before another one moves.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from pathlib import Path
 
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.calibration.robot_files import write_checked_rollers
-from isotruss_ros.calibration.roller_check import judge_roller, LARGEST_ERROR
+from isotruss_ros.calibration.roller_check import judge_roller, MAX_TRAVEL_ERROR
 from isotruss_ros.core import load_robot
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.nodes.bring_up.joint_markers import DEVIATION, JointMarkers, WINDOW
@@ -30,27 +30,27 @@ from std_msgs.msg import Bool
 SPECS = (
     ROBOT,
     common.RATE,
-    Spec('travel', 0.02, 'Each roller turns by this [m]', (0.005, 0.05)),
-    Spec('speed', 0.01, 'So quickly [m/s]', (0.001, 0.05)),
-    Spec('settle_time', 1.0, 'The robot comes to rest in this time [s]', (0.0, 30.0)),
+    Spec('travel', 0.02, 'Travel of each roller [m]', (0.005, 0.05)),
+    Spec('speed', 0.01, 'Speed of each roller [m/s]', (0.001, 0.05)),
+    Spec('settle_time', 1.0, 'Time in which the robot comes to rest [s]', (0.0, 30.0)),
     WINDOW,
     DEVIATION,
-    FixedSpec('output', '', 'Robot file in which the rollers are noted as checked; none if empty'),
+    FixedSpec('output', '', 'Robot file for the mark of checked rollers; none if empty'),
 )
 
 
 class CheckRollers(StoppableNode):
     """
-    Turn each roller of the empty robot forth and back.
+    Moves each roller of the empty robot forth and back.
 
-    :ivar right: names of the rollers that were found right.
+    :ivar right: names of the rollers found correct.
     """
 
     node_name = 'check_rollers'
     specs = SPECS
 
     def start(self) -> None:
-        """Subscribe, and begin to wait for the markers."""
+        """Subscribe, and wait for the markers."""
         self._robot = load_robot(self.values.robot)
         self.right: list[str] = []
         self._commands = RollerCommands(self, len(self._robot.roller_names))
@@ -63,7 +63,7 @@ class CheckRollers(StoppableNode):
         create_steady_timer(self, 1.0 / self.values.rate, self._cycle)
 
     def stop(self) -> None:
-        """Command all rollers to stand still."""
+        """Command zero velocities."""
         self._commands.stop()
 
     def _receive_stop(self, message: Bool) -> None:
@@ -71,7 +71,7 @@ class CheckRollers(StoppableNode):
             raise MeasurementError('emergency stop')
 
     def _cycle(self) -> None:
-        """Command the present velocities; go on where the present wait is over."""
+        """Publish the current velocities; continue after the current pause."""
         others = self._commands.find_others()
         if others is not None:
             raise MeasurementError(others)
@@ -84,7 +84,7 @@ class CheckRollers(StoppableNode):
         self._commands.publish(self._velocities)
 
     def _check_all(self) -> Generator[float, None, None]:
-        """Check one roller after the other; yields how long to wait before it goes on [s]."""
+        """Check one roller after the other; yields pauses [s]."""
         travel, speed = self.values.travel, self.values.speed
         rest = self.values.settle_time + self.values.window
         for number, name in enumerate(self._robot.roller_names):
@@ -111,19 +111,19 @@ class CheckRollers(StoppableNode):
             self.right.append(name)
 
     def _finish(self) -> None:
-        """Note the rollers in the robot file, and end."""
+        """Mark the rollers in the robot file as checked, and end."""
         if self.values.output:
             write_checked_rollers(self._robot, Path(self.values.output), self.right)
         self.done = True
 
 
 def _judge_encoders(names: Sequence[str], number: int, travel: float, turned: Array) -> str:
-    """Return what is wrong with the encoders of a roller that is right; empty if nothing."""
+    """Return the fault of the encoders of a correct roller; empty without one."""
     expected = np.zeros(len(names))
     expected[number] = travel
     off = np.abs(turned - expected)
     worst = int(off.argmax())
-    if off[worst] <= LARGEST_ERROR * travel:
+    if off[worst] <= MAX_TRAVEL_ERROR * travel:
         return ''
     return (
         f'the encoder of {names[worst]} counted {1e3 * turned[worst]:+.1f} mm in place of '

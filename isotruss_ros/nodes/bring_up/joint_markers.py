@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Joints of the robot as a tracker measures them, from the topic `joint_markers`."""
+"""Joint positions measured by a tracker, from the topic `joint_markers`."""
 
 from __future__ import annotations
 
@@ -23,25 +23,25 @@ from isotruss_ros.nodes.framework.runner import StoppableNode
 from isotruss_ros.nodes.framework.sensors import Inputs
 import numpy as np
 
-WINDOW = Spec('window', 1.0, 'Markers are averaged over so long a time [s]', bounds=(0.05, 60.0))
+WINDOW = Spec('window', 1.0, 'Averaging time of markers [s]', bounds=(0.05, 60.0))
 DEVIATION = Spec(
     'marker_deviation',
     0.001,
     'Standard deviation of a coordinate of a marker [m]',
     bounds=(1e-6, 0.1),
 )
-#: Rollers whose encoders change by less than this in the window stand still [m].
-STILL = 5e-4
-#: Topics that say nothing for longer than this are not live [s].
-LATEST = 0.5
+#: Largest change of the encoders of rollers at rest within the window [m].
+REST_TOLERANCE = 5e-4
+#: Largest age of the last message of a live topic [s].
+MAX_TOPIC_AGE = 0.5
 
 
 class MeasuredJoints(NamedTuple):
     """
-    Joints of a robot whose rollers stand still.
+    Joints of a robot with the rollers at rest.
 
     :ivar posture: readings of the encoders, and means of the joints.
-    :ivar count: least number of messages that a joint was in.
+    :ivar count: smallest number of messages of a joint.
     """
 
     posture: Posture
@@ -50,19 +50,19 @@ class MeasuredJoints(NamedTuple):
 
 class JointMarkers:
     """
-    The messages of `joint_markers` and `joint_states` of the last while.
+    Recent messages of `joint_markers` and `joint_states`.
 
-    :ivar frame: of the robot, in which the joints are.
+    :ivar frame: frame of the robot and the joints.
     :ivar timeout: largest age of an input [s].
     :ivar rollers: input of the `RollerState`.
     :ivar markers: input of the joints {name: (x, y)} [m].
-    :param node: subscribes.
-    :param robot: whose joints and rollers they are.
-    :param window: for so long they are kept [s].
+    :param node: subscribing node.
+    :param robot: the robot.
+    :param window: averaging time [s].
     """
 
     def __init__(self, node: StoppableNode, robot: Robot, window: float) -> None:
-        self._window, self.timeout = window, LATEST
+        self._window, self.timeout = window, MAX_TOPIC_AGE
         self.rollers: Input = None
         self.markers: Input = None
         self._rollers, self._markers = Timeline(), Timeline()
@@ -73,18 +73,20 @@ class JointMarkers:
 
     def measure(self, now: float) -> MeasuredJoints:
         """
-        Return means over the window.
+        Return the means over the window.
 
         :param now: time on the clock of the stamps [s].
-        :raises MeasurementError: a topic is silent, or the rollers turn.
+        :raises MeasurementError: a topic is silent, or the rollers move.
         """
         self._inputs.settle()
         try:
-            require_fresh(now, LATEST, '', joint_states=self.rollers, joint_markers=self.markers)
+            require_fresh(
+                now, MAX_TOPIC_AGE, '', joint_states=self.rollers, joint_markers=self.markers
+            )
         except InputError as error:
             raise MeasurementError(str(error)) from error
         readings = np.array([state.positions for state in self._rollers.values])
-        if np.ptp(readings, axis=0).max() > STILL:
+        if np.ptp(readings, axis=0).max() > REST_TOLERANCE:
             raise MeasurementError('the rollers turn: joints are measured while they stand still')
         seen: dict[str, list[tuple[float, float]]] = {}
         for joints in self._markers.values:

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Node `pluck`: measures how a held object oscillates.
+Node `pluck`: measurement of the oscillation of a held object.
 
-The rollers push the object by a short twist and stand still; frequency and damping ratio are
-fitted to the poses that follow. The node ends by itself.
+The rollers push the object by a short twist and stop; frequency and damping ratio are fitted to
+the following poses. Then the node ends.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.calibration.oscillation import fit_oscillation, Oscillation
 from isotruss_ros.core import load_robot, Status
 from isotruss_ros.core.inputs import StampedInput
-from isotruss_ros.nodes.bring_up.joint_markers import LATEST
+from isotruss_ros.nodes.bring_up.joint_markers import MAX_TOPIC_AGE
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.commands import create_twist_publisher
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
@@ -25,7 +25,7 @@ from isotruss_ros.nodes.framework.sensors import Inputs
 from isotruss_ros.nodes.framework.topics import RELIABLE
 import numpy as np
 
-#: Duration of the push: short against the period of the oscillation [s].
+#: Duration of the push, short against the period of the oscillation [s].
 PUSH_TIME = 0.15
 SPECS = (
     ROBOT,
@@ -34,13 +34,13 @@ SPECS = (
     common.RATE,
     common.USE_STAMPED_TWIST,
     Spec('vx', 0.04, 'Twist of the push: along x [m/s]', (-1.0, 1.0)),
-    Spec('vy', 0.0, 'Along y [m/s]', (-1.0, 1.0)),
-    Spec('omega', 0.0, 'About the origin of the object [rad/s]', (-10.0, 10.0)),
-    Spec('listen_time', 3.0, 'Poses after it are taken for so long [s]', (0.5, 60.0)),
+    Spec('vy', 0.0, 'Twist of the push: along y [m/s]', (-1.0, 1.0)),
+    Spec('omega', 0.0, 'Twist of the push: about the origin of the object [rad/s]', (-10.0, 10.0)),
+    Spec('listen_time', 3.0, 'Duration of the measurement after the push [s]', (0.5, 60.0)),
     Spec(
         'wait_time',
         10.0,
-        'Poses and the status of `manipulation` must come within [s]',
+        'Timeout of poses and of the status of `manipulation` [s]',
         (0.1, 600.0),
     ),
 )
@@ -48,16 +48,16 @@ SPECS = (
 
 class Pluck(StoppableNode):
     """
-    Push the held object once by a twist, and fit an oscillation to its poses.
+    Pushes the object once, and fits an oscillation to its poses.
 
-    :ivar found: what was fitted; None before.
+    :ivar found: fitted oscillation; None before.
     """
 
     node_name = 'pluck'
     specs = SPECS
 
     def start(self) -> None:
-        """Subscribe, and begin to wait for the inputs."""
+        """Subscribe, and wait for the inputs."""
         values = self.values
         self.found: Oscillation | None = None
         robot = load_robot(values.robot)
@@ -67,7 +67,7 @@ class Pluck(StoppableNode):
         self._times: list[float] = []
         self._poses: list[tuple[float, ...]] = []
         self._status: ManipulationStatus | None = None
-        self.timeout, self.pose = LATEST, None
+        self.timeout, self.pose = MAX_TOPIC_AGE, None
         self._inputs = Inputs(self, robot, self, '')
         self._inputs.keep_object_pose(take=self._take_pose)
         self.create_subscription(
@@ -91,7 +91,7 @@ class Pluck(StoppableNode):
             raise MeasurementError(f'manipulation halted meanwhile: {message.message}')
 
     def _cycle(self) -> None:
-        """Wait for inputs, push, listen; then say what was found."""
+        """Wait for inputs, push, record poses; then report the result."""
         now, values = self.now(), self.values
         self._inputs.settle()
         if self._pushed is None:
@@ -104,7 +104,7 @@ class Pluck(StoppableNode):
             self._report()
 
     def _wait(self, now: float) -> None:
-        """Begin to push as soon as the object is held and poses come."""
+        """Start the push once the object is held and poses are received."""
         self._publish_twist(0.0)
         status, waited = self._status, now - self._began > self.values.wait_time
         if status is not None and status.pose_gain > 0.0:

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node `preflight`: what a robot needs before it moves, a line each; then it ends."""
+"""Node `preflight`: checks before the first motion of a robot, one line each."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from isotruss_ros.core import IsotrussError, load_robot
 from isotruss_ros.core.inputs import Input, InputError, require_fresh
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.statics.sag import find_sag
-from isotruss_ros.nodes.bring_up.joint_markers import JointMarkers, LATEST, WINDOW
+from isotruss_ros.nodes.bring_up.joint_markers import JointMarkers, MAX_TOPIC_AGE, WINDOW
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.parameters import ROBOT, Spec
@@ -24,22 +24,22 @@ import numpy as np
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
-#: Least messages of joint_states and object_pose in a second [Hz].
+#: Smallest rates of joint_states and object_pose [Hz].
 LEAST_JOINT_RATE, LEAST_POSE_RATE = 50.0, 10.0
-#: Markers may be as far off the encoders as this [m].
+#: Largest difference of joints by markers and by encoders [m].
 MAX_ZERO_ERROR = 0.01
 SPECS = (
     ROBOT,
     common.OBJECT,
     WINDOW,
-    Spec('listen_time', 3.0, 'Topics are heard for so long [s]', (0.5, 60.0)),
+    Spec('listen_time', 3.0, 'Time of listening to topics [s]', (0.5, 60.0)),
     Spec('object_mass', 0.0, 'Mass of the object; 0: that of its description [kg]', (0.0, 100.0)),
 )
 
 
 class Preflight(StoppableNode):
     """
-    Listen for a while, and judge what was heard; nothing moves.
+    Receives messages for some time and checks them, without any motion.
 
     :ivar faults: names of the checks that failed.
     :ivar pose: input of the `Pose` of the object.
@@ -50,10 +50,10 @@ class Preflight(StoppableNode):
     specs = SPECS
 
     def start(self) -> None:
-        """Subscribe, and begin to listen."""
+        """Subscribe, and start to record."""
         self._robot = load_robot(self.values.robot)
         self._markers = JointMarkers(self, self._robot, self.values.window)
-        self.timeout, self.pose = LATEST, None
+        self.timeout, self.pose = MAX_TOPIC_AGE, None
         self._joint_states: list[JointState] = []
         self._poses: list[PoseStamped] = []
         self._stops: list[Bool] = []
@@ -80,7 +80,7 @@ class Preflight(StoppableNode):
         create_steady_timer(self, self.values.listen_time, self._report)
 
     def _report(self) -> None:
-        """Print a line for each check, and end; with an error where one failed."""
+        """Print a line for each check and end, with an error after a failed one."""
         for name, check in self._checks.items():
             try:
                 print(f'ok    {name}: {check()}', flush=True)
@@ -175,10 +175,10 @@ class Preflight(StoppableNode):
         return f'module {module:g} kg, object {body:g} kg'
 
     def _check_live(self, topic: str, given: Input) -> str:
-        """Return how old an input is in words; refuse one that is too old, or none."""
+        """Return the age of an input in words; raise for a stale or missing one."""
         now = self.now()
         try:
-            (found,) = require_fresh(now, LATEST, '', **{topic: given})
+            (found,) = require_fresh(now, MAX_TOPIC_AGE, '', **{topic: given})
         except InputError as error:
             raise MeasurementError(str(error)) from error
         if found.rejected is not None:
@@ -188,7 +188,7 @@ class Preflight(StoppableNode):
     def _check_rate(
         self, topic: str, messages: Sequence[JointState | PoseStamped], least: float
     ) -> str:
-        """Return the rate of a topic in words; refuse one that is slow."""
+        """Return the rate of a topic in words; raise for a low one."""
         rate = len(messages) / self.values.listen_time
         if rate < 0.9 * least:
             raise MeasurementError(f'{topic} comes {rate:.3g} times a second: must be {least:g}')

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Messages to values of the core and back, with the checks of what comes from outside.
+Conversion of messages to values of the core and back, with checks of external input.
 
 Entry points: `read_...` raise MessageError, `to_...` return messages. Imports `nodes.grasp`, the
 core and message packages, no `rclpy` node.

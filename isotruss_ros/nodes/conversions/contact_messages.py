@@ -15,7 +15,7 @@ from isotruss_ros.nodes.conversions.messages import make_header, name_contact_fr
 
 class ContactFrame(NamedTuple):
     """
-    Where a member presses on the object, in the robot's frame.
+    Frame of a contact in the robot's frame.
 
     :ivar origin: centre of pressure, x + iy [m].
     :ivar direction: unit normal into the object, x + iy: the x axis.
@@ -27,10 +27,10 @@ class ContactFrame(NamedTuple):
 
 def find_contact_frames(analysis: GraspAnalysis, robot: Robot) -> dict[str, ContactFrame]:
     """
-    Return the frames of contacts by member.
+    Return contact frames by member.
 
-    :param analysis: of the grasp.
-    :param robot: whose members they are.
+    :param analysis: analysis of the grasp.
+    :param robot: robot with the members.
     """
     frames = {}
     forces = analysis.normal_forces
@@ -54,8 +54,8 @@ def to_contact_wrench(
     :param frame: the robot's frame.
     :param member: name of the member.
     :param when: time of the force [s].
-    :param normal: with which it presses [N]: `force.x`.
-    :param friction: on the object, counter-clockwise around it [N]: `-force.y`.
+    :param normal: normal force [N]: `force.x`.
+    :param friction: friction force on the object, counter-clockwise around it [N]: `-force.y`.
     """
     message = WrenchStamped(header=make_header(when, name_contact_frame(frame, member)))
     message.wrench.force.x, message.wrench.force.y = normal, -friction

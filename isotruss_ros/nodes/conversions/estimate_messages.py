@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Estimates of the robot's state to messages, and from them."""
+"""Conversion of state estimates to messages and back."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from isotruss_ros.nodes.conversions.messages import (
 )
 import numpy as np
 
-#: Places of x, y and the turn in the covariance (6, 6) of a pose.
-PLANAR = np.ix_([0, 1, 5], [0, 1, 5])  # type: ignore[var-annotated]
-#: Zeros are not farther off than this [m].
+#: Indices of x, y and rotation in the covariance (6, 6) of a pose.
+PLANAR_INDICES = np.ix_([0, 1, 5], [0, 1, 5])  # type: ignore[var-annotated]
+#: Largest roller offset [m].
 MAX_OFFSET = 1.0
 
 
@@ -27,8 +27,8 @@ def to_estimate_message(estimate: StateEstimate, robot: Robot) -> StateEstimateM
     """
     Return the message of an estimate.
 
-    :param estimate: of the state.
-    :param robot: whose state it is.
+    :param estimate: estimate of the state.
+    :param robot: the robot.
     """
     message = StateEstimateMessage(
         roller_names=list(robot.roller_names),
@@ -48,7 +48,7 @@ def to_estimate_message(estimate: StateEstimate, robot: Robot) -> StateEstimateM
         message.held = True
         message.pose.pose = to_pose_message(Pose(*estimate.pose.tolist()))
         covariance = np.zeros((6, 6))
-        covariance[PLANAR] = estimate.pose_covariance
+        covariance[PLANAR_INDICES] = estimate.pose_covariance
         message.pose.covariance = covariance.ravel()
         message.squeeze = estimate.squeeze
         message.squeeze_deviation = estimate.squeeze_deviation
@@ -58,10 +58,10 @@ def to_estimate_message(estimate: StateEstimate, robot: Robot) -> StateEstimateM
 
 def read_estimate(message: StateEstimateMessage, robot: Robot) -> EstimatedTravel:
     """
-    Return what a loop takes from an estimate.
+    Return the offsets and covariances of an estimate for a control loop.
 
-    :param message: of the topic `state_estimate`.
-    :param robot: whose state it is.
+    :param message: message of the topic `state_estimate`.
+    :param robot: the robot.
     :raises MessageError: another frame or other rollers, or offsets or covariances that are not
         finite.
     """

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Analysed grasps to messages, and questions about grasps from messages."""
+"""Conversion of grasp analyses to messages, and of requests from messages."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ from isotruss_ros.nodes.conversions.object_messages import describes_object, rea
 from isotruss_ros.nodes.grasp.grasp_report import GraspQuery, GraspReport
 import numpy as np
 
-#: No wrench is larger [N, N m]; what is beyond is a broken sensor, not a load.
+#: Largest valid wrench [N, N m]; larger values come from a broken sensor.
 MAX_WRENCH = 1e6
-#: What an analysis has by member, and its message in the order of `contact_members`.
-BY_MEMBER = (
+#: Fields of an analysis by member, in messages in the order of `contact_members`.
+MEMBER_FIELDS = (
     'contact_lengths',
     'contact_widths',
     'contact_areas',
@@ -41,12 +41,12 @@ def read_external_wrench(
     message: WrenchStamped, frame: str, angle: float | None = None
 ) -> tuple[float, float, float]:
     """
-    Return the external wrench (fx, fy, m) on the object, parallel to the robot's frame [N, N m].
+    Return the external wrench (fx, fy, m) on the object in axes of the robot's frame [N, N m].
 
     :param message: wrench about the object's centre, in the frame of `name_aligned_frame`, or in
         the object's own.
     :param frame: the robot's frame.
-    :param angle: of the object in that frame; None where that is not known [rad].
+    :param angle: angle of the object in that frame; None if unknown [rad].
     :raises MessageError: another frame, not finite, or larger than `MAX_WRENCH`.
     """
     wrench = _planar(message.wrench)
@@ -80,10 +80,10 @@ def read_query(
     """
     Return the query of a request; the analysis checks the other values.
 
-    :param request: of the service `analyze_grasp`.
-    :param spacing: of the contact points along the tubes [m].
-    :param flattening: whether the tubes flatten where they are touched.
-    :raises MessageError: no object, two of them, or one that is not usable.
+    :param request: request of the service `analyze_grasp`.
+    :param spacing: spacing of the contact points along the tubes [m].
+    :param flattening: whether the tubes flatten at contacts.
+    :raises MessageError: no object, two of them, or an invalid one.
     """
     body = _read_described(request)
     if body is None:
@@ -95,7 +95,7 @@ def read_query(
 
 
 def _read_described(request: AnalyzeGrasp.Request) -> ConvexObject | None:
-    """Return the object that is described; None where there is a disc in its place."""
+    """Return the described object; None for a disc."""
     if not describes_object(request.object):
         if request.diameter == 0.0:
             raise MessageError(
@@ -123,15 +123,15 @@ def _read_described(request: AnalyzeGrasp.Request) -> ConvexObject | None:
 
 
 def _planar(wrench: Wrench) -> tuple[float, float, float]:
-    """Return (fx, fy, m) [N, N m]; components out of the plane are carried by the ground."""
+    """Return (fx, fy, m) [N, N m]; the ground carries components out of the plane."""
     return wrench.force.x, wrench.force.y, wrench.torque.z
 
 
 def to_state_message(report: GraspReport, frame: str) -> GraspState:
     """
-    Return the result of an analysis as a message; without result the figures are the worst.
+    Return the message of an analysis; without a result with the most conservative values.
 
-    :param report: of the grasp monitor.
+    :param report: report of the grasp monitor.
     :param frame: the robot's frame.
     """
     state = GraspState(code=int(report.code), message=report.message)
@@ -156,7 +156,7 @@ def to_state_message(report: GraspReport, frame: str) -> GraspState:
     state.normal_wrench = to_wrench_message(analysis.normal_wrench)
     state.contacts = _to_contact_messages(analysis)
     state.contact_members = list(analysis.contact_lengths)
-    for name in BY_MEMBER:
+    for name in MEMBER_FIELDS:
         setattr(state, name, list(getattr(analysis, name).values()))
     utilisation = report.grasp.utilisation
     state.members = list(utilisation)
@@ -168,7 +168,7 @@ def to_state_message(report: GraspReport, frame: str) -> GraspState:
 
 
 def _to_contact_messages(analysis: GraspAnalysis) -> list[Contact]:
-    """Return the contact points that carry a normal force."""
+    """Return the contact points with a normal force."""
     touching = np.flatnonzero(analysis.normal_forces > 0.0)
     points, normals = analysis.points[touching].tolist(), analysis.normals[touching].tolist()
     numbers = (analysis.normal_forces, analysis.friction_forces, analysis.gaps)

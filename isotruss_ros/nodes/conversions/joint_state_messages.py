@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Rollers in `sensor_msgs/JointState`, pressures of tubes in `sensor_msgs/FluidPressure`."""
+"""Rollers in `sensor_msgs/JointState`, tube pressures in `sensor_msgs/FluidPressure`."""
 
 from __future__ import annotations
 
@@ -16,17 +16,16 @@ from isotruss_ros.nodes.conversions.messages import MAX_DISTANCE, MessageError
 import numpy as np
 from sensor_msgs.msg import FluidPressure, JointState
 
-#: No roller is faster [m/s]; what is beyond is a broken sensor, not a motion.
+#: Largest valid roller speed [m/s]; larger values come from a broken sensor.
 MAX_SPEED = 10.0
 
 
 def read_roller_part(message: JointState, names: Sequence[str]) -> dict[int, tuple[float, float]]:
     """
-    Return travel [m] and velocity [m/s] of the rollers that a message names, by their number.
+    Return travel [m] and velocity [m/s] by index of the rollers in a message.
 
-    Other joints are left out; a message that names no roller is no input. Velocities that the
-    message leaves out, or that are NaN, as a broadcaster publishes where nothing is measured, are
-    zero.
+    Other joints are ignored; a message without rollers is no input. Missing velocities, and NaN
+    (from a broadcaster without a measurement), are zero.
 
     :param message: joint states, in any order.
     :param names: names of the rollers.
@@ -89,11 +88,11 @@ def read_roller_state(message: JointState, names: Sequence[str]) -> RollerState:
 
 def read_tube_pressure(message: FluidPressure, robot: Robot, ambient: float) -> tuple[str, float]:
     """
-    Return the name of a tube, and its gauge pressure [Pa].
+    Return the name of a tube and its gauge pressure [Pa].
 
-    :param message: of the topic `tube_pressures`: the tube in `header.frame_id`.
-    :param robot: whose tube it is.
-    :param ambient: pressure around, which is subtracted; 0 where gauge pressure is measured [Pa].
+    :param message: message of the topic `tube_pressures`, with the tube in `header.frame_id`.
+    :param robot: the robot.
+    :param ambient: ambient pressure, which is subtracted; 0 for gauge pressure [Pa].
     :raises MessageError: an unknown tube, or no positive pressure.
     """
     known, tube = tuple(robot.description.pressures), message.header.frame_id

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Measured joints of the robot in messages: `sensor_msgs/MultiDOFJointState`."""
+"""Measured joints of the robot in `sensor_msgs/MultiDOFJointState`."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ def read_joint_markers(
     """
     Return the measured joints (x, y, z) by name, in the frame of the message [m].
 
-    :param message: of the topic `joint_markers`.
-    :param robot: whose joints they are.
-    :raises MessageError: another number of names than of places, an unknown or repeated joint, or
-        x or y of a place that is not finite.
+    :param message: message of the topic `joint_markers`.
+    :param robot: the robot.
+    :raises MessageError: different numbers of names and transforms, an unknown or repeated joint,
+        or a position that is not finite.
     """
     if len(message.joint_names) != len(message.transforms):
         raise MessageError(
@@ -44,7 +44,7 @@ def read_joint_markers(
 
 def to_joint_markers(joints: Mapping[str, Sequence[float]]) -> MultiDOFJointState:
     """
-    Return a message without a header.
+    Return the message of measured joints, without a header.
 
     :param joints: (x, y) by name [m].
     """

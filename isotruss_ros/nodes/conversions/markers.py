@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""An analysed grasp as markers for RViz."""
+"""RViz markers of an analysed grasp."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from rclpy.duration import Duration
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-#: Markers expire when the node has ended.
+#: Lifetime of markers, which expire after the end of the node.
 LIFETIME = Duration(seconds=1.0)
-#: Length of an arrow for its force [m/N]; a normal force is not drawn longer than this [m].
+#: Length of an arrow per force [m/N]; longest arrow of a normal force [m].
 ARROW_SCALE, LONGEST_ARROW = 0.01, 0.5
-TINY = 1e-9
+MIN_FORCE = 1e-9
 LINE_WIDTH, ARROW_WIDTH = 0.008, 0.015
-#: Of markers whose points are in metres.
-UNIT = (1.0, 1.0, 1.0)
-#: Of a region of contact in the paper's model, which has none [m].
+#: Scale of markers with points in metres.
+UNIT_SCALE = (1.0, 1.0, 1.0)
+#: Width of a contact region in the paper's model, which has none [m].
 REGION_WIDTH = 0.01
-#: Of the points along the curved parts of an object [m].
+#: Spacing of points along curved outlines [m].
 OUTLINE_SPACING = 0.01
 UNDEFORMED = ColorRGBA(r=0.18, g=0.62, b=0.27, a=0.6)
 DEFORMED = ColorRGBA(r=0.85, g=0.55, b=0.37, a=1.0)
@@ -44,9 +44,9 @@ OPEN = ColorRGBA(r=0.85, g=0.2, b=0.2, a=0.8)
 
 def to_marker_array(report: GraspReport, frame: str, time: float) -> MarkerArray:
     """
-    Return the markers to be shown, behind one that deletes those from before.
+    Return the markers of a report, after a marker that deletes previous ones.
 
-    :param report: of the grasp monitor.
+    :param report: report of the grasp monitor.
     :param frame: the robot's frame.
     :param time: stamp of the markers [s].
     """
@@ -65,7 +65,7 @@ def _make_grasp_markers(grasp: AnalyzedGrasp) -> list[Marker]:
     regions = region_lines(grasp.config, grasp.body, analysis)
     widths = [analysis.contact_widths.get(m, REGION_WIDTH) for m in analysis.contact_spans]
     strongest = float(analysis.normal_forces.max(initial=0.0))
-    scale = min(ARROW_SCALE, LONGEST_ARROW / max(strongest, TINY))
+    scale = min(ARROW_SCALE, LONGEST_ARROW / max(strongest, MIN_FORCE))
     arrow, thin = (ARROW_WIDTH, 2.0 * ARROW_WIDTH, 0.0), (0.5 * LINE_WIDTH, 0.0, 0.0)
     members = map(_flat, member_lines(grasp.config))
     deformed = map(_flat, deformed_lines(analysis))
@@ -75,7 +75,7 @@ def _make_grasp_markers(grasp: AnalyzedGrasp) -> list[Marker]:
     rows = (
         ('members', strip, same(UNDEFORMED), thin, members),
         ('deformed', strip, used, (LINE_WIDTH, 0.0, 0.0), deformed),
-        ('contact_regions', Marker.TRIANGLE_LIST, same(REGION), UNIT, strips),
+        ('contact_regions', Marker.TRIANGLE_LIST, same(REGION), UNIT_SCALE, strips),
         ('contact_forces', Marker.ARROW, same(FORCE), arrow, forces),
     )
     return [
@@ -93,7 +93,7 @@ def _tube_color(utilisation: float) -> ColorRGBA:
 
 def _make_object(grasp: AnalyzedGrasp, color: ColorRGBA) -> Marker:
     body = grasp.body
-    # As high as the tubes are.
+    # Height of the tubes.
     height = grasp.config.robot.description.tube_diameter
     if body.shape.is_round:
         width = 2.0 * body.shape.reach
@@ -101,7 +101,7 @@ def _make_object(grasp: AnalyzedGrasp, color: ColorRGBA) -> Marker:
         marker.pose.position.x, marker.pose.position.y = body.pose[:2]
         return marker
     corners = _prism(body.outline(OUTLINE_SPACING), body.middle, 0.5 * height)
-    return _make_marker('object', 0, Marker.TRIANGLE_LIST, color, UNIT, corners)
+    return _make_marker('object', 0, Marker.TRIANGLE_LIST, color, UNIT_SCALE, corners)
 
 
 def _make_marker(
@@ -123,7 +123,7 @@ def _flat(line: Points) -> Iterable[Point]:
 
 
 def _strip(line: Points, half: float) -> Iterable[Point]:
-    """Yield the corners of triangles on an upright strip, two for each step of its line."""
+    """Yield the triangles of an upright strip, two for each segment of its line."""
     for here, following in itertools.pairwise(line.tolist()):
         low, high, last = (here, -half), (here, half), (following, half)
         for point, z in (low, high, (following, -half), (following, -half), high, last):
@@ -131,7 +131,7 @@ def _strip(line: Points, half: float) -> Iterable[Point]:
 
 
 def _prism(outline: Points, middle: complex, half: float) -> Iterable[Point]:
-    """Yield the corners of triangles on the top and the sides of a prism."""
+    """Yield the triangles of the top and the sides of a prism."""
     yield from _strip(np.append(outline, outline[0]), half)
     for here, following in zip(outline.tolist(), np.roll(outline, -1).tolist(), strict=True):
         for point in (middle, here, following):

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The definition of a message as text, with those of the messages in it, as recordings hold it."""
+"""Message definitions as text, including nested types, in the format of recordings."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import importlib
 import re
 from typing import Any
 
-#: Between the definitions of one schema.
+#: Separator of the definitions of one schema.
 SEPARATOR = '=' * 80
-#: Names of the interface definition language, and of message files.
-NAMES = {'double': 'float64', 'float': 'float32', 'boolean': 'bool', 'octet': 'byte'}
+#: Type names of the interface definition language and of message files.
+TYPE_NAMES = {'double': 'float64', 'float': 'float32', 'boolean': 'bool', 'octet': 'byte'}
 
 
 def type_name(kind: Any) -> str:
@@ -27,7 +27,7 @@ def type_name(kind: Any) -> str:
 
 def schema_text(kind: Any) -> str:
     """
-    Return the definition of a message and of all that it contains.
+    Return the definition of a message and of all nested types.
 
     :param kind: class of the message.
     """
@@ -48,7 +48,7 @@ def _collect(kind: Any, found: dict[str, str]) -> None:
     lines = []
     for field, described in kind.get_fields_and_field_types().items():
         inner, suffix = _split(described)
-        lines.append(f'{NAMES.get(inner, inner)}{suffix} {field}')
+        lines.append(f'{TYPE_NAMES.get(inner, inner)}{suffix} {field}')
         if '/' in inner:
             package, inner = inner.split('/')
             module = importlib.import_module(f'{package}.{folder}')

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Messages to numbers and back; an unusable message raises MessageError with the reason."""
+"""Conversion of messages to numbers and back; invalid messages raise MessageError."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from std_msgs.msg import Header
 
-#: No object is farther away, and no roller has travelled farther [m].
+#: Largest distance of an object and travel of a roller [m].
 MAX_DISTANCE = 1e6
-#: A quaternion whose norm is further from 1 than this was never meant as a rotation.
+#: Largest deviation of the norm of a quaternion from 1 [-].
 QUATERNION_TOLERANCE = 0.01
 
 
 class MessageError(IsotrussError, ValueError):
-    """A message is unusable; the text names what is wrong and what would be right."""
+    """A message is invalid; the text names the fault and the valid value."""
 
 
 def read_stamp(header: Header) -> float:
     """
     Return the stamp of a header [s].
 
-    :param header: of a message.
+    :param header: header of a message.
     """
     return header.stamp.sec + 1e-9 * header.stamp.nanosec
 
@@ -42,7 +42,7 @@ def make_header(when: float, frame: str = '') -> Header:
     """
     Return a header.
 
-    :param when: its stamp, zero for a time before [s].
+    :param when: its stamp, zero for negative times [s].
     :param frame: its frame.
     """
     seconds, nanoseconds = divmod(max(0, round(1e9 * when)), 1_000_000_000)
@@ -53,7 +53,7 @@ def read_twist(twist: Twist) -> tuple[float, float, float]:
     """
     Return (vx, vy, omega) [m/s, rad/s].
 
-    :param twist: of the object.
+    :param twist: twist of the object.
     :raises MessageError: not finite, or a motion out of the plane.
     """
     linear, angular = twist.linear, twist.angular
@@ -70,10 +70,10 @@ def read_twist(twist: Twist) -> tuple[float, float, float]:
 
 def check_frame(what: str, header: Header, frame: str) -> None:
     """
-    Check the frame of a header; an empty one means the robot's, as in a message without header.
+    Check the frame of a header; an empty one is the robot's frame.
 
-    :param what: the message, for the error.
-    :param header: of the message.
+    :param what: name of the message, for the error.
+    :param header: header of the message.
     :param frame: the robot's frame.
     :raises MessageError: names both frames.
     """
@@ -85,9 +85,9 @@ def check_frame(what: str, header: Header, frame: str) -> None:
 
 def request_parameters(values: Mapping[str, Any]) -> SetParameters.Request:
     """
-    Return the request that sets parameters of another node.
+    Return a request to set parameters of another node.
 
-    :param values: by name.
+    :param values: values by name.
     """
     messages = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
     return SetParameters.Request(parameters=messages)
@@ -95,41 +95,41 @@ def request_parameters(values: Mapping[str, Any]) -> SetParameters.Request:
 
 def name_object_frame(frame: str) -> str:
     """
-    Return the frame of the object: its origin, and its axes, which turn with it.
+    Return the name of the object's frame, fixed to the object.
 
-    :param frame: the robot's frame; the name is empty where this is.
+    :param frame: the robot's frame; an empty name gives an empty name.
     """
     return f'{frame}_object' if frame else ''
 
 
 def name_aligned_frame(frame: str) -> str:
     """
-    Return the frame with its origin at the object's, parallel to the robot's frame.
+    Return the name of the aligned frame: the object's origin, the robot's axes.
 
     Wrenches on the object are about that origin.
 
-    :param frame: the robot's frame; the name is empty where this is.
+    :param frame: the robot's frame; an empty name gives an empty name.
     """
     return f'{frame}_object_aligned' if frame else ''
 
 
 def name_contact_frame(frame: str, member: str) -> str:
     """
-    Return the frame of a contact: x along the normal into the object, y along the member's side.
+    Return the name of a contact frame: x is the normal into the object, y along the member's side.
 
     :param frame: the robot's frame.
-    :param member: that touches the object.
+    :param member: name of the member in contact.
     """
     return f'{frame}_{member.replace("/", "_")}_contact'
 
 
 def check_place(what: str, x: float, y: float) -> None:
     """
-    Check a place in a message.
+    Check a position in a message.
 
-    :param what: is there, for the error.
-    :param x: of the place [m].
-    :param y: likewise.
+    :param what: name of the position, for the error.
+    :param x: x of the position [m].
+    :param y: y of the position [m].
     :raises MessageError: not finite, or too far away.
     """
     if not (abs(x) <= MAX_DISTANCE and abs(y) <= MAX_DISTANCE):
@@ -142,7 +142,7 @@ def read_pose(what: str, message: PoseMessage) -> Pose:
     """
     Return a pose in the plane; its height, and tilts about x and y, are ignored.
 
-    :param what: the pose, for the error.
+    :param what: name of the pose, for the error.
     :param message: the pose.
     :raises MessageError: not finite, too far away, or no rotation in the quaternion.
     """

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Objects of any convex shape from messages, and to messages: what object files say of them."""
+"""Conversion of objects of any convex shape to messages and back."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from isotruss_ros.nodes.conversions.messages import MessageError, read_pose
 import numpy as np
 
 NO_OBJECT = ObjectMessage()
-#: Shapes of object files by their numbers in messages.
-NAMES = {
+#: Shapes of object files by their codes in messages.
+SHAPE_NAMES = {
     ObjectMessage.DISC: 'disc',
     ObjectMessage.POLYGON: 'polygon',
     ObjectMessage.ELLIPSE: 'ellipse',
@@ -28,29 +28,29 @@ NAMES = {
 
 def describes_object(message: ObjectMessage) -> bool:
     """
-    Return whether a message describes an object, be it a bad one; a new message does not.
+    Return whether a message describes an object, valid or not; an empty message does not.
 
-    :param message: of an object.
+    :param message: message of an object.
     """
     return message != NO_OBJECT
 
 
 def read_object_message(message: ObjectMessage, pose: PoseMessage) -> ConvexObject:
     """
-    Return the object that a message describes, in its place.
+    Return the described object at a pose.
 
-    :param message: of the object.
-    :param pose: of its frame in the robot frame.
-    :raises MessageError: it describes no object, has a field that its shape does not have, or the
-        pose is not usable; names the field as a key of an object file, and the vertex or the side
-        of a polygon.
+    :param message: message of the object.
+    :param pose: pose of its frame in the robot frame.
+    :raises MessageError: the message describes no object, has a field of another shape, or the
+        pose is invalid; names the field as a key of an object file, and the vertex or the side of
+        a polygon.
     """
     place = read_pose('object_pose', pose)
-    if message.shape not in NAMES:
-        known = ', '.join(f'{number} (a {name})' for number, name in NAMES.items())
+    if message.shape not in SHAPE_NAMES:
+        known = ', '.join(f'{number} (a {name})' for number, name in SHAPE_NAMES.items())
         raise MessageError(f'object: shape {message.shape}: must be one of {known}')
     radii, axes = message.corner_radii.tolist(), message.semi_axes.tolist()
-    # Of each key its values; none where the field is as in a new message.
+    # Values by key, without fields that have the defaults of the message.
     given = {
         'diameter': [message.diameter] if message.diameter != 0.0 else [],
         'vertices': [[_planar(vertex) for vertex in message.vertices]] if message.vertices else [],
@@ -62,7 +62,9 @@ def read_object_message(message: ObjectMessage, pose: PoseMessage) -> ConvexObje
     }
     content = {key: values[0] for key, values in given.items() if len(values)}
     try:
-        return make_object({'shape': NAMES[message.shape]} | content, 'object').moved_to(place)
+        return make_object({'shape': SHAPE_NAMES[message.shape]} | content, 'object').moved_to(
+            place
+        )
     except GraspError as error:
         raise MessageError(str(error)) from error
 
@@ -75,7 +77,7 @@ def to_object_message(body: ConvexObject) -> ObjectMessage:
     :raises GraspError: messages have no such shape.
     """
     shape: Any = body.shape
-    numbers = {SHAPES[name]: number for number, name in NAMES.items()}
+    numbers = {SHAPES[name]: number for number, name in SHAPE_NAMES.items()}
     if type(shape) not in numbers:
         known = ', '.join(kind.__name__ for kind in numbers)
         raise GraspError(f'shape {shape!r}: must be one of {known} in a message')

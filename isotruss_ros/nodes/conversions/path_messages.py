@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Paths of the object and trajectories of the rollers, from messages and to them."""
+"""Conversion of object paths and roller trajectories to messages and back."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from nav_msgs.msg import Path
 import numpy as np
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-#: Longest trajectory: reading takes 20 us for each point, in which the node runs no cycle.
+#: Largest number of points [-]; reading blocks the cycle for 20 us per point.
 MAX_POINTS = 10_000
 
 
@@ -42,11 +42,11 @@ def read_object_path(
     Return the path of a goal.
 
     :param message: poses of the object.
-    :param speed: of the object's centre along the path [m/s].
-    :param turn_rate: largest rate of turn [rad/s].
-    :param robot: which must be able to reach the poses, by the length of its tubes.
-    :param smooth: whether corners are rounded.
-    :param start: where the object is: there a path of one pose begins.
+    :param speed: speed of the object's centre along the path [m/s].
+    :param turn_rate: largest angular velocity [rad/s].
+    :param robot: the robot; the length of its tubes bounds the poses.
+    :param smooth: spline through the poses instead of straight segments.
+    :param start: pose of the object, the start of a path with one pose.
     :raises MessageError: another frame, not finite, out of reach, or a rotation out of the plane.
     :raises PathError: see `ObjectPath`.
     """
@@ -54,7 +54,7 @@ def read_object_path(
     check_frame('path', message.header, frame)
     if len(message.poses) > MAX_POSES:
         raise MessageError(f'the path has {len(message.poses)} poses; must be at most {MAX_POSES}')
-    # No part of the robot gets farther from where it stands: no path through the tubes is longer.
+    # The sum of tube lengths bounds the distance of any part from the robot at home.
     middle, reach = home.nodes.mean(axis=0), float(home.member_lengths.sum())
     poses = []
     for number, stamped in enumerate(message.poses):
@@ -81,7 +81,7 @@ def to_path_feedback(tracking: Tracking) -> FollowObjectPath.Feedback:
     """
     Return the feedback of the action.
 
-    :param tracking: of the last cycle.
+    :param tracking: tracking of the last cycle.
     """
     return FollowObjectPath.Feedback(
         position_error=tracking.position_error,
@@ -97,10 +97,10 @@ def to_path_result(
     """
     Return the result of the action.
 
-    :param outcome: why the goal ended.
-    :param message: in words.
-    :param tracker: of the path; None if it never began: errors are not a number then.
-    :param last: of its last cycle, likewise.
+    :param outcome: result of path following.
+    :param message: the result in words.
+    :param tracker: tracker of the path; None before its start: errors are NaN then.
+    :param last: tracking of the last cycle, likewise.
     """
     result = FollowObjectPath.Result(code=int(outcome), message=message)
     known = tracker is not None and last is not None
@@ -119,12 +119,12 @@ def read_roller_trajectory(
     message: JointTrajectory, robot: Robot, here: Array
 ) -> RollerTrajectory:
     """
-    Return the trajectory of the rollers from positions and times of the points.
+    Return the roller trajectory from positions and times of the points.
 
-    :param message: trajectory of all rollers, in any order; a first point that is later than zero
-        is reached from where they are.
-    :param robot: whose rollers they are.
-    :param here: (r,) where they are [m].
+    :param message: trajectory of all rollers, in any order; a first point later than zero is
+        reached from the measured positions.
+    :param robot: the robot.
+    :param here: (r,) measured positions [m].
     :raises MessageError: a roller is missing, unknown or named twice, a point has another number
         of positions, or a number is not finite or out of range.
     :raises ConfigurationError: see `RollerTrajectory`.
@@ -156,11 +156,11 @@ def to_trajectory_message(
     robot: Robot, positions: Sequence[Sequence[float]], times: Sequence[float]
 ) -> JointTrajectory:
     """
-    Return a trajectory of the rollers.
+    Return the message of a roller trajectory.
 
-    :param robot: whose rollers they are.
+    :param robot: the robot.
     :param positions: (k, r) waypoints [m].
-    :param times: (k,) when to be there, from 0 on [s].
+    :param times: (k,) times of the waypoints, from 0 [s].
     """
     trajectory = JointTrajectory(joint_names=list(robot.roller_names))
     trajectory.header.frame_id = robot.frame
@@ -175,12 +175,12 @@ def to_roller_feedback(
     kind: type, robot: Robot, wanted: RollerState, measured: RollerState, when: float, now: float
 ) -> Any:
     """
-    Return where the rollers should be and where they are.
+    Return the feedback with desired and measured states of the rollers.
 
     :param kind: the feedback of FollowRollerTrajectory or FollowJointTrajectory.
-    :param robot: whose rollers they are.
-    :param wanted: where they should be.
-    :param measured: where they are.
+    :param robot: the robot.
+    :param wanted: desired state.
+    :param measured: measured state.
     :param when: time of the trajectory [s].
     :param now: time on the clock [s].
     """

@@ -1,6 +1,6 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Goals of the search for grasps from messages, feedback and results to messages."""
+"""Conversion of goals of the grasp search from messages, feedback and results to messages."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ class SearchGoal(NamedTuple):
     """
     Arguments of a search.
 
-    :ivar body: the object where it lies.
-    :ivar requirements: of the grasps.
-    :ivar seed: of the search.
-    :ivar time_limit: of the search [s]; none if 0.
+    :ivar body: the object at its pose.
+    :ivar requirements: requirements of the grasps.
+    :ivar seed: seed of the search.
+    :ivar time_limit: time limit of the search [s]; none if 0.
     """
 
     body: ConvexObject
@@ -47,15 +47,14 @@ def read_goal(
     goal: PlanGrasp.Goal, robot: Robot, described: ConvexObject | None = None
 ) -> SearchGoal:
     """
-    Return the arguments of the search that a goal requests.
+    Return the arguments of a search from a goal.
 
-    :param goal: of the action.
+    :param goal: goal of the action.
     :param robot: the robot.
-    :param described: the object, anywhere, of a goal that describes none.
+    :param described: object at any pose, for a goal without an object.
     :raises MessageError: no pose, another frame, no object or two of them, or a number that is out
         of range.
-    :raises GraspError: an unusable object or requirement, or a module or members that the robot
-        does not have.
+    :raises GraspError: an invalid object or requirement, or unknown modules or members.
     """
     if goal.object_pose == PoseStamped():
         raise MessageError(
@@ -74,7 +73,7 @@ def read_goal(
 
 
 def _read_requirements(goal: PlanGrasp.Goal, robot: Robot) -> GraspRequirements:
-    """Return the requirements; what is 0 or empty in the goal is as they have it by themselves."""
+    """Return the requirements; zero or empty fields of the goal mean the defaults."""
     names = ('max_contact_force', 'max_total_force', 'max_utilisation', 'min_rigidity')
     given = {name: getattr(goal, name) for name in (*names, 'squeeze', 'min_margin', 'module')}
     direction = tuple(goal.direction.tolist())
@@ -99,7 +98,7 @@ def _read_requirements(goal: PlanGrasp.Goal, robot: Robot) -> GraspRequirements:
 
 
 def _read_carry(goal: PlanGrasp.Goal) -> tuple[tuple[float, float, float], ...]:
-    """Return the path along which the object is to be carried, turning the shorter way."""
+    """Return the path along which the object is to be carried, with unwrapped angles."""
     if len(goal.carry) == 1 or len(goal.carry) > MAX_POSES:
         raise MessageError(f'carry: {len(goal.carry)} poses: must be none, or 2 to {MAX_POSES}')
     poses = [read_pose(f'pose {i} of carry', pose) for i, pose in enumerate(goal.carry)]
@@ -108,7 +107,7 @@ def _read_carry(goal: PlanGrasp.Goal) -> tuple[tuple[float, float, float], ...]:
 
 
 def _read_body(goal: PlanGrasp.Goal, described: ConvexObject | None) -> ConvexObject:
-    """Return the object where it lies: as the goal has it, or as it is described elsewhere."""
+    """Return the object at its pose, of the goal or of the parameter."""
     pose, diameter = goal.object_pose.pose, goal.object_diameter
     if describes_object(goal.object):
         if diameter != 0.0:
@@ -131,7 +130,7 @@ def to_feedback_message(progress: Progress) -> PlanGrasp.Feedback:
     """
     Return the feedback of the action.
 
-    :param progress: of the search.
+    :param progress: progress of the search.
     """
     return PlanGrasp.Feedback(
         evaluations=progress.evaluations,
@@ -146,7 +145,7 @@ def to_result_message(answer: Answer, robot: Robot) -> PlanGrasp.Result:
     """
     Return the result of the action.
 
-    :param answer: of the search.
+    :param answer: result of the search.
     :param robot: the robot.
     """
     plan = answer.plan
@@ -164,7 +163,7 @@ def to_result_message(answer: Answer, robot: Robot) -> PlanGrasp.Result:
 
 
 def _to_grasp_message(grasp: PlannedGrasp, robot: Robot) -> PlannedGraspMessage:
-    """Return a grasp with the trajectory to it."""
+    """Return the message of a grasp with the trajectory to it."""
     exported = export_path(grasp)
     times = exported['times']
     path = to_trajectory_message(robot, exported['path'], times)

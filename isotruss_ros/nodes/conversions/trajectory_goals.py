@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Goals of FollowRollerTrajectory and FollowJointTrajectory, with the meaning of the standard."""
+"""Goals of FollowRollerTrajectory and FollowJointTrajectory, by the standard."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ Result = FollowRollerTrajectory.Result
 
 class TrajectoryGoalError(MessageError):
     """
-    A goal has a fault for which the standard has a code.
+    A goal has a fault with a code of the standard.
 
-    :ivar code: of the result.
-    :param code: of the result.
+    :ivar code: code of the result.
+    :param code: code of the result.
     :param message: the reason in words.
     """
 
@@ -41,11 +41,11 @@ class TrajectoryGoalError(MessageError):
 
 class RollerGoal(NamedTuple):
     """
-    What a goal asks for.
+    Arguments of a trajectory goal.
 
-    :ivar trajectory: of the rollers.
-    :ivar start: when it begins on the clock of the node [s]; None for at once.
-    :ivar tolerances: which it must keep.
+    :ivar trajectory: trajectory of the rollers.
+    :ivar start: start time on the clock of the node [s]; None: at once.
+    :ivar tolerances: tolerances of the goal.
     """
 
     trajectory: RollerTrajectory
@@ -55,13 +55,13 @@ class RollerGoal(NamedTuple):
 
 def read_start(header: Header, now: float, timeout: float) -> float | None:
     """
-    Return when a trajectory begins [s]; None for at once.
+    Return the start time of a trajectory [s]; None for an immediate start.
 
-    :param header: of the trajectory; a stamp of zero means at once.
+    :param header: header of the trajectory; a stamp of zero means at once.
     :param now: time on the clock of the node [s].
-    :param timeout: a stamp may be older by so much [s].
-    :raises TrajectoryGoalError: the stamp is older.
-    :raises MessageError: it is more than a day ahead.
+    :param timeout: largest age of a stamp [s].
+    :raises TrajectoryGoalError: the stamp is too old.
+    :raises MessageError: the stamp is more than a day ahead.
     """
     stamp = read_stamp(header)
     if stamp == 0.0:
@@ -83,15 +83,15 @@ def read_roller_goal(
     goal: Any, robot: Robot, here: Array, now: float, timeout: float
 ) -> RollerGoal:
     """
-    Return what a goal asks for.
+    Return the arguments of a goal.
 
-    :param goal: of FollowRollerTrajectory or FollowJointTrajectory.
-    :param robot: whose rollers it moves.
-    :param here: (r,) where they are [m].
+    :param goal: goal of FollowRollerTrajectory or FollowJointTrajectory.
+    :param robot: the robot.
+    :param here: (r,) measured positions [m].
     :param now: time on the clock of the node [s].
     :param timeout: see `read_start`.
     :raises TrajectoryGoalError: joints are unknown or missing, or the stamp is old.
-    :raises MessageError: see `read_roller_trajectory`; tolerances that are none, or what rollers
+    :raises MessageError: see `read_roller_trajectory`; invalid tolerances, or fields that rollers
         do not have.
     :raises ConfigurationError: see `RollerTrajectory`.
     """
@@ -127,7 +127,7 @@ def read_roller_goal(
 
 
 def _check_joints(what: str, given: Sequence[str], names: Sequence[str]) -> None:
-    """Refuse names that are no rollers, or named twice."""
+    """Raise for names that are no rollers, or repeated."""
     counts = Counter(given)
     unknown = [quote(name) for name in counts if name not in names][:20]
     twice = [name for name in names if counts[name] > 1]
@@ -140,13 +140,13 @@ def _check_joints(what: str, given: Sequence[str], names: Sequence[str]) -> None
 
 
 def _read_tolerance(what: str, given: Sequence[Any], names: Sequence[str]) -> Tolerance | None:
-    """Return the bounds of a list of tolerances; None where it has none."""
+    """Return the bounds of a list of tolerances; None for an empty list."""
     _check_joints(what, [each.name for each in given], names)
     bounds = np.full((2, len(names)), math.inf)
     for each in given:
         place = list(names).index(each.name)
         for row, value in enumerate((each.position, each.velocity)):
-            if not (value >= 0.0 or value == -1.0):  # nor NaN
+            if not (value >= 0.0 or value == -1.0):  # excludes NaN
                 raise MessageError(
                     f'trajectory: {what} of {each.name}: {value}: must be positive, 0 or -1'
                 )

@@ -2,13 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-What all nodes have: life cycle, parameters, cycle, inputs, goals, frames, commands, launching.
+Framework of all nodes: life cycle, parameters, cycle, inputs, goals, frames, commands, launch.
 
 Entry points: `managed.ManagedNode`, `runner.run`, `sensors.Inputs`, `parameters.Spec`. Imports
 `nodes.conversions` and the core.
 """
 
-#: The module of each node that is not a module of its own name in `nodes`.
+#: Modules of nodes whose module is not named like the node.
 MODULES = {
     name: f'{name}.node' for name in ('simulator', 'manipulation', 'pick_and_place', 'viewer')
 } | {name: f'bring_up.{name}' for name in ('pluck', 'calibration', 'check_rollers', 'preflight')}

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The command line of a node: its help, and reasons why arguments are refused."""
+"""Command line of a node: help, and refusal of invalid arguments."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from typing import Any
 
 from isotruss_ros.nodes.framework.parameters import Spec
 
-#: Arguments from here on, to the second if there is one, are for ROS.
+#: Begin and optional end of the arguments for ROS.
 ROS_ARGUMENTS, END_OF_ROS_ARGUMENTS = '--ros-args', '--'
 
 
 def refuse_arguments(kind: Any, arguments: Sequence[str]) -> None:
     """
-    Print the help of a node where it is asked for, and refuse arguments that are none of ROS.
+    Print the help of a node on request, and refuse arguments outside those for ROS.
 
     :param kind: class of the node.
     :param arguments: command line, with the program first.
@@ -43,16 +43,16 @@ def refuse_arguments(kind: Any, arguments: Sequence[str]) -> None:
 
 def explain_refusal(error: RuntimeError | UnicodeEncodeError) -> str:
     """
-    Return why ROS does not start with its arguments, and what would be right.
+    Return the reason why ROS refuses its arguments, with the correction.
 
-    :param error: raised by `rclpy.init`.
+    :param error: error raised by `rclpy.init`.
     """
     if isinstance(error, UnicodeEncodeError):
         return (
             f'argument {error.object!a}: no text in the encoding of this locale, '
             f'{sys.getfilesystemencoding()}: set LC_ALL=C.UTF-8, or use names in ASCII'
         )
-    # Behind the reason are lines of rcl's sources.
+    # The reason is followed by source lines of rcl.
     why = ' '.join(str(error).partition(', at /')[0].split())
     if 'log directory' in why:
         return f'{why}: set ROS_LOG_DIR to a folder that can be written'

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Commands: twists for `manipulation`, and roller velocities, which others may publish too."""
+"""Publishers of commands: twists for `manipulation`, and roller velocities."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from rclpy.publisher import Publisher
 from std_msgs.msg import Float64MultiArray
 
 TOPIC = 'roller_velocity_controller/commands'
-#: Another node commands the rollers until it has been silent for this long [s].
+#: Time without foreign commands after which no other node commands the rollers [s].
 QUIET_TIME = 1.0
 
 
 class RollerCommands:
     """
-    Publish roller velocities, and notice commands of other nodes.
+    Publishes roller velocities and detects commands of other nodes.
 
-    Own messages are those with the sequence numbers of what was published since: the middleware
-    does not tell who has published a message. One without such numbers, as Cyclone DDS, leaves
-    other nodes unnoticed.
+    Own messages are identified by their sequence numbers, since the middleware does not name the
+    publisher of a message. Without sequence numbers, as with Cyclone DDS, other nodes are not
+    detected.
 
-    :param node: publishes; a managed one only while it is active.
+    :param node: publishing node; a managed one publishes only while active.
     :param count: number of rollers.
     """
 
@@ -44,7 +44,7 @@ class RollerCommands:
         self._heard = -math.inf
 
     def subscribe(self) -> None:
-        """Notice other nodes from now on, until the node is inactive."""
+        """Detect commands of other nodes from now until the node is inactive."""
         self._received, self._heard = self._sent, -math.inf
         self._node.create_subscription(
             Float64MultiArray, TOPIC, self.note, NEWEST, event_callbacks=NO_EVENTS, raw=True
@@ -52,32 +52,32 @@ class RollerCommands:
 
     def publish(self, velocities: Array) -> None:
         """
-        Command the rollers.
+        Publish commanded roller velocities.
 
-        :param velocities: (r,) [m/s].
+        :param velocities: (r,) roller velocities [m/s].
         """
         self._publisher.publish(Float64MultiArray(data=velocities.tolist()))
         self._sent += 1
 
     def stop(self) -> None:
-        """Command zero."""
+        """Publish zero velocities."""
         self.publish(np.zeros(self._count))
 
     def wait_for_subscribers(self) -> bool:
-        """Return whether the subscribers have received the last command."""
+        """Return whether all subscribers have received the last command."""
         return self._publisher.wait_for_all_acked(ACKNOWLEDGE_TIME)
 
     def find_others(self) -> str | None:
-        """Return who else commands the rollers, in words; None if nobody does."""
+        """Return other nodes that command the rollers, in words; None without any."""
         if time.monotonic() - self._heard > QUIET_TIME:
             return None
         return f'another node publishes on {TOPIC}: end or deactivate it, or this one'
 
     def note(self, _message: bytes, info: dict[str, Any]) -> None:
         """
-        Take note of a command, own or not.
+        Register a received command, own or foreign.
 
-        :param info: what the middleware tells of the message.
+        :param info: metadata of the message from the middleware.
         """
         number = info['publication_sequence_number']
         if number is None:
@@ -92,11 +92,11 @@ def create_twist_publisher(
     node: StoppableNode, stamped: bool, frame: str
 ) -> Callable[[Sequence[float]], None]:
     """
-    Return what publishes a twist (vx, vy, omega) [m/s, rad/s] on `cmd_vel`, for `manipulation`.
+    Return a function that publishes a twist (vx, vy, omega) [m/s, rad/s] on `cmd_vel`.
 
-    :param node: publishes; a managed one only while it is active.
-    :param stamped: whether as TwistStamped, not as Twist.
-    :param frame: of a TwistStamped.
+    :param node: publishing node; a managed one publishes only while active.
+    :param stamped: whether to publish TwistStamped instead of Twist.
+    :param frame: frame of a TwistStamped.
     """
     publisher = _create_publisher(node, TwistStamped if stamped else Twist, 'cmd_vel')
 

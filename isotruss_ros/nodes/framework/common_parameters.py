@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parameters that several nodes have: robot, object and what holds it, rates."""
+"""Parameters of several nodes: robot, object, grip, rates."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from isotruss_ros.core.manipulation.grip import find_members, Grip, members_at
 from isotruss_ros.core.model.convex_object import DEFAULT_FRICTION
 from isotruss_ros.nodes.framework.parameters import FixedSpec, Parameters, Spec, Value
 
-OBJECT_DIAMETER = Spec('object_diameter', 0.3, "The object's own diameter [m]", (0.001, 10.0))
+OBJECT_DIAMETER = Spec('object_diameter', 0.3, 'Diameter of the object [m]', (0.001, 10.0))
 OBJECT = FixedSpec(
     'object',
     '',
@@ -32,17 +32,15 @@ GRIP = Spec(
 FRICTION = Spec(
     'friction', DEFAULT_FRICTION, 'Coefficient of friction between tube and object', (0.0, 10.0)
 )
-#: The object, where it may be held anywhere.
+#: Parameters of the object.
 OBJECT_SPECS = (OBJECT_DIAMETER, OBJECT, FRICTION)
-# Not below the rate of MemberLengthLimit, which keeps members in their limits in quicker loops.
+# At least the rate of MemberLengthLimit, which guarantees the limits in loops of that rate.
 RATE = Spec('rate', 100.0, 'Cycles per second [Hz]', (10.0, 2000.0))
-COMMAND_TIMEOUT = Spec(
-    'command_timeout', 0.2, 'Inputs older than this are not relied on [s]', (0.001, 10.0)
-)
+COMMAND_TIMEOUT = Spec('command_timeout', 0.2, 'Largest age of inputs [s]', (0.001, 10.0))
 PRESSURE_TIMEOUT = Spec(
     'pressure_timeout',
     inputs.PRESSURE_TIMEOUT,
-    'Tube pressures older than this are not relied on [s]',
+    'Largest age of tube pressures [s]',
     (0.001, 3600.0),
 )
 AMBIENT_PRESSURE = Spec(
@@ -61,31 +59,31 @@ REQUIRE_EMERGENCY_STOP = Spec(
 
 def read_described(values: Parameters) -> ConvexObject | None:
     """
-    Return the object that the parameter `object` describes; None for a disc of `object_diameter`.
+    Return the object of the parameter `object`; None for a disc of `object_diameter`.
 
-    :param values: of a node.
-    :raises IsotrussError: the description is unusable.
+    :param values: parameters of a node.
+    :raises IsotrussError: the description is invalid.
     """
     return read_object(values.object) if values.object else None
 
 
 def read_body(values: Parameters) -> ConvexObject:
     """
-    Return the object that `object` describes, or else the disc of `object_diameter`, anywhere.
+    Return the object of the parameter `object`, else the disc of `object_diameter`.
 
-    :param values: of a node.
-    :raises IsotrussError: the description is unusable.
+    :param values: parameters of a node.
+    :raises IsotrussError: the description is invalid.
     """
     return read_described(values) or ConvexObject(Disc(values.object_diameter))
 
 
 def check_grip(robot: Robot, values: Mapping[str, Value]) -> None:
     """
-    Check that the robot has the grip module and the members of the grip.
+    Raise if the robot has no such grip module or members of the grip.
 
     :param robot: the robot.
     :param values: new values of parameters by name; others than these are ignored.
-    :raises IsotrussError: names what there is, or not two or three different members.
+    :raises IsotrussError: no such module or member, or not two or three different members.
     """
     if values.get('grip_module'):
         members_at(robot, values['grip_module'])  # type: ignore[arg-type]
@@ -95,16 +93,16 @@ def check_grip(robot: Robot, values: Mapping[str, Value]) -> None:
 
 def named_members(value: Value) -> tuple[str, ...]:
     """
-    Return the members that the parameter `grip` names; none where it is [''].
+    Return the members of the parameter `grip`; none for [''].
 
-    :param value: of the parameter.
+    :param value: value of the parameter.
     """
     return tuple(name for name in value if name)  # type: ignore[union-attr]
 
 
 def select_grip_module(robot: Robot, module: str) -> str:
     """
-    Return the module that holds the object: the last one of the robot where none is named.
+    Return the module of `grip_module`; the last one of the robot by default.
 
     :param robot: the robot.
     :param module: value of the parameter `grip_module`.
@@ -114,10 +112,10 @@ def select_grip_module(robot: Robot, module: str) -> str:
 
 def select_grip(robot: Robot, value: Value, module: str) -> tuple[str, ...]:
     """
-    Return the members that hold the object.
+    Return the names of the grasping members.
 
     :param robot: the robot.
-    :param value: of the parameter `grip`.
-    :param module: value of the parameter `grip_module`, whose sides they are otherwise.
+    :param value: value of the parameter `grip`.
+    :param module: value of the parameter `grip_module`, the default.
     """
     return named_members(value) or members_at(robot, select_grip_module(robot, module))

@@ -1,6 +1,6 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""A control cycle that continues when clocks are set, and the executor that waits for it."""
+"""Control cycle that continues after clock changes, and its executor."""
 
 from __future__ import annotations
 
@@ -16,31 +16,30 @@ from rclpy.executors import SingleThreadedExecutor, TimeoutException
 from rclpy.node import Node
 from rclpy.timer import Timer
 
-#: A stopped clock is detected within the timeout and this time [s].
+#: Period of the check for a stopped clock [s].
 WATCH_PERIOD = 0.02
-#: So long before a cycle its inputs are read [s].
-LEAD = 1e-3
-#: Of the rate that is asked for, a loop that reaches less is too slow [-].
-SLOW = 0.8
-#: The rate that is reached is counted over this time [s].
+#: Time before a cycle at which its inputs are read [s].
+INPUT_LEAD = 1e-3
+#: Smallest share of the desired rate without a warning [-].
+MIN_RATE_SHARE = 0.8
+#: Averaging time of the measured rate [s].
 RATE_PERIOD = 1.0
-#: All other callbacks wait no longer than this, however slow the cycle is [s].
-LONGEST_WAIT = 0.02
+#: Longest delay of other callbacks by a slow cycle [s].
+MAX_CALLBACK_DELAY = 0.02
 
 
 class Cycle:
     """
-    Call back at a rate until it is destroyed with the node's other timers.
+    Calls back at a fixed rate until destroyed with the node's other timers.
 
-    :ivar is_steady: whether the cycles follow each other by the steady clock.
+    :ivar is_steady: whether the cycles are timed by the steady clock.
     :ivar duration: computing time of the last cycle [s].
-    :ivar slowness: the rate that is reached in words, where it is too low; empty otherwise.
-    :param node: has the clock that times are read from, simulated or not, and, in `values`, the
-        parameters `rate` [Hz] and `command_timeout`: a clock without a change for so long has
-        stopped [s].
-    :param step: called in every cycle with the time [s].
-    :param jumped_back: called before the step when the clock reads less than in the step before.
-    :param stopped: called repeatedly instead of steps while simulated time does not advance.
+    :ivar slowness: measured rate in words if too low; else empty.
+    :param node: node with a clock, simulated or not, and with the parameters `rate` [Hz] and
+        `command_timeout` [s] in `values`; the latter is the timeout of a stopped clock.
+    :param step: callback of each cycle, with the time [s].
+    :param jumped_back: callback before the step after the clock ran back.
+    :param stopped: repeated callback while simulated time stands still.
     """
 
     def __init__(
@@ -56,26 +55,26 @@ class Cycle:
         self._last = self._read = 0
         self._changed = time.monotonic()
         self.duration = 0.0
-        #: Of the cycles since the last summary; bounded, should nobody ask for one.
+        #: Computing times of the cycles since the last summary [s]; bounded.
         self._times: deque[float] = deque(maxlen=10_000)
-        #: The cycles since a time on the clock that they go by [s], for the rate.
+        #: Number of cycles since a time on their clock [s], for the rate.
         self._count, self._since = 0, None
         self.slowness = ''
         self.is_steady = not node.get_parameter('use_sim_time').value
         self._clocks = [each for each in node.subscriptions if each.topic_name == '/clock']
-        # Timers of the system's clock would stop for an hour when that is set back by an hour.
+        # Timers of the system clock would stop for an hour if it is set back by an hour.
         create_timer = partial(create_steady_timer, node) if self.is_steady else node.create_timer
         self._timer = create_timer(1.0 / self._values.rate, self._tick)
         if stopped is not None and not self.is_steady:
             create_steady_timer(node, WATCH_PERIOD, self._check)
 
     def apply(self) -> None:
-        """Continue with the present values of the parameters."""
+        """Apply the current values of the parameters."""
         self._timer.timer_period_ns = int(1e9 / self._values.rate)
         self._since = None
 
     def time_left(self) -> float:
-        """Return the time until the next cycle is due; negative where it is late [s]."""
+        """Return the time until the next cycle; negative if late [s]."""
         return 1e-9 * self._timer.time_until_next_call()
 
     def run(self) -> None:
@@ -84,7 +83,7 @@ class Cycle:
         self._tick()
 
     def summary(self) -> dict[str, object]:
-        """Return count, computing times and overruns of the cycles since this was called last."""
+        """Return count, computing times and overruns of the cycles since the last call."""
         times, period = sorted(self._times), 1e-9 * self._timer.timer_period_ns
         self._times.clear()
         if not times:
@@ -97,7 +96,7 @@ class Cycle:
         }
 
     def _tick(self) -> None:
-        # After a long callback the inputs may be newer than the time that was taken before it.
+        # After a long callback the inputs may be newer than a time taken before it.
         for subscription in self._clocks:
             for message in take_waiting([], subscription, 1):
                 subscription.callback(message)
@@ -113,7 +112,7 @@ class Cycle:
         self._count_rate(time.monotonic() if self.is_steady else 1e-9 * now.nanoseconds)
 
     def _count_rate(self, now: float) -> None:
-        """Take note of a cycle; once a second, of the rate that was reached."""
+        """Count a cycle, and update the measured rate once a second."""
         if self._since is None or now < self._since:
             self._count, self._since = 0, now  # type: ignore[assignment]
             return
@@ -122,7 +121,7 @@ class Cycle:
         if elapsed < RATE_PERIOD:
             return
         reached = self._count / elapsed
-        slow = reached < SLOW * wanted
+        slow = reached < MIN_RATE_SHARE * wanted
         self.slowness = f'runs at {reached:.3g} Hz, not at {wanted:g} Hz' if slow else ''
         self._count, self._since = 0, now
 
@@ -136,13 +135,13 @@ class Cycle:
 
 class PacedExecutor(SingleThreadedExecutor):
     """
-    Execute what waits once before each cycle, and then the cycle.
+    Executes ready callbacks once before each cycle, then the cycle.
 
-    rclpy collects all entities of a node anew for each wait, in Python, and would do so for every
-    input as it comes. `SingleThreadedExecutor` in place of this class works too: `manipulation`
-    then takes 1.25 to 1.6 times the CPU time, three runs in turn at 100 Hz on a busy machine.
+    rclpy collects all entities of a node for each wait, in Python, and so for each message.
+    `SingleThreadedExecutor` works as well: `manipulation` then takes 1.25 to 1.6 times the CPU
+    time (three runs in turn at 100 Hz on a busy machine).
 
-    :param node: the only one that is executed; its `cycle` is None or a `Cycle`.
+    :param node: the only executed node; its `cycle` is None or a `Cycle`.
     """
 
     def __init__(self, node: Node) -> None:
@@ -152,19 +151,19 @@ class PacedExecutor(SingleThreadedExecutor):
 
     def spin_once(self, timeout_sec: float | None = None) -> None:
         """
-        Wait for the next cycle, or as rclpy does where there is none by the steady clock.
+        Wait for the next cycle; without a steady one, as rclpy does.
 
         :param timeout_sec: without a cycle, longest wait [s].
-        :raises Exception: what a callback has raised.
+        :raises Exception: exception of a callback.
         """
         cycle = self._node.cycle
         if cycle is None or not cycle.is_steady:
             super().spin_once(timeout_sec)
             return
-        time.sleep(max(0.0, min(cycle.time_left() - LEAD, LONGEST_WAIT)))
+        time.sleep(max(0.0, min(cycle.time_left() - INPUT_LEAD, MAX_CALLBACK_DELAY)))
         self._execute_waiting()
-        # The callbacks may have ended the cycle.
-        if self._node.cycle is cycle and cycle.time_left() <= LEAD:
+        # The callbacks may have destroyed the cycle.
+        if self._node.cycle is cycle and cycle.time_left() <= INPUT_LEAD:
             time.sleep(max(0.0, cycle.time_left()))
             cycle.run()
 
@@ -176,15 +175,15 @@ class PacedExecutor(SingleThreadedExecutor):
             except TimeoutException:
                 return
             handler()
-            handler.result()  # raises what the callback has raised
+            handler.result()  # raises the exception of the callback
 
 
 def create_steady_timer(node: Node, period: float, callback: Callable[[], None]) -> Timer:
     """
-    Return a timer that goes on where simulated time stands still, or the system's clock is set.
+    Return a timer of the steady clock, independent of simulated time and clock changes.
 
-    :param node: owns the timer.
-    :param period: from callback to callback [s].
-    :param callback: called without arguments.
+    :param node: owner of the timer.
+    :param period: period of the callbacks [s].
+    :param callback: function without arguments.
     """
     return node.create_timer(period, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))

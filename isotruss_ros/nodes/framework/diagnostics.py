@@ -1,6 +1,6 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""State of a node on `/diagnostics` and in the log, without flooding either."""
+"""State of a node on `/diagnostics` and in the log, limited in rate."""
 
 from __future__ import annotations
 
@@ -12,23 +12,22 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.topics import EVENTS
 
-#: From one report to the next when nothing changes [s].
-PERIOD = 1.0
-#: Changes for the worse are reported at once, those for the better not oftener than this [s].
-SHORTEST_PERIOD = 0.1
+#: Period of reports without changes [s].
+REPORT_PERIOD = 1.0
+#: Shortest period of reports of improvements [s]; deteriorations are reported at once.
+MIN_REPORT_PERIOD = 0.1
 
 
 class Diagnostics:
     """
-    The diagnostic status of one node; setting it between two reports costs next to nothing.
+    Diagnostic status of one node, cheap to set between two reports.
 
-    The package `diagnostic_updater` does the same at a fixed period, and has no wheel for a
-    machine without ROS.
+    The package `diagnostic_updater` has a fixed period, and no wheel for machines without ROS.
 
-    :ivar hardware_id: name of the robot, once it is loaded; reported behind the node's namespace,
-        since robots side by side may have the same.
-    :param node: a `StoppableNode`, which publishes from now until it is destroyed.
-    :param details: returns values by name; called for each report.
+    :ivar hardware_id: name of the robot once loaded; reported with the node's namespace, since
+        several robots may have one name.
+    :param node: a `StoppableNode`, the publisher until destroyed.
+    :param details: function that returns values by name for each report.
     """
 
     def __init__(self, node: Any, details: Callable[[], Mapping[str, object]]) -> None:
@@ -37,23 +36,23 @@ class Diagnostics:
         self._level, self._message = DiagnosticStatus.OK, ''
         self._sent_level, self._sent = DiagnosticStatus.OK, 0.0
         self._reports = node.create_publisher(DiagnosticArray, '/diagnostics', EVENTS)
-        create_steady_timer(node, PERIOD, self.report)
+        create_steady_timer(node, REPORT_PERIOD, self.report)
 
     def set_status(self, level: bytes, message: str) -> None:
         """
-        Set the status; report it at once if the level is another one.
+        Set the status, and report a changed level at once.
 
         :param level: constant of `DiagnosticStatus`.
-        :param message: for a person to read.
+        :param message: human-readable text.
         """
         self._level, self._message = level, message
         if level != self._sent_level and (
-            level > self._sent_level or time.monotonic() - self._sent >= SHORTEST_PERIOD
+            level > self._sent_level or time.monotonic() - self._sent >= MIN_REPORT_PERIOD
         ):
             self.report()
 
     def report(self) -> None:
-        """Publish the present status, and that the cycle is too slow, which is logged as well."""
+        """Publish the current status, with a logged warning of a slow cycle."""
         cycle, level, message = self._node.cycle, self._level, self._message
         if cycle is not None and cycle.slowness:
             level, message = max(level, DiagnosticStatus.WARN), f'{message}; {cycle.slowness}'

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The gate for what comes on a topic: stamp, content and transform are checked before its use."""
+"""Gate of a topic: check of stamp, content and transform of messages before use."""
 
 from __future__ import annotations
 
@@ -21,27 +21,27 @@ from isotruss_ros.nodes.framework.runner import StoppableNode
 from isotruss_ros.nodes.framework.topics import subscribe_each, subscribe_newest
 from rclpy.subscription import Subscription
 
-#: So many messages of a topic wait for their transforms.
-MAX_WAITING = 100
+#: Largest number of messages queued for their transforms [-].
+MAX_QUEUED_MESSAGES = 100
 
 
 class Gate:
     """
-    Check messages of a topic, and pass on their values or why they are rejected.
+    Checks messages of a topic, and passes on values or reasons of rejection.
 
-    A message whose transform is not there yet waits for it, up to the largest age.
+    Messages without a transform are queued up to the largest age.
 
-    :ivar subscription: to the topic.
-    :param node: subscribes; its clock is that of the stamps. Messages without a header hold for
-        when they are received.
+    :ivar subscription: subscription of the topic.
+    :param node: subscribing node with the clock of the stamps. Messages without a header are
+        stamped at reception.
     :param kind: type of the messages.
     :param topic: relative name of the topic.
-    :param name: of the input, with underscores for spaces.
-    :param read: returns the value of a message, None for one that is no input; raises MessageError
-        for one that is unusable.
-    :param take: called with a `StampedInput`, whose time is not after now, or a `RejectedInput`.
-    :param timeout: returns name and value of the largest age [s].
-    :param every: whether all messages count, not only the newest.
+    :param name: name of the input, with underscores for spaces.
+    :param read: function from a message to its value, None for no input; raises MessageError for
+        an invalid message.
+    :param take: callback with a `StampedInput`, whose time is at most now, or a `RejectedInput`.
+    :param timeout: function that returns name and value of the largest age [s].
+    :param every: whether to process all messages, not only the newest.
     """
 
     def __init__(
@@ -57,22 +57,22 @@ class Gate:
     ) -> None:
         self._node, self._name, self._read, self._take = node, name, read, take
         self._timeout = timeout
-        #: Messages, each with why it waits.
-        self._waiting: deque[tuple[Any, str]] = deque(maxlen=MAX_WAITING)
+        #: Queued messages with the reasons.
+        self._waiting: deque[tuple[Any, str]] = deque(maxlen=MAX_QUEUED_MESSAGES)
         subscribe = subscribe_each if every else subscribe_newest
         self.subscription: Subscription = subscribe(node, kind, topic, self.receive)
 
     def receive(self, message: Any) -> None:
         """
-        Check a message.
+        Check a message and pass it on, or queue it.
 
-        :param message: of the topic.
+        :param message: message of the topic.
         """
         self._waiting.append((message, ''))
         self.settle()
 
     def settle(self) -> None:
-        """Check the messages that wait for their transforms again."""
+        """Check the queued messages again."""
         for _ in range(len(self._waiting)):
             message, why = self._waiting.popleft()
             try:
@@ -85,7 +85,7 @@ class Gate:
                 self._take(RejectedInput(why) if why else RejectedInput(str(error), error.fault))
 
     def clear(self) -> None:
-        """Drop the messages that wait."""
+        """Drop the queued messages."""
         self._waiting.clear()
 
     def _pass_on(self, message: Any) -> None:

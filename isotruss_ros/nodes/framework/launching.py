@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Launch descriptions whose arguments are parameters of the nodes, as these declare them."""
+"""Launch descriptions with the parameters of the nodes as arguments."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ from launch_ros.parameter_descriptions import ParameterValue
 
 USE_SIM_TIME = Spec('use_sim_time', False, 'Time comes from the topic /clock')
 NAMESPACE, PARAMETERS = 'namespace', 'parameters'
-#: Parameters of the nodes that are arguments, beside `use_sim_time` and all of the simulator.
+#: Parameters of the nodes that are arguments, in addition to `use_sim_time` and all of the
+#: simulator.
 ARGUMENTS = (
     'robot',
     'command_timeout',
@@ -35,7 +36,7 @@ ARGUMENTS = (
     'require_emergency_stop',
     'port',
 )
-#: The nodes; an argument of its name starts one or leaves it out, with this default.
+#: The nodes with the defaults of their arguments; None: always started.
 NODES = {
     'manipulation': None,
     'grasp_analysis': None,
@@ -54,15 +55,15 @@ def describe_launch(
     defaults: Mapping[str, Value] = MappingProxyType({}),
 ) -> LaunchDescription:
     """
-    Return the nodes, and arguments that go to all that have the parameter with its default.
+    Return the nodes, and arguments for all nodes with the parameter.
 
-    All nodes are shut down when one of them ends: what is left would look like a robot that works.
-    A file of parameters that is not there ends the launch before a node starts.
+    All nodes are shut down when one of them ends: the others would look like a working robot. A
+    missing file of parameters ends the launch before a node starts.
 
-    :param folder: of the launch file; `config` stands beside it.
-    :param simulated: whether the node `simulator` stands for the robot.
+    :param folder: folder of the launch file, beside `config`.
+    :param simulated: whether the node `simulator` replaces the robot.
     :param required: names of the arguments without default.
-    :param defaults: of arguments whose default is not that of the nodes.
+    :param defaults: defaults of arguments that differ from those of the nodes.
     """
     file = folder.parent / 'config' / 'nodes' / 'parameters.yaml'
     arguments = {
@@ -106,7 +107,7 @@ def _declare(name: str, default: Value | None, description: str) -> DeclareLaunc
 def _describe_node(executable: str, specs: Sequence[Spec]) -> Node:
     parameters = {}
     for spec in specs:
-        # All lists are of texts.
+        # All lists are lists of texts.
         kind = list[str] if isinstance(spec.default, list) else type(spec.default)
         given = LaunchConfiguration(spec.name)
         parameters[spec.name] = ParameterValue(given, value_type=kind)
@@ -122,10 +123,10 @@ def _describe_node(executable: str, specs: Sequence[Spec]) -> Node:
 
 
 def _check_arguments(context: LaunchContext, known: set[str]) -> list[LogInfo]:
-    """Return warnings of unknown arguments; a file of parameters must be there."""
+    """Return warnings of unknown arguments; raise for a missing file of parameters."""
     file = context.launch_configurations[PARAMETERS]
     if not Path(file).is_file():
-        # launch would warn, and start the nodes with their defaults.
+        # launch would warn and start the nodes with their defaults.
         raise ParameterError(f'launch argument {PARAMETERS}: {file}: no such file')
     named = {argument.partition(':=')[0] for argument in context.argv}
     return [

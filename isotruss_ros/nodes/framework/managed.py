@@ -1,6 +1,6 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Managed (lifecycle) nodes; with the parameter `autostart` they activate themselves."""
+"""Managed (lifecycle) nodes; the parameter `autostart` activates them."""
 
 from __future__ import annotations
 
@@ -34,23 +34,23 @@ ERROR = TransitionCallbackReturn.ERROR
 
 class ManagedNode(StoppableNode, LifecycleNode):
     """
-    Base of the managed nodes; a subclass overrides the steps.
+    Base class of managed nodes; subclasses override the steps.
 
-    What `configure` creates (publishers, subscriptions, services, action servers, timers) is
-    destroyed at cleanup, what `activate` creates at deactivation. Publishers that must not publish
+    Entities created in `configure` (publishers, subscriptions, services, action servers, timers)
+    are destroyed at cleanup, those of `activate` at deactivation. Publishers that must be silent
     while the node is inactive are created by `create_lifecycle_publisher`.
 
-    A step that raises an `IsotrussError` leaves the node in the state before, one that raises
-    anything else leaves it unconfigured; the reason is logged and in the diagnostics.
+    After an `IsotrussError` of a step the node keeps its previous state, after any other exception
+    it is unconfigured; the reason is in the log and the diagnostics.
 
-    :cvar awaited: topics and actions without which the active node does nothing, as it logs.
-    :ivar robot: loaded before `configure`.
-    :ivar inputs: the `Inputs` that `configure` has made, whose ages are reported; None without.
-    :ivar configured: whether `configure` has succeeded, and what it made is there.
-    :ivar kept: entities that outlive the state in which they were created.
-    :ivar active: whether publishers are enabled, in the transitions to and from `active` too.
+    :cvar awaited: topics and actions that the active node requires, for the log.
+    :ivar robot: the robot, loaded before `configure`.
+    :ivar inputs: the `Inputs` of `configure`, whose ages are reported; None without.
+    :ivar configured: whether `configure` has succeeded and its entities exist.
+    :ivar kept: entities that persist beyond the state of their creation.
+    :ivar active: whether publishers are enabled, also in transitions to and from `active`.
     :ivar diagnostics: status of the node.
-    :ivar cycle: None while the node is not active, too.
+    :ivar cycle: cycle of the active node; None without one.
     """
 
     awaited: ClassVar[tuple[str, ...]] = ()
@@ -60,48 +60,48 @@ class ManagedNode(StoppableNode, LifecycleNode):
     configured = active = False
     _failure: Exception | None = None
 
-    # -- The steps, for subclasses to override --
+    # -- Steps that subclasses override --
 
     def create(self) -> None:
-        """Create what is there in every state."""
+        """Create the entities of all states."""
 
     def read_robot(self) -> Robot:
         """Return the robot of the parameters."""
         return load_robot(self.values.robot)
 
     def _check(self, new: dict[str, Value]) -> None:
-        """Refuse unusable values of parameters by name, at `configure` and when they change."""
+        """Raise for invalid values of parameters by name, at `configure` and on changes."""
 
     def configure(self) -> None:
         """Create publishers and subscriptions."""
 
     def _apply(self) -> None:
-        """Take the values of the parameters, after `configure` and when they have changed."""
+        """Apply the values of the parameters, after `configure` and on changes."""
 
     def activate(self) -> None:
         """Start the timers; publishers are enabled."""
 
     def deactivate(self) -> None:
-        """Leave the robot safe; publishers still work."""
+        """Bring the robot to a safe state; publishers are still enabled."""
 
     def cleanup(self) -> None:
-        """Release what is no entity of the node; called after every `configure`."""
+        """Release resources other than entities; called after every `configure`."""
 
     def details(self) -> dict[str, object]:
-        """Return values for the diagnostics of the configured node by name, besides cycles."""
+        """Return further values by name for the diagnostics of the configured node."""
         return {}
 
     # -- Public interface --
 
     def start(self) -> None:
         """
-        Configure and activate where `autostart` is set.
+        Configure and activate the node if `autostart` is set.
 
         :raises IsotrussError: a step failed.
         """
         self.diagnostics = Diagnostics(self, self.describe)
         self.kept: set[object] = set()
-        #: The entities that were there before each state.
+        #: Entities that existed before each state.
         self._before: dict[str, dict[Any, Callable[[Any], object]]] = {}
         self.add_on_set_parameters_callback(self._check_change)
         self.add_post_set_parameters_callback(lambda _: self._apply_change())
@@ -115,7 +115,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
                 raise self._failure
 
     def stop(self) -> None:
-        """Shut the node down before the process ends; publishers still work."""
+        """Shut the node down before the process ends; publishers are still enabled."""
         try:
             self.trigger_shutdown()
         except RuntimeError:  # of rcl: it was interrupted in a transition, or has ended
@@ -124,9 +124,9 @@ class ManagedNode(StoppableNode, LifecycleNode):
 
     def fail(self, error: Exception) -> None:
         """
-        Deactivate after an error that escaped a callback; the node is unconfigured afterwards.
+        Deactivate after an uncaught error in a callback; the node is unconfigured afterwards.
 
-        :param error: logged and reported as the reason.
+        :param error: the reason, logged and reported.
         """
         traceback.print_exception(error)
         self._record_failure('run', error)
@@ -136,7 +136,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
     # -- Transitions, as rclpy calls them --
 
     def on_configure(self, _state: LifecycleState) -> TransitionCallbackReturn:
-        """Configure; release what a failure leaves behind."""
+        """Configure the node; release the entities of a failed configuration."""
         self._enter('configured')
         log_refusals(self)  # which may be simulated since it was unconfigured
         result = self._try_step('configure', self._configure)
@@ -145,7 +145,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
         return result
 
     def on_activate(self, _state: LifecycleState) -> TransitionCallbackReturn:
-        """Activate: publishers first, then the timers that publish."""
+        """Activate the node: publishers first, then timers."""
         self._enter('active')
         self.active = True
         super().on_activate(_state)
@@ -159,7 +159,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
         return result
 
     def on_deactivate(self, _state: LifecycleState) -> TransitionCallbackReturn:
-        """Deactivate; after an error that escaped a callback this leads to the error state."""
+        """Deactivate the node; after an uncaught error this leads to the error state."""
         self._try_step('deactivate', self.deactivate)
         self._disable(_state)
         if self._failure is not None:
@@ -168,14 +168,14 @@ class ManagedNode(StoppableNode, LifecycleNode):
         return SUCCESS
 
     def on_cleanup(self, _state: LifecycleState) -> TransitionCallbackReturn:
-        """Release all that `configure` created, so that it can be created again."""
+        """Destroy the entities of `configure`."""
         if self._try_step('clean up', self._release) != SUCCESS:
             return ERROR
         self.diagnostics.set_status(DiagnosticStatus.WARN, 'unconfigured')
         return SUCCESS
 
     def on_shutdown(self, _state: LifecycleState) -> TransitionCallbackReturn:
-        """Stop from any state."""
+        """Stop the node in any state."""
         if self.active:
             self.on_deactivate(_state)
         self._try_step('clean up', self._release)
@@ -183,19 +183,19 @@ class ManagedNode(StoppableNode, LifecycleNode):
         return SUCCESS
 
     def on_error(self, _state: LifecycleState) -> TransitionCallbackReturn:
-        """Release everything: the node can be configured again unless that fails too."""
+        """Release everything; the node can be configured again if this succeeds."""
         return SUCCESS if self._try_step('clean up', self._release) == SUCCESS else FAILURE
 
     def _try_step(self, what: str, step: Callable[[], None]) -> TransitionCallbackReturn:
-        """Run a step; record why it failed."""
+        """Run a step; record the reason of a failure."""
         try:
             step()
-        except Exception as error:  # noqa: BLE001 - whatever it is, the node keeps its services
+        except Exception as error:  # noqa: BLE001 - the node keeps its services
             return self._record_failure(what, error)
         return SUCCESS
 
     def _record_failure(self, what: str, error: Exception) -> TransitionCallbackReturn:
-        """Keep, log and report the reason of a failure; return what it makes of a transition."""
+        """Store, log and report the reason of a failure; return the result of the transition."""
         known = isinstance(error, IsotrussError)
         self._failure = error if known else IsotrussError(f'{type(error).__name__}: {error}')
         self.get_logger().error(f'could not {what}: {self._failure}')
@@ -203,12 +203,12 @@ class ManagedNode(StoppableNode, LifecycleNode):
         return FAILURE if known else ERROR
 
     def _enter(self, state: str) -> None:
-        """Note the entities that are there before a state, whose end they outlive."""
+        """Register the existing entities before a state, which persist at its end."""
         self._failure = None
         self._before[state] = self._list_entities()
 
     def _disable(self, state: LifecycleState) -> None:
-        """Destroy what `activate` created and disable the publishers."""
+        """Destroy the entities of `activate` and disable the publishers."""
         self._destroy_since('active')
         self.cycle = None
         super().on_deactivate(state)
@@ -230,7 +230,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
         self.cleanup()
 
     def _check_change(self, parameters: list[Parameter]) -> SetParametersResult:
-        """Return whether parameters can be set, as any can while the node is unconfigured."""
+        """Return whether parameters can be set; all can while the node is unconfigured."""
         new = {parameter.name: parameter.value for parameter in parameters}
         try:
             if 'configured' in self._before:
@@ -255,7 +255,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
         return found if self.inputs is None else found | self.inputs.describe_ages()
 
     def _list_entities(self) -> dict[Any, Callable[[Any], object]]:
-        """Return every entity with what destroys it: timers first and publishers last."""
+        """Return every entity with its destructor, timers first and publishers last."""
         actions = [w for w in self.waitables if isinstance(w, ActionServer | ActionClient)]
         return (
             dict.fromkeys(self.timers, self.destroy_timer)
@@ -267,24 +267,24 @@ class ManagedNode(StoppableNode, LifecycleNode):
         )
 
     def _destroy_since(self, state: str) -> None:
-        """Destroy what was created since a state began."""
+        """Destroy the entities created since the start of a state."""
         if state not in self._before:
             return
         before = self._before.pop(state)
         for entity, destroy in self._list_entities().items():
             if entity not in before and entity not in self.kept:
                 destroy(entity)
-        # rclpy keeps a weak reference to everything that ever was in the group: without this, a
-        # node that is configured again and again grows.
+        # rclpy keeps weak references to all former entities of the group: without this, repeated
+        # configuration grows the memory.
         references = self.default_callback_group.entities
         references -= {reference for reference in references if reference() is None}
 
 
 def log_refusals(node: Node) -> None:
     """
-    Log what rclpy itself would raise of a time before zero, or of a transition that there is not.
+    Log errors of rclpy for negative times and invalid transitions, instead of raising.
 
-    :param node: may go by simulated time, and may have states.
+    :param node: node, possibly with simulated time and life cycle.
     """
     for entity in (*node.subscriptions, *node.services):
         name = getattr(entity, 'topic_name', '') or getattr(entity, 'service_name', '')
@@ -294,7 +294,7 @@ def log_refusals(node: Node) -> None:
 
 
 def _try_callback(node: Node, name: str, call: Callable[..., Any], *messages: Any) -> Any:
-    """Return the response of a service, where it refuses too; none of a subscription."""
+    """Return the response of a service, also on refusal; None for a subscription."""
     try:
         return call(*messages)
     except (RuntimeError, ValueError) as error:  # of rclpy; what a step raises is caught there

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Node parameters: declared once with type, range and description, checked at start and later.
+Node parameters: declared with type, range and description, checked at start and on changes.
 
-They are rclpy's, with descriptors; `generate_parameter_library` has no wheel for a machine without
-ROS.
+They are parameters of rclpy with descriptors; `generate_parameter_library` has no wheel for
+machines without ROS.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from rclpy.parameter import Parameter
 
 Value = bool | int | float | str | list[str]
 
-#: How the names of parameters begin that rclpy itself declares.
-OF_RCLPY = ('use_sim_time', 'start_type_description_service', 'qos_overrides.')
+#: Prefixes of parameters declared by rclpy.
+RCLPY_PREFIXES = ('use_sim_time', 'start_type_description_service', 'qos_overrides.')
 UNCONFIGURED_ONLY = 'read-only unless the node is unconfigured'
 
 
 class ParameterError(IsotrussError, ValueError):
-    """A parameter has a value with which the node cannot work."""
+    """A parameter has an invalid value."""
 
 
 @dataclass(frozen=True)
@@ -38,11 +38,11 @@ class Spec:
     """
     Declaration of a parameter.
 
-    :ivar name: of the parameter.
-    :ivar default: value and type.
-    :ivar description: for `ros2 param describe` and the documentation.
+    :ivar name: name of the parameter.
+    :ivar default: default value, which defines the type.
+    :ivar description: text for `ros2 param describe` and the documentation.
     :ivar bounds: smallest and largest value of a number.
-    :ivar read_only: set at start only; of a managed node, only while it is unconfigured.
+    :ivar read_only: whether it is set at start only, or while a managed node is unconfigured.
     """
 
     name: str
@@ -52,7 +52,7 @@ class Spec:
     read_only: bool = False
 
 
-#: Declaration of a parameter that is read-only.
+#: Declaration of a read-only parameter.
 FixedSpec = partial(Spec, read_only=True)
 ROBOT = FixedSpec('robot', 'nine_member', 'Preset, or path of a robot file')
 AUTOSTART = FixedSpec('autostart', True, 'Configure and activate the node on its own at start')
@@ -60,13 +60,13 @@ AUTOSTART = FixedSpec('autostart', True, 'Configure and activate the node on its
 
 class Parameters:
     """
-    The parameters of one node; each value is an attribute of its name.
+    Parameters of one node; each value is an attribute.
 
-    :ivar fixed: names of those that a managed node reads when it is configured.
-    :param node: declares them; must be one that declares what is given to it on its own
-        (`automatically_declare_parameters_from_overrides`), as rclpy does not tell it otherwise.
-    :param specs: their declarations.
-    :raises ParameterError: an override is of another type, out of range, or unusable.
+    :ivar fixed: names of the parameters that a managed node reads at configuration.
+    :param node: node with `automatically_declare_parameters_from_overrides`, without which rclpy
+        does not pass on the overrides.
+    :param specs: declarations of the parameters.
+    :raises ParameterError: an override is of another type, out of range, or invalid.
     """
 
     def __init__(self, node: Node, specs: Sequence[Spec]) -> None:
@@ -74,7 +74,9 @@ class Parameters:
         self.fixed = {spec.name for spec in specs if spec.read_only} | {'use_sim_time'}
         self._real = {spec.name for spec in specs if isinstance(spec.default, float)}
         present = node.get_parameters_by_prefix('')
-        given = {name: each for name, each in present.items() if not name.startswith(OF_RCLPY)}
+        given = {
+            name: each for name, each in present.items() if not name.startswith(RCLPY_PREFIXES)
+        }
         for name in given:
             node.undeclare_parameter(name)
         for spec in specs:
@@ -87,7 +89,7 @@ class Parameters:
         return self._node.get_parameter(name).value
 
     def _declare(self, spec: Spec, given: Parameter | None) -> None:
-        """Declare a parameter, with the value that is given to the node if there is one."""
+        """Declare a parameter with its override, if given."""
         descriptor = ParameterDescriptor(name=spec.name, description=spec.description)
         if spec.read_only and self._managed:
             descriptor.additional_constraints = UNCONFIGURED_ONLY
@@ -116,7 +118,7 @@ class Parameters:
             raise ParameterError(f'parameter {spec.name}: {error}') from error
 
     def _read_whole_numbers(self, parameters: list[Parameter]) -> list[Parameter]:
-        """Return parameters with whole numbers, such as 100, made real where they must be."""
+        """Return parameters with integers converted to floats where required."""
         return [
             Parameter(p.name, value=float(p.value))
             if p.name in self._real and p.type_ == Parameter.Type.INTEGER

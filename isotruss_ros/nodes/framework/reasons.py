@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Reasons in the log: each once while it holds, with the number of times when it has ended."""
+"""Log of reasons: each once while it persists, and its count at the end."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ import re
 import time
 from typing import NamedTuple
 
-#: A reason that is not given again for so long has ended [s].
+#: Time without repetition after which a reason has ended [s].
 QUIET_TIME = 2.0
-#: Reasons that take turns within one kind are logged at most this often [s].
-SHORTEST_PERIOD = 1.0
-#: What changes in a reason that is still the same.
+#: Shortest period of the log of alternating reasons of one kind [s].
+MIN_LOG_PERIOD = 1.0
+#: Numbers in a reason, ignored in comparisons.
 NUMBERS = re.compile(r'[-+]?[\d.]+(e[-+]?\d+)?')
 
 
 class Reason(NamedTuple):
     """
-    A reason that holds.
+    A persisting reason.
 
-    :ivar text: as it was logged.
-    :ivar count: how often it was given.
-    :ivar logged: when [s].
-    :ivar given: when last [s].
+    :ivar text: logged text.
+    :ivar count: number of occurrences.
+    :ivar logged: time of the log entry [s].
+    :ivar given: time of the last occurrence [s].
     """
 
     text: str
@@ -36,9 +36,9 @@ class Reason(NamedTuple):
 
 class ReasonLog:
     """
-    Log reasons when they change; numbers in them do not count.
+    Logs reasons on changes; differences in numbers do not count.
 
-    :param log: logs a line.
+    :param log: function that logs a line.
     """
 
     def __init__(self, log: Callable[[str], object]) -> None:
@@ -47,15 +47,15 @@ class ReasonLog:
 
     def note(self, kind: str, text: str) -> None:
         """
-        Log a reason, unless it holds already.
+        Log a reason, unless it persists already.
 
-        :param kind: reasons of one kind take each other's place; others do not hide them.
+        :param kind: kind of the reason; a reason replaces the previous one of its kind only.
         :param text: the reason.
         """
         now, known = time.monotonic(), self._reasons.get(kind)
         if known is not None and now - known.given < QUIET_TIME:
             same = NUMBERS.sub('', text) == NUMBERS.sub('', known.text)
-            if same or now - known.logged < SHORTEST_PERIOD:
+            if same or now - known.logged < MIN_LOG_PERIOD:
                 self._reasons[kind] = known._replace(count=known.count + 1, given=now)
                 return
         self._end(kind)
@@ -63,14 +63,14 @@ class ReasonLog:
         self._reasons[kind] = Reason(text, 1, now, now)
 
     def end(self) -> None:
-        """Log the reasons that have ended."""
+        """Log the ended reasons."""
         now = time.monotonic()
         for kind, reason in list(self._reasons.items()):
             if now - reason.given >= QUIET_TIME:
                 self._end(kind)
 
     def _end(self, kind: str) -> None:
-        """Log how often a reason was given that is logged no more; once needs no line."""
+        """Log the count of an ended reason, if repeated."""
         reason = self._reasons.pop(kind, None)
         if reason is not None and reason.count > 1:
             self._log(f'no longer, after {reason.count} times: {reason.text}')

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a tracker measures, from any frame that tf2 connects to the robot's."""
+"""Measurements of a tracker, transformed by tf2 to the robot's frame."""
 
 from __future__ import annotations
 
@@ -26,24 +26,24 @@ try:
 
     NO_TRANSFORM = (TransformException, ValueError)
 except ImportError:
-    # There are no wheels of it for a machine without ROS.
+    # It has no wheel for machines without ROS.
     Buffer, NO_TRANSFORM = None, (ValueError,)  # type: ignore[assignment]
 
-#: What is tilted by more is not in the plane of the robot [rad]: lengths would be 0.4 % off.
+#: Largest tilt out of the robot's plane [rad]; changes lengths by 0.4 %.
 MAX_TILT = math.radians(5.0)
 
 
 class NoTransformError(MessageError):
-    """tf2 does not connect a frame to the robot's at a stamp, by now: that may come later."""
+    """tf2 has no transform to the robot's frame at a stamp yet."""
 
 
 class RobotFrame:
     """
-    Reads poses and markers in the robot's frame, by the transforms at their stamps.
+    Transforms poses and markers to the robot's frame, at their stamps.
 
-    :param robot: whose frame it is, and whose joints have markers.
-    :param buffer: of the transforms, with `lookup_transform` as that of `tf2_ros`; None where tf2
-        is not at hand, and frames must match.
+    :param robot: robot with the frame and the marked joints.
+    :param buffer: buffer of transforms with `lookup_transform` of `tf2_ros`; None without tf2:
+        frames must match.
     """
 
     def __init__(self, robot: Robot, buffer: Any = None) -> None:
@@ -53,22 +53,22 @@ class RobotFrame:
     @classmethod
     def heard_by(cls, node: Node, robot: Robot) -> RobotFrame:
         """
-        Return the robot's frame with the transforms that a node hears, where tf2 is at hand.
+        Return the robot's frame with the transforms received by a node, if tf2 is installed.
 
-        :param node: listens to `/tf` and `/tf_static`.
+        :param node: subscriber of `/tf` and `/tf_static`.
         :param robot: see above.
         """
         if Buffer is None:
             return cls(robot)
         heard = cls(robot, Buffer())
-        heard._listener = TransformListener(heard._buffer, node)  # listens while it is kept
+        heard._listener = TransformListener(heard._buffer, node)  # subscribed while referenced
         return heard
 
     def read_pose(self, message: PoseStamped) -> Pose:
         """
         Return the measured pose of an object.
 
-        :param message: in any frame.
+        :param message: message in any frame.
         :raises MessageError: not finite, no rotation in the quaternion, no transform from its
             frame, or a pose out of the robot's plane.
         """
@@ -87,8 +87,8 @@ class RobotFrame:
         """
         Return the measured joints (x, y) by name [m].
 
-        :param message: in any frame; where no place has a height there, it must be in the plane.
-        :raises MessageError: see `read_joint_markers`, no transform from its frame, or places out
+        :param message: message in any frame; without heights it must be in the robot's plane.
+        :raises MessageError: see `read_joint_markers`, no transform from its frame, or points out
             of the robot's plane.
         """
         joints = read_joint_markers(message, self._robot)
@@ -123,7 +123,7 @@ class RobotFrame:
         return rotation, np.array([shift.x, shift.y, shift.z])
 
     def _check_plane(self, what: str, header: Header, turned: Array) -> None:
-        """Refuse what is tilted out of the robot's plane."""
+        """Raise MessageError for a tilt out of the robot's plane."""
         tilt = math.degrees(math.acos(min(1.0, max(-1.0, turned[2, 2]))))
         most = math.degrees(MAX_TILT)
         if tilt > most:
@@ -134,5 +134,5 @@ class RobotFrame:
 
 
 def _rotation_matrix(rotation: Quaternion) -> Array:
-    """Return the matrix (3, 3) of a rotation; ValueError for a quaternion of zeros."""
+    """Return the rotation matrix (3, 3) of a quaternion; ValueError for zero."""
     return Rotation.from_quat([rotation.x, rotation.y, rotation.z, rotation.w]).as_matrix()

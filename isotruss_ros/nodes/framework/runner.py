@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Run a node as an executable: start or print why not, spin, stop cleanly on a signal."""
+"""Executable of a node: start it or print the reason of failure, spin, stop on a signal."""
 
 from __future__ import annotations
 
@@ -24,27 +24,27 @@ from rclpy.logging import LoggingSeverity, set_logger_level
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
-from scipy import interpolate, optimize  # noqa: F401 - the core would load them in a cycle
+from scipy import interpolate, optimize  # noqa: F401 - imported before the first cycle
 from std_srvs.srv import Trigger
 
-#: Ctrl-C, `kill`, and a terminal that is closed.
+#: Signals of Ctrl-C, `kill` and a closed terminal.
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-#: A wait ends so often, as no signal ends one [s].
+#: Longest wait [s]; signals do not interrupt a wait.
 WAKE_PERIOD = 1.0
 
 
 class StoppableNode(Node):
     """
-    A node that has to leave the robot safe before the process ends; a subclass overrides `start`.
+    A node that stops the robot before the process ends; subclasses override `start`.
 
-    :cvar node_name: its name.
-    :cvar specs: its parameters.
-    :cvar base_specs: those that all nodes of its kind have.
-    :cvar done: ends the process where a node has done what it is for.
-    :ivar cycle: what the node does at a rate; None if there is nothing.
-    :ivar values: of the parameters, as attributes.
+    :cvar node_name: name of the node.
+    :cvar specs: parameters of the node.
+    :cvar base_specs: parameters of all nodes of its kind.
+    :cvar done: whether the node has finished its task, which ends the process.
+    :ivar cycle: control cycle; None without one.
+    :ivar values: values of the parameters, as attributes.
     :param parameter_overrides: values of parameters other than the defaults.
-    :raises IsotrussError: a parameter is unusable; the text names it and what would be right.
+    :raises IsotrussError: a parameter is invalid; names it and its valid range.
     """
 
     node_name: ClassVar[str]
@@ -68,13 +68,13 @@ class StoppableNode(Node):
             raise
 
     def start(self) -> None:
-        """Begin, with the parameters; the last step of the constructor."""
+        """Start with the parameters, as the last step of the constructor."""
 
     def begin(self) -> None:
         """
-        Begin what only a process of its own has: a file, a server, the keyboard.
+        Start resources of the own process: a file, a server, the keyboard.
 
-        :raises IsotrussError: why it cannot begin.
+        :raises IsotrussError: the reason of a failure.
         """
 
     def now(self) -> float:
@@ -83,24 +83,24 @@ class StoppableNode(Node):
 
     def warn(self, kind: str, message: str) -> None:
         """
-        Log a warning, once while its reason holds; see `ReasonLog`.
+        Log a warning, once while its reason persists; see `ReasonLog`.
 
-        :param kind: a flood of one kind does not hide another.
-        :param message: what is logged.
+        :param kind: kind of the warning, logged independently of other kinds.
+        :param message: text of the warning.
         """
         self._reasons.note(kind, message)
 
     def log_ended(self) -> None:
-        """Log how often the reasons were given that hold no longer."""
+        """Log the counts of ended reasons."""
         self._reasons.end()
 
     def offer(self, name: str, carry_out: Callable[[], str]) -> None:
         """
         Offer a service without arguments.
 
-        :param name: of the service, std_srvs/Trigger.
-        :param carry_out: does what is asked for and returns in words what came of it; raises
-            IsotrussError where it does not succeed.
+        :param name: name of the service, std_srvs/Trigger.
+        :param carry_out: executes the request and returns the result in words; raises
+            IsotrussError on failure.
         """
 
         def respond(_request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -113,23 +113,22 @@ class StoppableNode(Node):
         self.create_service(Trigger, name, respond)
 
     def stop(self) -> None:
-        """Leave the robot safe; publishers still work."""
+        """Bring the robot to a safe state; publishers are still enabled."""
 
     def fail(self, error: Exception) -> None:
         """
-        End the process after an error that escaped a callback.
+        End the process after an uncaught error in a callback.
 
-        :param error: raised again; of an IsotrussError, `run` prints what it says.
+        :param error: the error, raised again; `run` prints the text of an IsotrussError.
         """
         raise error
 
 
 def catch_signals() -> list[int]:
     """
-    Return a list that gets the first signal that is to end the process; the second one raises.
+    Return a list for the first stop signal; the second one raises.
 
-    KeyboardInterrupt raised in the middle of a conversion from C comes out of rclpy as another
-    error.
+    A KeyboardInterrupt within a conversion from C would leave rclpy as another error.
     """
     received: list[int] = []
 
@@ -147,7 +146,7 @@ def find_node(name: str) -> type[StoppableNode]:
     """
     Return the class of a node.
 
-    :param name: of the node, its module and its executable.
+    :param name: name of the node, also of its module and executable.
     """
     module = importlib.import_module(f'isotruss_ros.nodes.{MODULES.get(name, name)}')
     return next(kind for kind in vars(module).values() if getattr(kind, 'node_name', '') == name)
@@ -155,18 +154,18 @@ def find_node(name: str) -> type[StoppableNode]:
 
 def run(kind: Callable[[], StoppableNode], args: Sequence[str] | None = None) -> int:
     """
-    Spin a node until it is interrupted, or done.
+    Spin a node until interrupted or finished.
 
     :param kind: class of the node.
-    :param args: command line, that of the process when left out.
-    :return: exit code: 0 when interrupted, 1 when the node could not start or go on.
-    :raises SystemExit: after help that was asked for, or for an argument that is none of ROS.
+    :param args: command line, by default that of the process.
+    :return: exit code: 0 if interrupted or finished, 1 after an error.
+    :raises SystemExit: after the help, or for an invalid argument.
     """
     refuse_arguments(kind, sys.argv if args is None else args)
-    # Of arguments that it cannot parse rcl would print a line that does not say which.
+    # rcl would print an error without the name of the invalid argument.
     set_logger_level('rcl', LoggingSeverity.FATAL)
     try:
-        # Our own handlers: rclpy's would close the context before the last command is sent.
+        # Own handlers: those of rclpy would close the context before the last command is sent.
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     except (RuntimeError, UnicodeEncodeError) as error:  # of rcl, and before it
         print(f'cannot start: {explain_refusal(error)}', file=sys.stderr)
@@ -178,13 +177,13 @@ def run(kind: Callable[[], StoppableNode], args: Sequence[str] | None = None) ->
             node = kind()
             node.begin()
             what = 'cannot go on'
-            # What exists by now stays: the garbage collector need not walk it between cycles.
+            # Existing objects are permanent: the garbage collector can skip them between cycles.
             gc.freeze()
             executor = PacedExecutor(node)
             while not (received or node.done):
                 try:
                     executor.spin_once(WAKE_PERIOD)
-                except Exception as error:  # noqa: BLE001 - whatever it is, the robot must stop
+                except Exception as error:  # noqa: BLE001 - the robot must stop
                     node.fail(error)
         except KeyboardInterrupt:
             pass

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The measured inputs of a node; of each the newest value is kept, or why it was rejected."""
+"""Measured inputs of a node: latest valid value of each, or the reason of its rejection."""
 
 from __future__ import annotations
 
@@ -38,22 +38,22 @@ import numpy as np
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import FluidPressure, JointState, MultiDOFJointState
 
-#: Called with an input.
+#: Callback with an input.
 Take = Callable[[StampedInput], None]
 
 
 class Inputs:
     """
-    Subscriptions of a node; what decides by the inputs gets each as an attribute.
+    Subscriptions of a node, whose inputs are attributes of a holder.
 
-    That is a StampedInput, by the clock of the node where messages have no header, or a
-    RejectedInput with the reason; each message passes a `Gate`.
+    Each message passes a `Gate` and becomes a StampedInput (stamped by the node's clock without a
+    header), or a RejectedInput with the reason.
 
-    :param node: subscribes.
-    :param robot: whose rollers, tubes and frame messages must have.
-    :param holder: gets the inputs; its `timeout` is the largest age of an input [s], and its
-        `pressure_timeout` that of pressures.
-    :param setting: name of the timeout; empty where no parameter sets it.
+    :param node: subscribing node.
+    :param robot: robot with the rollers, tubes and frame of the messages.
+    :param holder: object with the inputs as attributes; its `timeout` is the largest age of an
+        input [s], its `pressure_timeout` that of pressures.
+    :param setting: parameter of the timeout; empty without one.
     """
 
     def __init__(
@@ -62,12 +62,12 @@ class Inputs:
         self._node, self._robot, self._holder = node, robot, holder
         self._setting = setting
         self._gates: dict[str, Gate] = {}
-        #: What each attribute is, in words.
+        #: Descriptions of the attributes.
         self._words: dict[str, str] = {}
         self._parts = RollerParts(robot.roller_names)
         self._offsets = np.zeros(len(robot.roller_names))
         self._pressures: dict[str, Input] = {}
-        #: The last pressure that was rejected, and when [s].
+        #: Last rejected pressure with its time [s].
         self._bad_pressure: tuple[RejectedInput | None, float] = None, -math.inf
 
     def keep(
@@ -82,19 +82,19 @@ class Inputs:
         oldest: float | None = None,
     ) -> Subscription:
         """
-        Subscribe to an input.
+        Subscribe to an input and store its latest value.
 
         :param kind: type of the messages.
         :param topic: relative name of the topic.
-        :param read: returns the value of a message, None for no input; raises MessageError for one
-            that is unusable.
-        :param name: attribute of the holder.
-        :param words: what it is, for the diagnostics; the topic if left out.
-        :param stops: whether an invalid message erases the input, and so stops the robot at once;
-            the one before counts on if not.
-        :param take: called with each StampedInput, not only the newest, whatever their order is;
-            None for nothing.
-        :param oldest: largest age [s]; that of the holder if None.
+        :param read: function from a message to its value, None for no input; raises MessageError
+            for an invalid message.
+        :param name: name of the attribute of the holder.
+        :param words: description for the diagnostics, by default the topic.
+        :param stops: whether an invalid message erases the input, which stops the robot at once;
+            otherwise the previous one remains valid.
+        :param take: callback with each StampedInput in any order, not only the newest; None: no
+            callback.
+        :param oldest: largest age [s]; None: that of the holder.
         """
         words = words or topic.replace('_', ' ').replace('/', ' ')
         holder = self._holder
@@ -127,7 +127,7 @@ class Inputs:
         receive: Callable[[StampedInput | RejectedInput], None],
         received: StampedInput | RejectedInput,
     ) -> None:
-        """Pass on the state of all rollers in place of a part, with the estimated offsets."""
+        """Merge partial states of rollers and add the estimated offsets."""
         if isinstance(received, StampedInput):
             self._parts.take(received.value, received.time, self._node.now())
             received = self._parts.merged()
@@ -142,7 +142,7 @@ class Inputs:
 
     def keep_encoders(self, take: Take | None = None) -> None:
         """
-        Keep the RollerState as the encoders read it, from `joint_states`, as `rollers`.
+        Store encoder readings from `joint_states` as `rollers`, without offsets.
 
         :param take: see `keep`.
         """
@@ -151,10 +151,10 @@ class Inputs:
 
     def keep_joint_states(self) -> None:
         """
-        Keep the RollerState, from `joint_states`, as `rollers`.
+        Store the RollerState from `joint_states` as `rollers`, with estimated offsets.
 
-        Where a node publishes `state_estimate`, its EstimatedTravel is `estimate`, and what it
-        adds to the encoders is in the positions of the rollers: the last one stays, as zeros do.
+        If a node publishes `state_estimate`, its EstimatedTravel is `estimate`, and its offsets
+        are included in the roller positions. The last offsets remain valid without a timeout.
         """
         self.keep_encoders()
         read = partial(read_estimate, robot=self._robot)
@@ -162,35 +162,35 @@ class Inputs:
 
     def keep_object_pose(self, **options: Any) -> None:
         """
-        Keep the `Pose` of the object, from `object_pose`, as `pose`; see `RobotFrame`.
+        Store the `Pose` of the object from `object_pose` as `pose`; see `RobotFrame`.
 
-        :param options: of `keep`.
+        :param options: options of `keep`.
         """
         frame = self.frame
         self.keep(PoseStamped, 'object_pose', frame.read_pose, 'pose', **options)
 
     def keep_joint_markers(self, **options: Any) -> None:
         """
-        Keep the measured joints {name: (x, y)} [m], from `joint_markers`, as `markers`.
+        Store the measured joints {name: (x, y)} [m] from `joint_markers` as `markers`.
 
-        :param options: of `keep`.
+        :param options: options of `keep`.
         """
         read = self.frame.read_markers
         self.keep(MultiDOFJointState, 'joint_markers', read, 'markers', **options)
 
     @functools.cached_property
     def frame(self) -> RobotFrame:
-        """Return the robot's frame with the transforms that the node hears."""
+        """Return the robot's frame with the transforms received by the node."""
         return RobotFrame.heard_by(self._node, self._robot)
 
     def keep_tube_pressures(self, ambient: Callable[[], float]) -> None:
         """
-        Keep the gauge pressures (t,) [Pa], from `tube_pressures`, as `pressures`.
+        Store the gauge pressures (t,) [Pa] from `tube_pressures` as `pressures`.
 
-        Each message has one tube; they count once all are known, as old as the oldest.
+        Each message has one tube. Pressures are valid once all tubes are known, with the oldest
+        stamp.
 
-        :param ambient: returns the pressure around the tubes, 0 where gauges measure against it
-            [Pa].
+        :param ambient: function that returns the ambient pressure, 0 for gauge pressures [Pa].
         """
 
         def read(message: FluidPressure) -> tuple[str, float]:
@@ -203,7 +203,7 @@ class Inputs:
         receive: Callable[[StampedInput | RejectedInput], None],
         received: StampedInput | RejectedInput,
     ) -> None:
-        """Pass on the pressures of all tubes in place of one."""
+        """Merge the pressure of one tube into those of all tubes."""
         now = self._node.now()
         if isinstance(received, RejectedInput):
             self._bad_pressure = received, now
@@ -215,31 +215,31 @@ class Inputs:
             if not all(known):
                 return
             time = min(each.time for each in known)
-            # Whose tube that was is not known: of the one that is behind, perhaps.
+            # The tube is unknown: possibly the one with the oldest stamp.
             bad, when = self._bad_pressure
             reason = bad if time < when else None
             received = StampedInput(tuple(each.value for each in known), time, reason)
         receive(received)
 
     def settle(self) -> None:
-        """Take in the messages whose transforms have come."""
+        """Process queued messages whose transforms have arrived."""
         for gate in self._gates.values():
             gate.settle()
 
     def clear(self) -> None:
-        """Discard the inputs: after a jump of the clock their ages are unknown."""
+        """Discard the inputs: their ages are unknown after a jump of the clock."""
         self._parts.clear()
         self._pressures.clear()
         for name, gate in self._gates.items():
             gate.clear()
             known = getattr(self._holder, name) is not None
             setattr(self._holder, name, None)
-            if name == 'pressures' and known:  # those of the robot file do not count in its place
+            if name == 'pressures' and known:  # not replaced by the pressures of the robot file
                 why = 'tube pressures: none since the clock jumped or stopped'
                 setattr(self._holder, name, RejectedInput(why))
 
     def describe_ages(self) -> dict[str, object]:
-        """Return the ages of the inputs [s], or why they have none, for the diagnostics."""
+        """Return the ages of the inputs [s], or the reasons of missing ones."""
         ages = {}
         for name, words in self._words.items():
             given = getattr(self._holder, name)
@@ -253,13 +253,14 @@ class Inputs:
 
 class TrackedShape:
     """
-    Follows the shape of the robot.
+    Configuration tracked from joint states.
 
     :ivar timeout: largest age of an input [s].
     :ivar rollers: the latest joint states, a StampedInput of a RollerState.
-    :ivar estimate: input of the `EstimatedTravel` whose offsets these have; None without one.
-    :param robot: at home when the first joint states come.
-    :param timeout: see above.
+    :ivar estimate: input of the `EstimatedTravel` with the offsets of the rollers; None without
+        one.
+    :param robot: the robot; home is the start of the first search.
+    :param timeout: largest age of an input [s].
     """
 
     def __init__(self, robot: Robot, timeout: float) -> None:
@@ -270,12 +271,12 @@ class TrackedShape:
         self._tracked: Input = None
 
     def track(self) -> None:
-        """Take note of the latest joint states."""
+        """Update the configuration from the latest joint states."""
         if self.rollers is self._tracked:
             return
         self._tracked = self.rollers
         if isinstance(self.rollers, StampedInput):
-            # The next request reports a configuration that does not exist.
+            # The next request raises the error.
             with contextlib.suppress(ConfigurationError):
                 self._shapes.configuration(self.rollers.value.positions)
 
@@ -284,8 +285,8 @@ class TrackedShape:
         Return the configuration of the latest joint states.
 
         :param now: time on the clock of the inputs [s].
-        :raises InputError: they are missing, stale or invalid.
-        :raises ConfigurationError: no configuration fits them.
+        :raises InputError: the joint states are missing, stale or invalid.
+        :raises ConfigurationError: no configuration exists at these roller positions.
         """
         (given,) = require_fresh(now, self.timeout, joint_states=self.rollers)
         return self._shapes.configuration(given.value.positions)

@@ -1,6 +1,6 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""An action server that executes one goal at a time, in the cycle of a node that never blocks."""
+"""Action server with one goal at a time, executed in the cycle of a non-blocking node."""
 
 from __future__ import annotations
 
@@ -18,50 +18,50 @@ from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.task import Future
 
-#: Results and their goals are kept this long for clients that request them late [s].
+#: Time for which results are stored for late requests of clients [s].
 RESULT_TIMEOUT = 60
 
 
 class Ending(enum.Enum):
-    """The states of the action in which a goal can end, by the methods of rclpy's handle."""
+    """Final states of a goal of an action, by the methods of rclpy's handle."""
 
     SUCCEEDED = 'succeed'
     CANCELED = 'canceled'
     ABORTED = 'abort'
 
 
-#: How a goal ends that came to no fault, by the name of the outcome.
+#: Final states by names of outcomes; other outcomes are aborted.
 ENDINGS = {'CANCELLED': Ending.CANCELED, 'PREEMPTED': Ending.ABORTED} | dict.fromkeys(
     ('FOUND', 'REACHED', 'SUCCEEDED'), Ending.SUCCEEDED
 )
 
 
 class BusyError(IsotrussError):
-    """A node carries out another goal."""
+    """The node executes another goal."""
 
 
 class SingleGoal:
     """
-    The active goal, if any; a timer of the node works on it.
+    The active goal, executed by a timer of the node.
 
-    The coroutine of the action only waits for the result: it is resumed when the executor spins
-    anyhow, and so takes no time.
+    The coroutine of the action only awaits the result and takes no time: the executor resumes it
+    when it spins.
 
-    Results that have a stamp get the time at which the goal ends.
+    Results with a stamp are stamped at the end of the goal.
 
     :ivar kind: type of the action.
-    :param node: offers the action, until it is destroyed.
+    :param node: node that offers the action until destroyed.
     :param kind: type of the action.
     :param name: relative name of the action.
-    :param read: returns what a goal asks for, before it is accepted; raises IsotrussError for one
-        that is unusable, or for which the node is not ready. The active goal goes on then.
-    :param refuse: returns the result that tells the client of such an error; None rejects the
-        goal, of which the log alone gives the reason.
-    :param begin: called with what was read; may end the goal at once.
-    :param cancelled: called when a client cancels the goal; must end it, at once or soon.
-    :param preempted: called before `begin` if another goal is active; must end it. Not needed
-        where `read` refuses goals while one is.
-    :param supervised: whether a goal ends with the client that supervises it, if one does.
+    :param read: function from a goal to a request, before acceptance; raises IsotrussError for an
+        invalid goal, or if the node is not ready. The active goal is not affected then.
+    :param refuse: function from such an error to a result for the client; None: the goal is
+        rejected, with the reason in the log only.
+    :param begin: callback with the request; may end the goal at once.
+    :param cancelled: callback on cancellation by a client; must end the goal at once or soon.
+    :param preempted: callback before `begin` while another goal is active; must end it. Not needed
+        if `read` refuses concurrent goals.
+    :param supervised: whether a goal ends with its supervising client, if any.
     """
 
     def __init__(
@@ -80,13 +80,14 @@ class SingleGoal:
         self._node, self._name, self._begin = node, name, begin
         self._read, self._refuse = read, refuse
         self._preempted, self._cancelled = preempted, cancelled
-        #: What was read of a goal that is accepted next, or the result that refuses it.
+        #: Request of the goal accepted next, or the result of its refusal.
         self._asked: Any = None
         self._refusal: Any = None
         self._handle: ServerGoalHandle | None = None
         self._ended: dict[bytes, Future] = {}
         self._feedback_time = -math.inf
-        # Before the action: who has discovered that has discovered the subscription, too.
+        # Before the action: a client that has discovered the action has discovered the
+        # subscription.
         self._client = ClientWatch(node) if supervised else None
         ActionServer(
             node,
@@ -101,7 +102,7 @@ class SingleGoal:
 
     @property
     def active(self) -> bool:
-        """Return whether there is a goal."""
+        """Return whether a goal is active."""
         return self._handle is not None
 
     @property
@@ -111,9 +112,9 @@ class SingleGoal:
 
     def publish_feedback(self, make: Callable[[], Any]) -> None:
         """
-        Publish feedback on the active goal, unless it is too soon.
+        Publish feedback on the active goal, limited in rate.
 
-        :param make: returns the message of the action.
+        :param make: function that returns the feedback message.
         """
         if time.monotonic() - self._feedback_time >= FEEDBACK_PERIOD:
             self._feedback_time = time.monotonic()
@@ -121,31 +122,31 @@ class SingleGoal:
 
     def find_loss(self, timeout: float) -> str | None:
         """
-        Return in words that the client that supervised the active goal has fallen silent.
+        Return the loss of the supervising client in words; None without a loss.
 
         :param timeout: longest time between its messages, by the steady clock [s].
-        :return: None if it has not.
+        :return: text of the loss, or None.
         """
         return self._client.find_loss(timeout)
 
     def end(self, ending: Ending, result: Any) -> None:
         """
-        End the active goal; the client gets the result as soon as the executor spins again.
+        End the active goal; the client gets the result at the next spin of the executor.
 
-        :param ending: state of the action.
-        :param result: message of the action.
+        :param ending: final state of the goal.
+        :param result: result message.
         """
         self._ended[_key(self._handle)].set_result((ending, self._stamp(result)))
         self._set_active(None)
 
     def report_end(self, outcome: enum.Enum, result: Any, idle: str, prefix: str = '') -> None:
         """
-        End the active goal, and report how in the diagnostics and the log.
+        End the active goal, and report its result in the diagnostics and the log.
 
-        :param outcome: why it ends.
-        :param result: message of the action, which says why.
-        :param idle: what the node does from now on.
-        :param prefix: of what is reported.
+        :param outcome: reason of the end.
+        :param result: result message with the reason.
+        :param idle: text of the node's activity from now on.
+        :param prefix: prefix of the report.
         """
         self.end(ENDINGS.get(outcome.name, Ending.ABORTED), result)
         text = f'{prefix}{outcome.name.lower().replace("_", " ")}: {result.message}'
@@ -163,7 +164,7 @@ class SingleGoal:
             self._client.goal = None if handle is None else _key(handle)
 
     def _stamp(self, result: Any) -> Any:
-        """Return a result with the time at which the goal ends, where it has a stamp."""
+        """Return a result with the time of the end of the goal, if it has a stamp."""
         if hasattr(result, 'stamp'):
             result.stamp = self._node.get_clock().now().to_msg()
         return result

@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Heartbeats of actions: a goal ends with its client, and a sequence with the server of its goal.
+Heartbeats of actions: a goal ends with its client, a sequence with the server of its goal.
 
-Liveliness and deadline of DDS detect a process that ends as quickly, but their time is fixed when
-an entity is made, where `command_timeout` is a parameter; a subscription that asks for them
-matches no publisher without; and automatic liveliness goes on where a callback hangs (see
+Liveliness and deadline of DDS detect an ended process as fast, but their time is fixed at the
+creation of an entity, whereas `command_timeout` is a parameter; subscriptions with them match no
+publishers without them; and automatic liveliness continues while a callback hangs (see
 docs/tried.md).
 """
 
@@ -19,30 +19,30 @@ from action_msgs.msg import GoalInfo
 from isotruss_ros.nodes.framework.topics import RELIABLE, subscribe_newest
 from rclpy.lifecycle import LifecycleNode
 
-#: Clients publish here which goal ends with them, from before they send it.
+#: Topic of the goals supervised by clients, published before the goal is sent.
 TOPIC = 'supervised_goal'
-#: Feedback is published at most this often [s]: it is the heartbeat of a server.
+#: Shortest period of feedback [s], the heartbeat of a server.
 FEEDBACK_PERIOD = 0.05
-#: Within this time at least two messages of feedback come [s].
-SHORTEST_SILENCE = 2.0 * FEEDBACK_PERIOD
-#: A server may take so long to begin a goal before it must send feedback [s].
-BEGINNING = 1.0
+#: Shortest timeout of feedback [s]: two periods.
+MIN_FEEDBACK_TIMEOUT = 2.0 * FEEDBACK_PERIOD
+#: Longest start of a goal before the first feedback [s].
+START_TIMEOUT = 1.0
 
 
 def create_heartbeat(node: LifecycleNode) -> Callable[[GoalInfo], None]:
     """
-    Return what publishes that a goal still has a client.
+    Return the publisher of a client's heartbeat for a goal.
 
-    :param node: publishes while it is active.
+    :param node: publishing node while active.
     """
     return node.create_lifecycle_publisher(GoalInfo, TOPIC, RELIABLE).publish
 
 
 class ClientWatch:
     """
-    When the client of a goal was heard last, if it supervises goals at all.
+    Time of the last heartbeat of a supervising client, if any.
 
-    :param node: subscribes, until it is destroyed.
+    :param node: subscribing node until destroyed.
     """
 
     def __init__(self, node: LifecycleNode) -> None:
@@ -52,10 +52,10 @@ class ClientWatch:
 
     def find_loss(self, timeout: float) -> str | None:
         """
-        Return in words that the client that supervised the active goal has fallen silent.
+        Return the loss of the supervising client in words; None without a loss.
 
         :param timeout: longest time between its messages, by the steady clock [s].
-        :return: None if it has not.
+        :return: text of the loss, or None.
         """
         goal, heard = self._heard
         if self.goal is None or goal != self.goal or time.monotonic() - heard <= timeout:
@@ -73,22 +73,22 @@ class ClientWatch:
 
 class ServerWatch:
     """
-    When the server of a goal was heard last.
+    Time of the last feedback of the server of a goal.
 
-    :param name: of the action.
-    :param silence: for how long it may send no feedback [s].
+    :param name: name of the action.
+    :param silence: longest time without feedback [s].
     """
 
     def __init__(self, name: str, silence: float) -> None:
         self._name, self._silence = name, silence
-        self._heard = time.monotonic() + BEGINNING
+        self._heard = time.monotonic() + START_TIMEOUT
 
     def note(self) -> None:
-        """Take note of feedback."""
+        """Register feedback."""
         self._heard = max(self._heard, time.monotonic())
 
     def find_loss(self) -> str | None:
-        """Return in words that the server has fallen silent; None if it has not."""
+        """Return the loss of the server in words; None without a loss."""
         if time.monotonic() - self._heard <= self._silence:
             return None
         return (

@@ -4,13 +4,12 @@
 """
 Quality of service of each topic, and subscriptions to the newest message.
 
-State and twists count only while they are new: subscribers take the newest and request no
-retransmission, and so match reliable and best-effort publishers alike. What the nodes publish, and
-the commands that the simulator takes, is reliable, as ros2_control's controllers have it. None of
-it is kept for late joiners: the next message comes with the next cycle, and an old one would be
-wrong once the node is inactive.
+State and twists are valid only while new: subscriptions are best-effort with a short queue, and
+match reliable and best-effort publishers. Publishers of the nodes, and the command subscription of
+the simulator, are reliable, like the controllers of ros2_control. They are volatile: the next
+message arrives with the next cycle, and an old one would be wrong once the node is inactive.
 
-What holds until the next message, however late that comes, is latched.
+Messages that are valid until the next one are latched.
 """
 
 from __future__ import annotations
@@ -24,26 +23,24 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
-#: Not 1: while the only message is being taken the next one has no room, and Fast DDS then loses
-#: the memory of that, some 100 bytes for each message of a flood.
+#: Newest messages. Depth 2: with depth 1 Fast DDS leaks some 100 bytes for each message that
+#: arrives while the only one is being taken.
 NEWEST = QoSProfile(depth=2, reliability=ReliabilityPolicy.BEST_EFFORT)
-#: For inputs of which each counts, such as joint states that come in parts: what a loop of 100 Hz
-#: misses of ten publishers of 100 Hz.
+#: All messages, such as partial joint states: ten publishers of 100 Hz for a loop of 100 Hz.
 EACH = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
-#: With them: such a subscription matches every publisher, so that rclpy's warnings never come, but
-#: would make each wait of `manipulation` a third longer.
+#: No event callbacks: these subscriptions match every publisher, and callbacks would make each
+#: wait of `manipulation` a third longer.
 NO_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
 RELIABLE = QoSProfile(depth=1)
-#: Subscribers have this long to acknowledge the last command.
+#: Timeout of the acknowledgement of the last command.
 ACKNOWLEDGE_TIME = Duration(seconds=0.5)
-#: For all of what comes in bursts, with room for what waits.
+#: Bursts of messages, all of them processed.
 EVENTS = QoSProfile(depth=100)
-#: For what holds until the next message: late joiners receive it.
+#: Messages valid until the next one, received by late joiners.
 LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-#: For `SparseMessages`: all publishers, and what those that latch have published before. Reliable
-#: both: what a publisher sends before a best-effort subscription has discovered it is lost. All
-#: messages are kept, up to the 5000 of Fast DDS; then the publishers wait, and where they do not,
-#: an event reports the loss.
+#: `SparseMessages`: all messages of all publishers, including earlier latched ones. Both are
+#: reliable: best-effort subscriptions lose messages sent before discovery. Up to 5000 messages are
+#: stored by Fast DDS; then publishers block, or an event reports the loss.
 EVERY = QoSProfile(history=HistoryPolicy.KEEP_ALL)
 EVERY_LATCHED = QoSProfile(
     history=HistoryPolicy.KEEP_ALL, durability=DurabilityPolicy.TRANSIENT_LOCAL
@@ -54,12 +51,12 @@ def subscribe_newest(
     node: Node, kind: type, topic: str, callback: Callable[[Any], None]
 ) -> Subscription:
     """
-    Call back with the newest messages of a topic; older ones that wait are dropped.
+    Subscribe to the newest messages of a topic; older queued ones are dropped.
 
-    :param node: subscribes, best-effort.
+    :param node: subscribing node, best-effort.
     :param kind: type of the messages.
     :param topic: relative name of the topic.
-    :param callback: called with a message.
+    :param callback: function of a message.
     """
     return _subscribe(node, kind, topic, NEWEST, lambda messages: callback(messages[-1]))
 
@@ -68,12 +65,12 @@ def subscribe_each(
     node: Node, kind: type, topic: str, callback: Callable[[Any], None]
 ) -> Subscription:
     """
-    Call back with each message of a topic, in order; of a flood with the newest ones.
+    Subscribe to each message of a topic in order; of a flood to the newest ones.
 
-    :param node: subscribes, best-effort.
+    :param node: subscribing node, best-effort.
     :param kind: type of the messages.
     :param topic: relative name of the topic.
-    :param callback: called with a message.
+    :param callback: function of a message.
     """
 
     def take(messages: list[Any]) -> None:
@@ -86,10 +83,10 @@ def subscribe_each(
 def _subscribe(
     node: Node, kind: type, topic: str, profile: QoSProfile, callback: Callable[[list[Any]], None]
 ) -> Subscription:
-    """Call back with all messages that wait."""
+    """Subscribe with a callback for all queued messages."""
 
     def take(message: Any) -> None:
-        # rclpy takes one message in every turn, and would stay behind a quick publisher.
+        # rclpy takes one message per turn, too slow for fast publishers.
         callback(take_waiting([message], subscription, 1 + profile.depth))
 
     subscription = node.create_subscription(kind, topic, take, profile, event_callbacks=NO_EVENTS)
@@ -98,11 +95,11 @@ def _subscribe(
 
 def take_waiting(taken: list[Any], subscription: Subscription, most: int) -> list[Any]:
     """
-    Return messages with those that wait behind them, in order.
+    Return a message followed by the queued ones, in order.
 
-    :param taken: the message with which the subscription called back, if it did.
-    :param subscription: whose queue is emptied.
-    :param most: number of messages to return; a flood has no end.
+    :param taken: message of the callback, if any.
+    :param subscription: subscription with the queue.
+    :param most: largest number of messages.
     """
     messages = list(taken)
     while len(messages) < most:

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Where object, contacts and modules are, as transforms on `/tf`."""
+"""Transforms of object, contacts and modules on `/tf`."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 try:
     from tf2_msgs.msg import TFMessage
-except ModuleNotFoundError:  # every ROS installation has it, but there are no wheels of it
+except ModuleNotFoundError:  # part of every ROS installation, without a wheel
     TFMessage = None
 
 
@@ -34,12 +34,12 @@ class TransformBroadcaster:
     """
     Broadcasts the frames of object, contacts and modules, relative to the robot's frame.
 
-    That of the object turns with it; the aligned one, which wrenches are about, has the same
-    origin and axes parallel to those of the robot's frame. That of a contact has its x axis along
-    the normal into the object, that of a module its origin at the joint and its x axis along the
-    connection rod. Without `tf2_msgs` nothing is broadcast, which the log states.
+    The object has a frame fixed to it and an aligned frame with the same origin and axes parallel
+    to the robot's frame, the reference of wrenches. The x axis of a contact frame is the normal
+    into the object. The origin of a module frame is the joint, its x axis the direction of the
+    connection rod. Without `tf2_msgs` nothing is broadcast, with a warning in the log.
 
-    :param node: publishes.
+    :param node: publishing node.
     :param robot: the robot.
     """
 
@@ -66,9 +66,9 @@ class TransformBroadcaster:
         Publish the transforms from the robot's frame.
 
         :param config: measured configuration of the robot.
-        :param pose: of the object, robot frame.
+        :param pose: pose of the object, robot frame.
         :param contacts: frames of the contacts by member.
-        :param time: when both were measured.
+        :param time: time of both measurements.
         """
         if self._transforms is None:
             return

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The analysis of the measured grasp: when inputs allow it, and the codes by which it is reported.
+Monitoring of the measured grasp: analysis of valid inputs, and codes of the report.
 
 Entry points: `grasp_monitor.GraspMonitor`, `grasp_report.GraspReport`. Imports the core, no ROS.
 """

@@ -2,10 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Grasp monitor: the analysis of the grasp for the latest inputs, or why there is none.
+Grasp monitor: analysis of the grasp for the latest inputs, or the reason of its absence.
 
-A result holds for the inputs that it was computed from. Once one of them times out, is missing or
-is rejected, the result is dropped.
+A result is valid for its inputs, and dropped once one of them is stale, missing or rejected.
 """
 
 from __future__ import annotations
@@ -45,7 +44,7 @@ from isotruss_ros.nodes.grasp.grasp_report import (
 )
 import numpy as np
 
-#: The code for each error of an analysis; the last is that of any other.
+#: Codes by errors of an analysis; the last one applies to all others.
 ERRORS = (
     (ConfigurationError, GraspCode.NO_CONFIGURATION),
     (StructureError, GraspCode.MECHANISM),
@@ -59,21 +58,20 @@ NO_CONTACT = 'the object touches nothing'
 
 class GraspMonitor:
     """
-    The latest input of each kind, and the analysis for them.
+    Latest value of each input, and the analysis of them.
 
-    :ivar query: what is analysed; roller positions, the place of the object, the wrench and the
-        pressures are those of the inputs.
+    :ivar query: settings of the analysis; roller positions, pose, wrench and pressures are inputs.
     :ivar rollers: input of the measured `RollerState`.
-    :ivar estimate: input of the `EstimatedTravel` whose offsets the rollers have; None without.
+    :ivar estimate: input of the `EstimatedTravel` with the offsets of the rollers; None without.
     :ivar pose: input of the measured `Pose` of the object, robot frame.
     :ivar held_grip: input of the `GripRecord` of the loop that holds the object; None without one.
     :ivar wrench: input of (fx, fy, m), the external wrench on the object [N, N m]; zero if None.
     :ivar pressures: input of the (t,) gauge pressures of the tubes, in the order of the robot
-        file, which has them if None [Pa].
-    :ivar pressure_timeout: pressures older than this are not used [s].
+        file; None: those of the robot file [Pa].
+    :ivar pressure_timeout: largest age of pressures [s].
     :param robot: the robot.
-    :param query: what is analysed, without roller positions.
-    :param timeout: inputs older than this are not used [s].
+    :param query: settings of the analysis, without roller positions.
+    :param timeout: largest age of inputs [s].
     """
 
     def __init__(self, robot: Robot, query: GraspQuery, timeout: float) -> None:
@@ -93,9 +91,9 @@ class GraspMonitor:
     @single_threaded
     def report(self, now: float) -> GraspReport:
         """
-        Return the analysis for now; computed only if an input or a setting has changed.
+        Return the analysis at the current time, recomputed for changed inputs or settings only.
 
-        Never raises for an input: a fault becomes a code and a message.
+        Invalid inputs never raise: they give a code and a message.
 
         :param now: time on the clock of the inputs [s].
         """
@@ -129,10 +127,10 @@ class GraspMonitor:
     @single_threaded
     def analyze_request(self, query: GraspQuery, now: float) -> GraspReport:
         """
-        Return the analysis for other values; that of `report` stays as it is.
+        Return the analysis of a request; the result of `report` is not affected.
 
-        :param query: no roller positions at all mean the measured ones, which must be fresh, and
-            so must pressures that were ever measured.
+        :param query: the request; without roller positions the measured ones are used, which must
+            be fresh, like pressures once received.
         :param now: time on the clock of the inputs [s].
         """
         try:
@@ -154,11 +152,11 @@ def _analyze(
     record: GripRecord | None = None,
 ) -> GraspReport:
     """
-    Return the analysis, without its time.
+    Return the analysis without its time.
 
-    :param find: returns the configuration at roller positions.
-    :param last: a similar grasp, to begin with.
-    :param record: how the loop that holds the object has it; None without one.
+    :param find: function from roller positions to the configuration.
+    :param last: similar grasp as the initial guess.
+    :param record: grip of the loop that holds the object; None without one.
     """
     begin = time.perf_counter()
     try:
@@ -204,7 +202,7 @@ def _alike(record: GripRecord | None, other: GripRecord | None) -> bool:
 
 
 def _judge(grasp: AnalyzedGrasp) -> tuple[GraspCode, str]:
-    """Return the code of an answer, and what is special about it."""
+    """Return the code of a result, with its warnings."""
     if not grasp.analysis.contact_lengths:
         return GraspCode.OK, NO_CONTACT
     member, (used, place) = max(grasp.utilisation.items(), key=lambda item: item[1])

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A question about a grasp, and the answer, or why there is none."""
+"""Request of a grasp analysis, and its result or the reason of its absence."""
 
 from __future__ import annotations
 
@@ -16,44 +16,44 @@ from isotruss_ros.core.model.convex_object import ConvexObject
 
 
 class GraspCode(enum.IntEnum):
-    """Whether there is an answer; the same codes as in isotruss_msgs/GraspState."""
+    """Codes of grasp reports, equal to those of isotruss_msgs/GraspState."""
 
     OK = 0
-    WRINKLED = 1  #: there is an answer, outside of the model: a tube wrinkles
+    WRINKLED = 1  #: a result outside of the model: a tube wrinkles
     NO_JOINT_STATES = 10
     STALE_JOINT_STATES = 11
     INVALID_JOINT_STATES = 12
     NO_OBJECT_POSE = 20
     STALE_OBJECT_POSE = 21
     INVALID_OBJECT_POSE = 22
-    # One that was never published is zero: it cannot be missing.
+    # Zero if never published: it cannot be missing.
     STALE_EXTERNAL_WRENCH = 31
     INVALID_EXTERNAL_WRENCH = 32
-    # Those that were never published are those of the robot file.
+    # Those of the robot file if never published.
     STALE_TUBE_PRESSURES = 36
     INVALID_TUBE_PRESSURES = 37
-    NO_CONFIGURATION = 40  #: the roller positions fit no shape of the robot
-    MECHANISM = 41  #: the robot cannot carry loads, or its stiffness laws are contradictory
-    NOT_SOLVED = 42  #: the contact or the friction problem was not solved
-    INVALID_REQUEST = 50  #: a number of the question cannot be used
+    NO_CONFIGURATION = 40  #: no configuration at the roller positions
+    MECHANISM = 41  #: the robot is a mechanism, or its stiffness laws are contradictory
+    NOT_SOLVED = 42  #: the solver of contact or friction failed
+    INVALID_REQUEST = 50  #: a number of the request is invalid
 
     def __str__(self) -> str:
-        """Return the name in words."""
+        """Return the name as words."""
         return self.name.lower().replace('_', ' ')
 
 
 class GraspQuery(NamedTuple):
     """
-    All that an analysis depends on.
+    Arguments of a grasp analysis.
 
     :ivar roller_positions: (r,) travel since home [m].
-    :ivar body: the object, where it was measured.
+    :ivar body: the object at its measured pose.
     :ivar friction: coefficient between tube and object.
-    :ivar external_wrench: (fx, fy, m) on the object about the origin of its frame [N, N m].
-    :ivar spacing: of the contact points along the tubes [m].
-    :ivar flattening: whether the tubes flatten where they are touched, see `analyze_grasp`.
-    :ivar pressures: (t,) gauge pressures of the tubes, in the order of the robot file, which has
-        them if None [Pa].
+    :ivar external_wrench: wrench (fx, fy, m) on the object about its frame's origin [N, N m].
+    :ivar spacing: spacing of the contact points along the tubes [m].
+    :ivar flattening: whether the tubes flatten at contacts, see `analyze_grasp`.
+    :ivar pressures: (t,) gauge pressures of the tubes, in the order of the robot file; None: those
+        of the robot file [Pa].
     """
 
     roller_positions: tuple[float, ...]
@@ -68,13 +68,13 @@ class GraspQuery(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class AnalyzedGrasp:
     """
-    What went into an analysis, and what came out.
+    Inputs and results of an analysis.
 
     :ivar config: configuration of the robot.
     :ivar body: the object.
-    :ivar analysis: of the object held fast at the measured pose.
-    :ivar settled: the equilibrium of the free object near to it.
-    :ivar computing_time: of configuration and analysis [s].
+    :ivar analysis: analysis of the fixed object at the measured pose.
+    :ivar settled: equilibrium of the free object near it.
+    :ivar computing_time: computing time of configuration and analysis [s].
     """
 
     config: Configuration
@@ -86,10 +86,10 @@ class AnalyzedGrasp:
     @property
     def utilisation(self) -> dict[str, tuple[float, float]]:
         """
-        Return how much of its wrinkling moment each member bears, friction included if it holds.
+        Return the utilisation of each member, including friction if the object is held.
 
-        :return: by member the larger one of the object held fast and, where it is at rest, the
-            free one [-], and where that is, from its start [m].
+        :return: by member the larger utilisation of the fixed and, in equilibrium, the free object
+            [-], with its position from the start of the member [m].
         """
         grasps = (self.analysis, self.settled) if self.settled.hold.at_rest else (self.analysis,)
         return {
@@ -103,13 +103,13 @@ class AnalyzedGrasp:
 @dataclass(frozen=True)
 class GraspReport:
     """
-    An answer, or none.
+    Result of a grasp analysis, or the reason of its absence.
 
-    :ivar code: OK if there is one, WRINKLED if it is outside of the model.
-    :ivar message: why there is none, or what is special about the grasp; may be empty.
-    :ivar time: for which the report holds, that of the older input; that of the call if there is
-        none [s].
-    :ivar grasp: the answer; None if there is none.
+    :ivar code: OK for a result, WRINKLED for one outside of the model, else the reason.
+    :ivar message: reason of its absence, or warnings; may be empty.
+    :ivar time: time of the report: that of the oldest input; without a result that of the call
+        [s].
+    :ivar grasp: the result; None without one.
     """
 
     code: GraspCode
@@ -119,7 +119,7 @@ class GraspReport:
 
     @property
     def held(self) -> bool:
-        """Return whether the object is known to be held, see `settle_grasp`; within the model."""
+        """Return whether the object is held according to a valid analysis, see `settle_grasp`."""
         return self.code is GraspCode.OK and self.grasp is not None and self.grasp.settled.held
 
     @property

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The node `manipulation`: turns twists of the held object, and trajectories, into roller velocities.
+Node `manipulation`: roller velocities for twists of the held object and trajectories.
 
-Entry point: `node`. Beside it are its settings, the emergency stop, failed rollers, trajectories,
-and topics on which a lost message stops the robot. Imports `nodes.framework` and the core.
+Entry point: `node`. Other modules: settings, emergency stop, failed rollers, trajectories, and
+topics of which a lost message stops the robot. Imports `nodes.framework` and the core.
 """

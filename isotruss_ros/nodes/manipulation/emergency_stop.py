@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The emergency stop: set by a topic or a service, kept, and released by a service only."""
+"""Emergency stop: set by a topic or a service, latched, released by a service only."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.manipulation.sparse_messages import SparseMessages
 from std_msgs.msg import Bool
 
-#: Of the topic, and of the service that does the same and answers.
+#: Name of the topic, and of the equivalent service.
 NAME = 'emergency_stop'
 RELEASE = 'release_emergency_stop'
 
 
 class EmergencyStop:
     """
-    Keep a stop until it is released, in whatever state the node is.
+    Latches a stop until its release, in any state of the node.
 
-    :param node: subscribes and offers the services, until it is destroyed.
-    :param required: returns whether nothing may move before a message was received.
-    :param changed: called when `reason` is another one.
-    :param wait_for_zero: returns whether zero velocity is what the drives have, if the node
-        commands them; waits for it a moment.
+    :param node: node of the subscription and the services, until destroyed.
+    :param required: function that returns whether a message is required before any motion.
+    :param changed: callback on changes of `reason`.
+    :param wait_for_zero: function that waits shortly for the acknowledgement of zero velocity by
+        the drives, and returns whether it was received.
     """
 
     def __init__(
@@ -42,7 +42,7 @@ class EmergencyStop:
         #: Last message of the topic; None before the first.
         self._last: bool | None = None
         self._stopped = False
-        #: What else stops the rollers; the first of the reasons is kept.
+        #: Other reasons of a stop; the first one is stored.
         self._cause: str | None = None
         self._messages = SparseMessages(
             node,
@@ -57,7 +57,7 @@ class EmergencyStop:
 
     @property
     def reason(self) -> str | None:
-        """Return why the rollers are stopped; None if they are not."""
+        """Return the reason of the stop; None without a stop."""
         if self._stopped:
             last = 'true' if self._last else 'false'
             return (
@@ -78,13 +78,13 @@ class EmergencyStop:
             self._changed()
 
     def _stop_for(self, cause: str) -> None:
-        """Stop for another reason than a message."""
+        """Stop for a reason other than a message."""
         if self._cause is None:
             self._cause = cause
             self._changed()
 
     def _carry_out_stop(self) -> str:
-        """Stop, and respond once the drives have received zero."""
+        """Stop, and respond after the drives have received zero."""
         self._stop_for(f'stopped by the service {self._service}')
         if not self._wait_for_zero():
             raise IsotrussError(

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Which rollers have failed: by the topic and the parameter `failed_rollers`, or detected."""
+"""Failed rollers: by the topic and the parameter `failed_rollers`, or detected."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ SERVICE = 'reset_failed_rollers'
 
 class FailedRollers:
     """
-    Keep the rollers that the topic names and those that were detected, in every state of the node.
+    Stores the failed rollers, named or detected, in any state of the node.
 
-    :param node: subscribes and offers the service, until it is destroyed.
-    :param changed: called when the topic names other rollers.
+    :param node: node of the subscription and the service, until destroyed.
+    :param changed: callback on changes of the named rollers.
     """
 
     def __init__(self, node: ManagedNode, changed: Callable[[], None]) -> None:
         self._changed = changed
         self._named: frozenset[str] = frozenset()
-        #: Of the last servo; None before there was one.
+        #: Detector of the last servo; None before the first.
         self._detector: FailureDetector | None = None
-        #: Why the rollers that the topic names are not known; None if they are.
+        #: Reason why the named rollers are unknown; None if known.
         self._unknown: str | None = None
         SparseMessages(
             node, DiagnosticArray, NAME, self._receive, self._report_missing, every=True
@@ -42,7 +42,7 @@ class FailedRollers:
 
     def select_named(self, robot: Robot) -> frozenset[str]:
         """
-        Return the rollers that the topic names, of those that the robot has.
+        Return the rollers named by the topic that the robot has.
 
         :param robot: the robot.
         """
@@ -50,9 +50,9 @@ class FailedRollers:
 
     def find_fault(self, robot: Robot) -> str | None:
         """
-        Return why it is not known which rollers the topic names; None if it is.
+        Return the reason why the named rollers are unknown; None if known.
 
-        :param robot: whose rollers it must name.
+        :param robot: robot with the rollers.
         """
         if self._unknown is not None:
             return self._unknown
@@ -64,10 +64,10 @@ class FailedRollers:
 
     def follow(self, detector: FailureDetector, robot: Robot) -> None:
         """
-        Give the detector of a new servo what the one before has detected, of the rollers it has.
+        Transfer the detected failures to the detector of a new servo.
 
-        :param detector: of the servo.
-        :param robot: of the servo.
+        :param detector: detector of the servo.
+        :param robot: robot of the servo.
         """
         if self._detector is not None:
             detector.failed = self._detector.failed & frozenset(robot.roller_names)
@@ -85,7 +85,7 @@ class FailedRollers:
         self._changed()
 
     def _reset(self) -> str:
-        """Use the rollers again that were detected to have failed."""
+        """Clear the detected failures."""
         if self._detector is None or not self._detector.failed:
             return 'no roller was detected to have failed'
         said = f'reset: {", ".join(sorted(self._detector.failed))}'
@@ -95,9 +95,9 @@ class FailedRollers:
 
 def describe_reachable_twists(servo: TwistServo) -> str:
     """
-    Return in words which twists of the object the working rollers can bring about.
+    Return the reachable twists of the object with the working rollers, in words.
 
-    :param servo: its inputs are where the robot and the object are.
+    :param servo: servo with the inputs.
     """
     rollers, pose = servo.rollers, servo.pose
     if not isinstance(rollers, StampedInput) or not isinstance(pose, StampedInput):

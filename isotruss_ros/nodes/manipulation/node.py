@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node `manipulation`: commands the rollers, for twists of object or joint and trajectories."""
+"""Node `manipulation`: roller commands for twists of object or joint and trajectories."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool
 
 MODES = ('object', 'joint')
-#: The type of the publishers of cmd_vel is looked up this often while no twist comes [s].
+#: Period of the check of the types of publishers of cmd_vel without a twist [s].
 TYPE_CHECK_PERIOD = 1.0
 SPECS = (
     Spec(
         'mode',
         'object',
-        "What cmd_vel moves: the held 'object', or a 'joint' of the robot without one",
+        "Motion by cmd_vel: of the held 'object', or of a 'joint' without an object",
     ),
     Spec('joint', '', "In the mode 'joint': name of the joint"),
     common.USE_STAMPED_TWIST,
@@ -44,7 +44,7 @@ SPECS = (
 
 
 class Manipulation(ManagedNode):
-    """Compute the roller velocities in every cycle from the latest inputs."""
+    """Computes the roller velocities in every cycle from the latest inputs."""
 
     node_name = 'manipulation'
     specs = SPECS
@@ -54,7 +54,7 @@ class Manipulation(ManagedNode):
     _trajectory: TrajectoryFollowing | None = None
 
     def create(self) -> None:
-        """Listen to what stops the rollers, in every state."""
+        """Subscribe to all inputs that stop the rollers, in every state."""
         self._stop = EmergencyStop(
             self,
             lambda: self.values.require_emergency_stop,
@@ -89,9 +89,9 @@ class Manipulation(ManagedNode):
 
     def prepare(self, servo: TwistServo) -> None:
         """
-        Add limits and barriers of one's own, for a subclass to override; parameters keep them.
+        Add user-defined limits and barriers, in a subclass; changes of parameters keep them.
 
-        :param servo: of the node, new whenever it is configured.
+        :param servo: servo of the node, new at each configuration.
         """
 
     def activate(self) -> None:
@@ -102,18 +102,18 @@ class Manipulation(ManagedNode):
         self.cycle = Cycle(self, self._step, self._clear_inputs, self._halt_on_stopped_clock)
 
     def deactivate(self) -> None:
-        """Command zero velocities, and wait until the subscribers have received them."""
+        """Command zero velocities and wait for their acknowledgement."""
         self._trajectory.abort('the node was deactivated')
         self._commands.stop()
         if not self._wait_for_zero():
             self.get_logger().warning('not every subscriber acknowledged the last command, zero')
 
     def cleanup(self) -> None:
-        """Release the robot; which rollers failed is kept."""
+        """Release the robot; failed rollers are kept."""
         self._servo = self._trajectory = None
 
     def details(self) -> dict[str, object]:
-        """Return what moves, what holds the object, and failed rollers."""
+        """Return the motion in progress, the grip and failed rollers."""
         servo = self._servo
         details: dict[str, object] = {
             'moves': 'the object' if servo.joint is None else f'joint {servo.joint}',
@@ -130,7 +130,7 @@ class Manipulation(ManagedNode):
         return details
 
     def describe(self) -> dict[str, object]:
-        """Add what stops the rollers, in every state."""
+        """Add the reason of a stop, in every state."""
         return {'emergency stop': self._stop.reason or 'no'} | super().describe()
 
     def _wait_for_zero(self) -> bool:
@@ -138,20 +138,20 @@ class Manipulation(ManagedNode):
         return not self.active or self._commands.wait_for_subscribers()
 
     def _find_halt(self) -> tuple[Status, str] | None:
-        """Return why the rollers are halted whatever the inputs are."""
+        """Return the reason of a halt that does not depend on inputs."""
         reason = self._stop.reason
         if reason is not None:
             return Status.HALT_EMERGENCY_STOP, reason
         others = self._commands.find_others()
         if others is not None:
-            # The rollers do not follow this node then.
+            # The rollers do not follow this node in that case.
             self._servo.detector.reset(())
             return Status.HALT_OTHER_COMMANDS, others
         fault = self._failed_rollers.find_fault(self.robot)
         return None if fault is None else (Status.HALT_INVALID_FAILED_ROLLERS, fault)
 
     def _apply_stop(self) -> None:
-        """Halt at once; after a release, only a twist received from then on moves the object."""
+        """Halt at once; after a release only a later twist moves the object."""
         if self._servo is None:
             return
         self._servo.stopped = self._find_halt()
@@ -162,29 +162,29 @@ class Manipulation(ManagedNode):
                 self._commands.stop()
 
     def _discard_twist(self) -> None:
-        """Forget the last twist and those that wait: only a later one may move the object."""
+        """Drop the last twist and queued ones: only a later one may move the object."""
         take_waiting([], self._twists, NEWEST.depth)
         self._servo.twist = None
 
     def _clear_inputs(self) -> None:
-        """Discard the inputs: after a jump of the clock their ages are unknown."""
+        """Discard the inputs: their ages are unknown after a jump of the clock."""
         self.inputs.clear()
         self._trajectory.abort('the clock jumped back or stopped')
 
     def _halt_on_stopped_clock(self, now: float) -> None:
-        """Halt: while the clock is stopped, old inputs do not age."""
+        """Halt: inputs do not age while the clock is stopped."""
         self._clear_inputs()
         self._step(now, (Status.HALT_CLOCK, f'simulated time stopped at {now:.3f} s'))
 
     def _apply_failures(self) -> None:
-        """Hold the rollers at zero that the topic or the parameter names."""
+        """Command zero to the rollers named by the topic or the parameter."""
         if self._servo is not None:
             by_parameter = set(self.values.failed_rollers) - {''}
             named = self._failed_rollers.select_named(self.robot)
             self._servo.failed = named | by_parameter
 
     def _check(self, new: dict[str, Value]) -> None:
-        """Check grip, rollers and mode."""
+        """Check the parameters of grip, rollers and mode."""
         common.check_grip(self.robot, new)
         failed = set(new.get('failed_rollers', ())) - {''}  # type: ignore[arg-type]
         check_roller_names('parameter failed_rollers', failed, self.robot.roller_names)
@@ -202,12 +202,12 @@ class Manipulation(ManagedNode):
         self._apply_failures()
 
     def _apply_mode(self) -> None:
-        """Choose what twists move; where that changes, halt at once until the next twist."""
+        """Apply the mode; after a change halt until the next twist."""
         joint = self.values.joint if self.values.mode == 'joint' else None
         if joint == self._servo.joint:
             return
         self._servo.joint = joint
-        self._trajectory.abort('what twists move was changed')
+        self._trajectory.abort('the mode of twists was changed')
         if self.active:
             self._commands.stop()
 
@@ -227,7 +227,7 @@ class Manipulation(ManagedNode):
         return read_twist(message.twist)
 
     def _check_twist_type(self) -> None:
-        """Reject the twists of a publisher of the other type, which are never received."""
+        """Reject twists of a publisher of the other type, which are never received."""
         twist, servo = self._servo.twist, self._servo
         if isinstance(twist, StampedInput) and self.now() - twist.time < servo.timeout:
             return

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the parameters are to the twist servo, and what is reported of its decisions."""
+"""Settings of the twist servo from parameters, and reports of its decisions."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import Parameters, Spec
 from isotruss_ros.nodes.framework.topics import RELIABLE
 
-#: Statuses that are no warning: no motion is commanded, or all is well.
-NORMAL = frozenset(
+#: Statuses without a warning.
+NORMAL_STATUSES = frozenset(
     {
         Status.OK,
         Status.IDLE,
@@ -53,7 +53,7 @@ SPECS = (
     Spec(
         'squeeze_force',
         0.0,
-        'Mean normal force of the grasping members that is regulated, 0 to keep the angle of the '
+        'Desired mean normal force of the grasping members, 0: constant opening angle of the '
         'grip [N]',
         (0.0, 1000.0),
     ),
@@ -71,7 +71,7 @@ SPECS = (
         'frequency of the held object [1/s]',
         (0.0, 100.0),
     ),
-    Spec('force_gain', False, 'Accept a pose_gain beyond what that frequency allows'),
+    Spec('force_gain', False, 'Accept a pose_gain beyond the stability bound of that frequency'),
     Spec(
         'frequency',
         0.0,
@@ -96,23 +96,21 @@ SPECS = (
     common.GRIP,
     common.RATE,
     common.COMMAND_TIMEOUT,
-    Spec(
-        'min_rigidity', BOUNDS.min_rigidity, 'Least rigidity of the shape, 1 at home', (0.0, 0.99)
-    ),
+    Spec('min_rigidity', BOUNDS.min_rigidity, 'Smallest rigidity index, 1 at home', (0.0, 0.99)),
     Spec(
         'min_clearance',
         BOUNDS.min_clearance,
-        'Least distance between parts of the robot [m]',
+        'Smallest distance between parts of the robot [m]',
         (0.0, 1.0),
     ),
     Spec(
         'min_object_clearance',
         BOUNDS.min_object_clearance,
-        'Least distance between the robot and the object, beside the grip [m]',
+        'Smallest distance between the object and parts outside the grip [m]',
         (0.0, 1.0),
     ),
     Spec(
-        'slide_along_limits', True, 'Slide along limits of lengths and shapes instead of stopping'
+        'slide_along_limits', True, 'Slide along limits of the configuration instead of stopping'
     ),
     Spec('failed_rollers', [''], "Rollers t/j that are held at zero; [''] for none"),
     Spec(
@@ -127,11 +125,11 @@ SPECS = (
 
 def make_grip(robot: Robot, values: Parameters, described: ConvexObject | None) -> Grip:
     """
-    Return the grip of the parameters, the object anywhere.
+    Return the grip of the parameters, with the object at any pose.
 
     :param robot: the robot.
-    :param values: of a node.
-    :param described: the object of the parameter `object`, see `read_described`.
+    :param values: parameters of a node.
+    :param described: object of the parameter `object`, see `read_described`.
     """
     body = described or ConvexObject(Disc(values.object_diameter))
     if values.object_mass:
@@ -142,11 +140,11 @@ def make_grip(robot: Robot, values: Parameters, described: ConvexObject | None) 
 
 def apply_settings(servo: TwistServo, values: Parameters, described: ConvexObject | None) -> None:
     """
-    Set a servo's gains, bounds and limits, from its next cycle on.
+    Apply gains, bounds and limits to a servo, from its next cycle on.
 
-    :param servo: of the node.
+    :param servo: servo of the node.
     :param values: parameters of the node.
-    :param described: the object that they describe; None for a disc.
+    :param described: described object; None for a disc.
     """
     servo.grip = make_grip(servo.robot, values, described)
     servo.period = 1.0 / values.rate
@@ -159,14 +157,14 @@ def apply_settings(servo: TwistServo, values: Parameters, described: ConvexObjec
         criterion = FailureCriterion(time=time)
         servo.detector = FailureDetector(servo.robot.roller_names, criterion)
     elif servo.detector.criterion.time != time:
-        # What was detected stays; what was measured by another criterion does not count.
+        # Detected failures persist; measurements by the previous criterion are dropped.
         servo.detector.criterion = replace(servo.detector.criterion, time=time)
         servo.detector.reset(())
     _apply_squeeze(servo, values)
 
 
 def _apply_squeeze(servo: TwistServo, values: Parameters) -> None:
-    """Regulate the squeeze from the next cycle on, or keep the angle of the grip."""
+    """Regulate the squeeze from the next cycle on, or keep the opening angle of the grip."""
     servo.pressure_timeout = values.pressure_timeout
     if values.squeeze_force == 0.0:
         servo.squeeze = None
@@ -186,11 +184,11 @@ def _apply_squeeze(servo: TwistServo, values: Parameters) -> None:
 
 class StatusReport:
     """
-    Report the decisions of the servo; created whenever the node is configured.
+    Reports decisions of the servo; created at each configuration.
 
-    :ivar status: of the last cycle.
-    :param node: publishes.
-    :param robot: that it moves.
+    :ivar status: status of the last cycle.
+    :param node: publishing node.
+    :param robot: the robot.
     """
 
     def __init__(self, node: ManagedNode, robot: Robot) -> None:
@@ -216,10 +214,10 @@ class StatusReport:
 
     def publish(self, decision: Decision, now: float) -> None:
         """
-        Publish a decision; log it where the twist is not carried out as commanded.
+        Publish a decision; log it if the twist is not executed as commanded.
 
-        :param decision: of this cycle.
-        :param now: time of the cycle.
+        :param decision: decision of this cycle.
+        :param now: time of the cycle [s].
         """
         command, cycle = decision.command, self._node.cycle
         status = self.status = command.status
@@ -242,7 +240,7 @@ class StatusReport:
         )
         self._publisher.publish(message)
         level = DiagnosticStatus.WARN if status < Status.HALT_NO_TWIST else DiagnosticStatus.ERROR
-        if status in NORMAL:
+        if status in NORMAL_STATUSES:
             level = DiagnosticStatus.WARN if decision.failed else DiagnosticStatus.OK
         text = decision.message or status.name
         if decision.failed:

@@ -1,9 +1,9 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """
-A subscription to what is published seldom: once and now, or every message of a stop.
+Subscription to rare messages: the newest, or every message of a stop.
 
-rclpy takes one message of a queue in every turn of the executor; this takes what waits at once.
+rclpy takes one queued message per turn of the executor; this class takes all of them.
 """
 
 from __future__ import annotations
@@ -21,35 +21,34 @@ from rclpy.subscription import Subscription
 if TYPE_CHECKING:
     from isotruss_ros.nodes.framework.managed import ManagedNode
 
-#: Between the callbacks with a message and with the match of its publisher, at most [s].
+#: Longest time between the callbacks of a message and of the match of its publisher [s].
 MATCH_DELAY = 1.0
-#: So many messages are taken at once, within a millisecond; others get their turn.
+#: Largest number of messages per callback, processed within a millisecond [-].
 MAX_BATCH = 200
-#: So many messages may wait; Fast DDS keeps 5000, and drops more than that without an event.
+#: Largest number of queued messages [-]; Fast DDS drops those beyond 5000 without an event.
 MAX_BACKLOG = 1000
 
 
 class SparseMessages:
     """
-    Call back with messages, or report that some may be missing.
+    Calls back with messages, and reports possible losses.
 
     A publisher that is discovered, publishes and exits at once may be gone before this side has
-    matched it: then its message is lost, and nothing else tells so. That is reported where no
-    message was received since it came.
+    matched it, and its message lost without an error. The departure of such a publisher is
+    reported if no message was received since its arrival.
 
-    Where every message counts, so do those that were published before, until the node is
-    destroyed. Reported are lost messages too, and a publisher that is best-effort. A subscription
-    with transient-local durability never matches a volatile publisher, such as `ros2 topic pub`
-    without options, which is then told that no messages will be sent. So the first subscription is
-    volatile, and there is a second one, for what was published before, once there is a latching
-    publisher; from then on its messages are received twice.
+    With `every`, latched earlier messages are received as well, until the node is destroyed; lost
+    messages and best-effort publishers are reported. A transient-local subscription does not match
+    a volatile publisher, such as `ros2 topic pub` without options. So the first subscription is
+    volatile; a second, transient-local one is added for a latching publisher, whose messages are
+    then received twice.
 
-    :param node: subscribes, reliable.
+    :param node: subscribing node, reliable.
     :param kind: type of the messages.
     :param topic: relative name of the topic.
-    :param callback: called with one or more messages, in the order in which they were received.
-    :param missing: called with the reason when a message may have been lost.
-    :param every: whether every message counts, not only the newest that is published now.
+    :param callback: function of one or more messages, in the order of reception.
+    :param missing: callback with the reason of a possible loss.
+    :param every: whether every message is required, not only the newest.
     """
 
     def __init__(
@@ -63,13 +62,13 @@ class SparseMessages:
     ) -> None:
         self._node, self._kind, self._topic = node, kind, topic
         self._callback, self._missing, self._every = callback, missing, every
-        #: Publishers that came after the last message.
+        #: Publishers matched after the last message.
         self._silent, self._received = 0, -math.inf
         self._subscriptions: list[Subscription] = []
-        #: How many each subscription has received since its queue was empty.
+        #: Messages received by each subscription since its queue was empty.
         self._backlogs = [0, 0]
         if every:
-            # It matches all publishers that the other one matches, which needs no such events.
+            # It matches all publishers of the other one, which needs no such events.
             unheard = (
                 f'a publisher of {topic} is best-effort, and its messages are not received: it '
                 'must publish with the reliability RELIABLE'
@@ -98,15 +97,15 @@ class SparseMessages:
             self._node.kept.add(subscription)
 
     def _subscribe_to_latched(self) -> None:
-        """Subscribe to what latching publishers hold, if there is one and it was not done yet."""
-        # Discovery lists a publisher before it is matched.
+        """Subscribe to earlier messages of latching publishers, once."""
+        # Discovery lists a publisher before the match.
         found = self._node.get_publishers_info_by_topic(self._topic)
         latching = any(p.qos_profile.durability == EVERY_LATCHED.durability for p in found)
         if latching and len(self._subscriptions) == 1:
             self._subscribe(EVERY_LATCHED)
 
     def _pass_on(self, index: int, taken: list[Any]) -> None:
-        """Call back with messages of a subscription and those that wait behind them."""
+        """Call back with a message of a subscription and the queued ones."""
         most = MAX_BATCH if self._every else 1 + RELIABLE.depth
         messages = take_waiting(taken, self._subscriptions[index], most)
         if messages:
@@ -119,8 +118,8 @@ class SparseMessages:
             self._report_loss()
 
     def _follow(self, event: Any) -> None:
-        """Count a publisher that came, or report one that left."""
-        # The executor may call back with a message before it does so with the match.
+        """Count a new publisher, or report the departure of one."""
+        # The executor may call back with the message before the match.
         if time.monotonic() - self._received > MATCH_DELAY:
             self._silent += event.total_count_change
         if event.current_count_change != event.total_count_change:

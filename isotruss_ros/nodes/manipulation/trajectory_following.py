@@ -2,11 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Roller trajectories by topic and by action: followed in place of twists, one at a time.
+Roller trajectories by topic and action, followed one at a time instead of twists.
 
-Topic and action are those of ros2_control's joint_trajectory_controller. The package control_msgs
-has the type of its action; where it is not installed only our own type is offered, which means the
-same.
+Topic and action are those of ros2_control's joint_trajectory_controller. Without the package
+control_msgs, which has the type of its action, only the equivalent own type is offered.
 """
 
 from __future__ import annotations
@@ -34,21 +33,21 @@ from trajectory_msgs.msg import JointTrajectory
 TOPIC = 'joint_trajectory_controller/joint_trajectory'
 ACTION = 'follow_roller_trajectory'
 STANDARD_ACTION = 'joint_trajectory_controller/follow_joint_trajectory'
-REPLACED = 'a newer trajectory was received'
+REPLACED_TEXT = 'a newer trajectory was received'
 Result = FollowRollerTrajectory.Result
-#: Of all that ends a trajectory on its way.
-VIOLATED = Result.PATH_TOLERANCE_VIOLATED
+#: Result code of an aborted trajectory.
+ABORTED_CODE = Result.PATH_TOLERANCE_VIOLATED
 
 
 class TrajectoryFollowing:
     """
-    Follow one trajectory at a time; twists count again once it has ended.
+    Follows one trajectory at a time; twists apply again after its end.
 
-    A new trajectory replaces the old one, an empty one ends it; what stops the rollers ends it
-    too, and no trajectory resumes by itself. How one ended is the status until the next twist.
+    A new trajectory replaces the current one, an empty one or any stop of the rollers ends it.
+    Trajectories do not resume. The result is the status until the next twist.
 
-    :param node: subscribes while it is active.
-    :param servo: of the twists; its roller positions count, and it learns what is commanded.
+    :param node: subscribing node while active.
+    :param servo: servo of the twists, with the measured positions and the history of commands.
     """
 
     def __init__(self, node: ManagedNode, servo: TwistServo) -> None:
@@ -59,12 +58,12 @@ class TrajectoryFollowing:
 
     @property
     def busy(self) -> bool:
-        """Return whether there is a trajectory to follow."""
+        """Return whether a trajectory is active."""
         return self._follower.busy
 
     @property
     def time(self) -> float:
-        """Return the time of the trajectory at which the rollers are [s]."""
+        """Return the current trajectory time [s]."""
         return self._follower.time
 
     def subscribe(self) -> None:
@@ -74,12 +73,12 @@ class TrajectoryFollowing:
 
     def decide(self, now: float) -> Decision:
         """
-        Return what to do in the cycle that begins now, with a trajectory or without.
+        Return the decision of the current cycle, with a trajectory or without.
 
         :param now: time on the clock of the inputs [s].
         """
         if self.busy:
-            # A twist of this time would start the object as soon as the trajectory has ended.
+            # A twist of this time would move the object right after the end of the trajectory.
             self._servo.twist = None
             for goal in self._goals:
                 if (loss := goal.find_loss(self._servo.timeout)) is not None:
@@ -89,7 +88,7 @@ class TrajectoryFollowing:
         self._follower.rollers, self._follower.timeout = self._servo.rollers, self._servo.timeout
         step = self._follower.decide(now)
         if step.failure:
-            code = Result.GOAL_TOLERANCE_VIOLATED if step.at_goal else VIOLATED
+            code = Result.GOAL_TOLERANCE_VIOLATED if step.at_goal else ABORTED_CODE
             self._end(Status.HALT_TRAJECTORY, f'trajectory aborted: {step.failure}', code)
         elif step.ended:
             self._end(Status.ARRIVED, 'the rollers have arrived', Result.SUCCESSFUL)
@@ -105,15 +104,15 @@ class TrajectoryFollowing:
 
     def abort(self, why: str) -> bool:
         """
-        Give up the trajectory, if there is one.
+        Abort the trajectory, if any.
 
-        :param why: the reason.
-        :return: whether there was one: the rollers have to be told to stop.
+        :param why: reason of the abortion.
+        :return: whether one was active, and the rollers must be stopped.
         """
         if not self.busy:
             return False
         self._follower.end()
-        self._end(Status.HALT_TRAJECTORY, f'trajectory aborted: {why}', VIOLATED)
+        self._end(Status.HALT_TRAJECTORY, f'trajectory aborted: {why}', ABORTED_CODE)
         return True
 
     def _receive(self, messages: list[JointTrajectory]) -> None:
@@ -121,20 +120,20 @@ class TrajectoryFollowing:
         if not message.points:
             self.abort('an empty trajectory was received')
             return
-        self._end_goals(REPLACED)
+        self._end_goals(REPLACED_TEXT)
         try:
             self._begin(self._read(FollowRollerTrajectory.Goal(trajectory=message)))
         except IsotrussError as error:
             self._follower.end()
-            self._end(Status.HALT_TRAJECTORY, f'trajectory rejected: {error}', VIOLATED)
+            self._end(Status.HALT_TRAJECTORY, f'trajectory rejected: {error}', ABORTED_CODE)
 
     def _report_missing(self, why: str) -> None:
-        """Stop: what was lost may have been a trajectory in place of this one, or its end."""
-        if not self.abort(f'{why}: publish again what is to be followed'):
+        """Stop: the lost message may have been a new trajectory or the end of this one."""
+        if not self.abort(f'{why}: publish the trajectory again'):
             self._node.get_logger().warning(f'{why}: if it was a trajectory, publish it again')
 
     def _read(self, goal: Any) -> RollerGoal:
-        """Return what a goal asks for; raise why it cannot be followed."""
+        """Return the arguments of a goal; raise for an invalid one."""
         servo, follower, now = self._servo, self._follower, self._node.now()
         if servo.stopped is not None:
             raise MessageError(servo.stopped[1])
@@ -146,7 +145,7 @@ class TrajectoryFollowing:
         return asked
 
     def _begin(self, asked: RollerGoal) -> None:
-        """Follow a trajectory that was read just now."""
+        """Start a trajectory."""
         now, (trajectory, start, _) = self._node.now(), asked
         self._follower.begin(trajectory, now, start, asked.tolerances)
         self._outcome = None
@@ -155,11 +154,11 @@ class TrajectoryFollowing:
         self._node.get_logger().info(words)
 
     def _offer(self, kind: Any, name: str) -> SingleGoal:
-        """Offer an action; its goals are trajectories like those of the topic."""
+        """Offer an action with trajectories as goals."""
 
         def refuse(error: IsotrussError) -> Any:
             code = getattr(error, 'code', Result.INVALID_GOAL)
-            # Clients of the standard expect a rejection where it has no code.
+            # Clients of the standard expect a rejection for faults without a code.
             if code == Result.INVALID_GOAL and kind is not FollowRollerTrajectory:
                 return None
             return kind.Result(error_code=code, error_string=f'trajectory rejected: {error}')
@@ -172,24 +171,24 @@ class TrajectoryFollowing:
             refuse,
             lambda asked: self._take_over(goal, asked),
             self._cancel,
-            preempted=lambda: self._end_goals(REPLACED),
+            preempted=lambda: self._end_goals(REPLACED_TEXT),
             supervised=True,
         )
         return goal
 
     def _take_over(self, goal: SingleGoal, asked: RollerGoal) -> None:
-        """Follow the trajectory of a goal in place of any other."""
-        self._end_goals(REPLACED, spared=goal)
+        """Start the trajectory of a goal in place of any other."""
+        self._end_goals(REPLACED_TEXT, spared=goal)
         self._begin(asked)
 
     def _cancel(self) -> None:
         self._follower.end()
-        # No fault: without a twist the rollers are halted as ever.
+        # No fault: without a twist the rollers are halted anyhow.
         words = 'trajectory cancelled by the client'
-        self._end(Status.HALT_NO_TWIST, words, VIOLATED, Ending.CANCELED)
+        self._end(Status.HALT_NO_TWIST, words, ABORTED_CODE, Ending.CANCELED)
 
     def _publish_feedback(self) -> None:
-        """Publish where the rollers are and should be, to the client of the goal."""
+        """Publish desired and measured states of the rollers to the client of the goal."""
         goal = next((goal for goal in self._goals if goal.active), None)
         wanted, measured = self._follower.wanted, self._servo.rollers
         if goal is None or wanted is None or not isinstance(measured, StampedInput):
@@ -204,7 +203,7 @@ class TrajectoryFollowing:
     def _end(
         self, status: Status, message: str, code: int, ending: Ending = Ending.ABORTED
     ) -> None:
-        """Report how the trajectory ended, and end the goal that it came by."""
+        """Report the end of the trajectory, and end its goal."""
         self._outcome = (status, message)
         if status is Status.HALT_TRAJECTORY:
             self._node.get_logger().warning(message)
@@ -217,16 +216,16 @@ class TrajectoryFollowing:
         self,
         text: str,
         ending: Ending = Ending.ABORTED,
-        code: int = VIOLATED,
+        code: int = ABORTED_CODE,
         spared: SingleGoal | None = None,
     ) -> None:
-        """End the goal whose trajectory is over, if it came by an action."""
+        """End the goal of a finished trajectory, if from an action."""
         for goal in self._goals:
             if goal.active and goal is not spared:
                 goal.end(ending, goal.kind.Result(error_code=code, error_string=text))
 
     def _add_outcome(self, decision: Decision) -> Decision:
-        """Return a decision that tells how the last trajectory ended, until a twist is there."""
+        """Return a decision with the result of the last trajectory, until the next twist."""
         status = decision.command.status
         if self._outcome is None or status < Status.HALT_NO_TWIST:
             self._outcome = None
@@ -238,7 +237,7 @@ class TrajectoryFollowing:
 
 
 def _offered_actions() -> list[tuple[type, str]]:
-    """Return type and name of the actions that follow trajectories."""
+    """Return types and names of the trajectory actions."""
     offered = [(FollowRollerTrajectory, ACTION)]
     if importlib.util.find_spec('control_msgs') is not None:
         standard = importlib.import_module('control_msgs.action')

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Clients of other nodes' actions and services, as generators: each `yield` is one tick of a node.
+Clients of actions and services as generators: each `yield` is one tick of a node.
 
-A sequence of such steps reads like a script, never blocks, and can be cancelled at each `yield`:
-`CancelledError` is thrown in there, and the step ends what it began before it goes on.
+A sequence of such steps reads like a script, never blocks, and can be cancelled at each `yield` by
+throwing `CancelledError`: the step then ends its goal first.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ from rclpy.client import Client
 from rclpy.node import Node
 from rclpy.task import Future
 
-#: Ticks after which a request without an answer is sent again: rmw_fastrtps sends no answer to a
-#: client that the server does not discover within 0.1 s, as at the start on a busy machine.
+#: Ticks after which a request is repeated: rmw_fastrtps sends no response to a client that the
+#: server does not discover within 0.1 s, as at the start on a busy machine.
 RETRY_TICKS = 50
-#: Ticks that a server has to end a goal that was cancelled.
+#: Timeout of the end of a cancelled goal [ticks].
 CANCEL_TICKS = 100
 
 #: Steps yield the progress of a stage, 0 to 1, and return a result.
@@ -38,7 +38,7 @@ Steps = Generator[float, None, Any]
 
 
 class Outcome(enum.IntEnum):
-    """Why a sequence ended; the codes of PickObject, PlaceObject and MoveObject."""
+    """Final codes of a sequence, equal to those of PickObject, PlaceObject and MoveObject."""
 
     SUCCEEDED = 0
     CANCELLED = 1
@@ -46,21 +46,21 @@ class Outcome(enum.IntEnum):
     NOT_READY = 3
     NO_MOTION_FOUND = 4
     STOPPED = 5
-    #: After a pick or a move; after a place: it is held still.
+    #: after a pick or a move: not held; after a place: still held
     NOT_HELD = 6
 
 
 class CancelledError(IsotrussError):
-    """A client cancelled the sequence; thrown in where it waits."""
+    """A client cancelled the sequence; thrown into the generator."""
 
 
 class StepError(IsotrussError, RuntimeError):
     """
-    A sequence cannot go on.
+    A sequence cannot continue.
 
-    :ivar outcome: why.
+    :ivar outcome: final code.
     :ivar details: fields of the result.
-    :param outcome: why.
+    :param outcome: final code.
     :param message: the reason in words.
     :param details: fields of the result.
     """
@@ -72,17 +72,17 @@ class StepError(IsotrussError, RuntimeError):
 
 class ActionStep:
     """
-    An action of another node.
+    An action of another node as a step.
 
-    The server may be killed and started again under a goal, unnoticed by DDS for seconds. So the
-    result is requested again and again: a server that was started again does not know the goal.
-    One that sends no feedback for a while has ended, or hangs.
+    DDS detects a restart of the server during a goal only after seconds. So the result is
+    requested repeatedly: a restarted server rejects the unknown goal. A server without feedback
+    for some time has ended or hangs.
 
-    :param node: has the client, until it is destroyed.
+    :param node: node of the client, until destroyed.
     :param kind: type of the action.
     :param name: relative name of the action.
-    :param beat: called in every tick: publishes that the goal still has a client.
-    :param silence: returns for how long the server may send no feedback [s].
+    :param beat: publishes the heartbeat of the client, in every tick.
+    :param silence: function that returns the longest time without feedback [s].
     """
 
     def __init__(
@@ -103,19 +103,19 @@ class ActionStep:
         find_fault: Callable[[], StepError | None] = lambda: None,
     ) -> Steps:
         """
-        Send a goal, wait for its result, and return that; cancel it where the sequence ends.
+        Send a goal and return its result; cancel it if the sequence ends.
 
-        :param goal: message of the action.
-        :param progress: returns the progress of a feedback, 0 to 1.
-        :param find_fault: returns why the goal is to be cancelled, asked in every tick; None
-            while it is not.
-        :raises StepError: no server, or it rejects the goal, ends or is started again; or the
-            fault, once the server has ended the goal or does not answer.
-        :raises CancelledError: likewise.
+        :param goal: goal message.
+        :param progress: function from feedback to progress, 0 to 1.
+        :param find_fault: function that returns the reason for a cancellation or None, called in
+            every tick.
+        :raises StepError: no server, or it rejects the goal, ends or is restarted; or the fault,
+            after the server has ended the goal or does not respond.
+        :raises CancelledError: the sequence was cancelled.
         """
-        # A goal is carried out even where its answer is lost, so it cannot be sent again. First,
-        # therefore, the server has to answer what the result is of a goal that nobody sent. Not
-        # of this one: a late answer would end its feedback.
+        # A goal is executed even if its response is lost, so it must not be sent twice. To test
+        # the connection, the result of a nonexistent goal is requested first (not of this goal: a
+        # late response would end its feedback).
         info = GoalInfo()
         info.goal_id.uuid = list(uuid4().bytes)
         unknown = ClientGoalHandle(self._client, GoalInfo().goal_id, None)
@@ -148,7 +148,7 @@ class ActionStep:
             raise
 
     def _await_result(self, sent: Future, info: GoalInfo, progress: Callable[[], float]) -> Steps:
-        """Return the result of a goal that was sent."""
+        """Return the result of a sent goal."""
         for _ in range(RETRY_TICKS):
             if sent.done():
                 break
@@ -176,7 +176,7 @@ class ActionStep:
         return _ask(goal.get_result_async, lambda: self._supervise(info, missing), progress)
 
     def _supervise(self, info: GoalInfo, missing: Outcome) -> None:
-        """Tell the server, if there is one, that the goal has a client."""
+        """Publish the heartbeat, if the server supervises its clients."""
         if not self._client.server_is_ready():
             raise StepError(missing, f'no node offers the action {self._name}')
         self._beat(info)
@@ -193,7 +193,7 @@ def _ask(
     require_server: Callable[[], None],
     progress: Callable[[], float] = lambda: 0.0,
 ) -> Steps:
-    """Send a request again and again until it is answered; return the first answer."""
+    """Repeat a request until the first response, and return that."""
     sent: list[Future] = []
     while True:
         require_server()
@@ -210,8 +210,8 @@ def set_parameters(client: Client, values: dict[str, float | str]) -> Steps:
     """
     Set parameters of another node, as steps.
 
-    :param client: of its service `set_parameters`.
-    :param values: by name.
+    :param client: client of its service `set_parameters`.
+    :param values: values by name.
     :raises StepError: no such node, or it refuses a value.
     """
 

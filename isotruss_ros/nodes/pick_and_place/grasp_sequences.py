@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Pick, place and move an object as sequences of steps, each with a stage and its progress."""
+"""Sequences to pick, place and move an object, as steps with a stage and its progress."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from isotruss_ros.core import IsotrussError, Pose, Robot
 from isotruss_ros.core.inputs import Input, InputError, require_fresh, StampedInput
 from isotruss_ros.core.model.pose import pose_difference
 from isotruss_ros.core.paths.path_tracking import (
-    RETURN,
+    RETURN_SETTINGS,
     RETURN_SPEED,
     RETURN_TURN_RATE,
 )
@@ -42,7 +42,7 @@ from isotruss_ros.nodes.conversions.path_messages import read_duration, to_traje
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.sensors import TrackedShape
-from isotruss_ros.nodes.framework.supervision import create_heartbeat, SHORTEST_SILENCE
+from isotruss_ros.nodes.framework.supervision import create_heartbeat, MIN_FEEDBACK_TIMEOUT
 from isotruss_ros.nodes.pick_and_place.action_steps import (
     ActionStep,
     Outcome,
@@ -55,28 +55,28 @@ from nav_msgs.msg import Path
 import numpy as np
 from rcl_interfaces.srv import SetParameters
 
-#: An object that is let go turns by no more, where the goal does not say otherwise [rad].
+#: Largest rotation of a released object, unless the goal has another one [rad].
 MAX_ROTATION = math.radians(5.0)
-#: An object that a closing grip moved by less is left where it is [m].
-IN_PLACE = 1e-3
-#: The analysis has to confirm a grasp, or its end, within this time [s].
-CONFIRMATION_TIME = 5.0
-#: Inputs that are late may come within this time, before anything moves [s].
-INPUT_TIME = 1.0
-#: A planner that is busy sends no feedback for longer than nodes that move something may [s].
-PLANNER_SILENCE = 5.0
+#: Displacement by the closing grip below which the object is not moved back [m].
+RETURN_TOLERANCE = 1e-3
+#: Timeout of the confirmation of a grasp, or of its end, by the analysis [s].
+CONFIRMATION_TIMEOUT = 5.0
+#: Timeout of late inputs before any motion [s].
+INPUT_TIMEOUT = 1.0
+#: Timeout of the feedback of the planner [s], longer than that of nodes with motion.
+PLANNER_TIMEOUT = 5.0
 PICK, PLACE, MOVE = PickObject.Feedback, PlaceObject.Feedback, MoveObject.Feedback
 
 
 class GraspSequences(TrackedShape):
     """
-    Sequences over the actions of planner, manipulation and path follower.
+    Sequences by the actions of planner, manipulation and path follower.
 
-    :ivar stage: constant of the feedback, where the present sequence is.
+    :ivar stage: current stage, a constant of the feedback.
     :ivar pose: StampedInput of the object's Pose.
     :ivar grasp: StampedInput of the GraspState.
     :ivar held_grip: StampedInput of the `GripRecord` of the loop that holds the object.
-    :param node: has the clients, until it is destroyed.
+    :param node: node of the clients, until destroyed.
     :param robot: the robot.
     """
 
@@ -89,11 +89,12 @@ class GraspSequences(TrackedShape):
         self.pose: Input = None
         self.grasp: Input = None
         self._described = common.read_described(node.values)
-        # Before the actions: who has discovered their clients has discovered it, too.
+        # Before the actions: a server that has discovered their clients has discovered the
+        # publisher.
         alive = create_heartbeat(node)
-        self._planner = ActionStep(node, PlanGrasp, 'plan_grasp', alive, lambda: PLANNER_SILENCE)
+        self._planner = ActionStep(node, PlanGrasp, 'plan_grasp', alive, lambda: PLANNER_TIMEOUT)
         self._trajectories, self._object = (
-            ActionStep(node, kind, name, alive, lambda: max(self.timeout, SHORTEST_SILENCE))
+            ActionStep(node, kind, name, alive, lambda: max(self.timeout, MIN_FEEDBACK_TIMEOUT))
             for kind, name in (
                 (FollowRollerTrajectory, 'follow_roller_trajectory'),
                 (FollowObjectPath, 'follow_object_path'),
@@ -107,12 +108,12 @@ class GraspSequences(TrackedShape):
         self._thread.shutdown(wait=False, cancel_futures=True)
 
     def here(self) -> Pose:
-        """Return where the object was measured last; the origin before."""
+        """Return the last measured pose of the object; the origin before."""
         known = isinstance(self.pose, StampedInput)
         return self.pose.value if known else Pose(0.0, 0.0, 0.0)
 
     def measured_pose(self) -> PoseStamped | None:
-        """Return where the object was measured last; None before."""
+        """Return the last measured pose of the object; None before."""
         if not isinstance(self.pose, StampedInput):
             return None
         header = make_header(self.pose.time, self._robot.frame)
@@ -120,10 +121,10 @@ class GraspSequences(TrackedShape):
 
     def distance_left(self, path: Path) -> tuple[float, float]:
         """
-        Return how far the object is from the last pose of a path [m], and how far turned [rad].
+        Return the distance [m] and rotation [rad] of the object from the last pose of a path.
 
-        :param path: of a goal.
-        :return: not numbers where either pose is not known.
+        :param path: path of a goal.
+        :return: NaN if a pose is unknown.
         """
         try:
             return self._measure_error(path.poses[-1])
@@ -131,7 +132,7 @@ class GraspSequences(TrackedShape):
             return math.nan, math.nan
 
     def _measure_error(self, end: PoseStamped) -> tuple[float, float]:
-        """Return how far the object is from a pose [m], and how far turned [rad]."""
+        """Return the distance [m] and rotation [rad] of the object from a pose."""
         (here,) = require_fresh(self._node.now(), self.timeout, object_pose=self.pose)
         x, y, turned = pose_difference(read_pose('pose', end.pose), here.value)
         return math.hypot(x, y), abs(turned)
@@ -140,11 +141,11 @@ class GraspSequences(TrackedShape):
         """
         Plan a grasp, approach it, close in place, and confirm that the object is held.
 
-        Where the object went along as the grip closed on it, it is brought back.
+        An object displaced by the closing grip is moved back.
 
-        :param goal: of the action.
+        :param goal: goal of the action.
         :return: the result of the action.
-        :raises IsotrussError: why the object is not held.
+        :raises IsotrussError: the reason why the object is not held.
         """
         self.stage = PICK.PLANNING
         yield from self._await_inputs()
@@ -175,11 +176,11 @@ class GraspSequences(TrackedShape):
         )
 
     def _require_free(self) -> None:
-        """Refuse to pick what is held already."""
+        """Raise StepError if the object is already held."""
         try:
             (found,) = require_fresh(self._node.now(), self.timeout, grasp_state=self.grasp)
         except InputError:
-            return  # the analysis may come only after the pick
+            return  # the analysis may arrive only after the pick
         if found.value.held:
             members = ', '.join(found.value.grasping_members)
             raise StepError(
@@ -187,7 +188,7 @@ class GraspSequences(TrackedShape):
             )
 
     def _plan_grasp(self, goal: PickObject.Goal, lay: PoseStamped) -> Steps:
-        """Let the planner search for the best grasp of the object where it lies; return it."""
+        """Return the best grasp of the object at its pose, by the planner."""
         wanted = to_search_goal(goal, lay, self._node.values, self._described)
         plan = yield from self._planner.run(wanted)
         if plan.code != PlanGrasp.Result.FOUND:
@@ -197,11 +198,11 @@ class GraspSequences(TrackedShape):
 
     def place(self, goal: PlaceObject.Goal) -> Steps:
         """
-        Unload the object in place, open the grip, back off, and confirm that it is free.
+        Unload the object in place, open the grip, retreat, and confirm that it is free.
 
-        :param goal: of the action.
+        :param goal: goal of the action.
         :return: the result of the action.
-        :raises IsotrussError: why the object is not free.
+        :raises IsotrussError: the reason why the object is not free.
         """
         self.stage = PLACE.PLANNING
         state = yield from self._await_held(Outcome.NOT_READY)
@@ -246,9 +247,9 @@ class GraspSequences(TrackedShape):
         """
         Move the held object along a path.
 
-        :param goal: of the action.
+        :param goal: goal of the action.
         :return: the result of the action.
-        :raises IsotrussError: why the object is not at the end of the path.
+        :raises IsotrussError: the reason why the object is not at the end of the path.
         """
         self.stage = MOVE.MOVING
         yield from self._await_held(Outcome.NOT_HELD)
@@ -261,15 +262,15 @@ class GraspSequences(TrackedShape):
         return MoveObject.Result(message=followed.message)
 
     def _bring_back(self, lay: PoseStamped) -> Steps:
-        """Move the held object to where it lay; return in words what came of it, if it moved."""
+        """Move a displaced object back to its initial pose; return the result in words."""
         moved, _ = self._measure_error(lay)
-        if moved <= IN_PLACE:
+        if moved <= RETURN_TOLERANCE:
             return ''
         goal = FollowObjectPath.Goal(
             path=Path(header=lay.header, poses=[lay]),
             speed=RETURN_SPEED,
             turn_rate=RETURN_TURN_RATE,
-            position_tolerance=RETURN.position_tolerance,
+            position_tolerance=RETURN_SETTINGS.position_tolerance,
         )
         why = ''
         try:
@@ -277,13 +278,13 @@ class GraspSequences(TrackedShape):
             if followed.code != FollowObjectPath.Result.REACHED:
                 why = f' ({followed.message})'
         except StepError as error:
-            # It is held where it is: what it was picked for can begin there.
+            # The object is held: the next motion can start at its current pose.
             why = f' ({error})'
         left, _ = self._measure_error(lay)
         return f', {1e3 * left:.3g} mm from where it lay, after {1e3 * moved:.3g} mm{why}'
 
     def _drive(self, trajectory: Any, change: float, before: int, after: int) -> Steps:
-        """Drive the rollers; the stage changes at a time of the trajectory [s]."""
+        """Move the rollers along a trajectory; the stage changes at a given time [s]."""
         end = read_duration(trajectory.points[-1].time_from_start)
 
         def progress(feedback: Any) -> float:
@@ -299,7 +300,7 @@ class GraspSequences(TrackedShape):
             raise StepError(Outcome.STOPPED, result.error_string)
 
     def _confirm(self, held: bool) -> Steps:
-        """Wait for an analysis of the robot at rest that finds the object held, or free."""
+        """Await an analysis of the robot at rest that finds the object held, or free."""
         arrived = self._node.now()
         while True:
             now, analysed = self._node.now(), -np.inf
@@ -308,15 +309,16 @@ class GraspSequences(TrackedShape):
                 found = state.code in (GraspState.OK, GraspState.WRINKLED) and state.held == held
                 if found and analysed > arrived:
                     return state
-            # By the analyses, which come late on a busy machine; by the clock where none come.
+            # Timed by stamps of analyses, which are late on a busy machine; by the clock without
+            # any.
             waited = max(analysed, now - self.timeout) - arrived
-            if waited > CONFIRMATION_TIME:
+            if waited > CONFIRMATION_TIMEOUT:
                 outcome = Outcome.NOT_HELD if analysed > arrived else Outcome.NOT_READY
                 raise StepError(outcome, self._describe_grasp(arrived))
-            yield min(1.0, max(0.0, waited / CONFIRMATION_TIME))
+            yield min(1.0, max(0.0, waited / CONFIRMATION_TIMEOUT))
 
     def _await_inputs(self, **inputs: Callable[[], Input]) -> Steps:
-        """Wait for a second, if need be, until rollers, pose and other inputs are fresh."""
+        """Await fresh rollers, pose and other inputs, with a timeout."""
         begun = time.monotonic()
         while True:
             try:
@@ -328,19 +330,19 @@ class GraspSequences(TrackedShape):
                     **{name: find() for name, find in inputs.items()},  # type: ignore[arg-type]
                 )
             except InputError:
-                if time.monotonic() - begun > INPUT_TIME:
+                if time.monotonic() - begun > INPUT_TIMEOUT:
                     raise
             yield 0.0
 
     def _await_held(self, otherwise: Outcome) -> Steps:
-        """Wait likewise for the analysis, which must find the object held; return that."""
+        """Await a fresh analysis that finds the object held, and return it."""
         *_, grasp = yield from self._await_inputs(grasp_state=lambda: self.grasp)
         if not grasp.value.held:
             raise StepError(otherwise, self._describe_grasp())
         return grasp.value
 
     def _find_loss(self) -> StepError | None:
-        """Return why the object is not known to be held; None while it is."""
+        """Return the reason why the object is not held; None if held."""
         try:
             (grasp,) = require_fresh(self._node.now(), self.timeout, grasp_state=self.grasp)
         except InputError as error:
@@ -348,7 +350,7 @@ class GraspSequences(TrackedShape):
         return None if grasp.value.held else StepError(Outcome.NOT_HELD, self._describe_grasp())
 
     def _describe_grasp(self, since: float = -np.inf) -> str:
-        """Return in words what the last analysis says, if it is of a later time [s]."""
+        """Return the last analysis in words, if later than a time [s]."""
         if not isinstance(self.grasp, StampedInput):
             return 'no analysis of the grasp was received'
         if self.grasp.time <= since:

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node `pick_and_place`: actions that pick, place and move an object by those of other nodes."""
+"""Node `pick_and_place`: actions that pick, place and move an object by actions of other nodes."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ from isotruss_ros.nodes.pick_and_place.grasp_sequences import GraspSequences
 from isotruss_ros.nodes.pick_and_place.sequence_goals import check_move, check_pick, check_place
 
 SPECS = (*common.OBJECT_SPECS, common.COMMAND_TIMEOUT)
-#: A sequence is taken on this often [s].
-PERIOD = 0.02
+#: Period of the ticks of a sequence [s].
+TICK_PERIOD = 0.02
 
 
 class PickAndPlace(ManagedNode):
-    """Execute one goal at a time, and refuse others meanwhile."""
+    """Executes one goal at a time, and refuses others in the meantime."""
 
     node_name = 'pick_and_place'
     specs = SPECS
@@ -55,7 +55,7 @@ class PickAndPlace(ManagedNode):
         self.inputs.keep(GraspState, 'grasp/state', lambda state: state, 'grasp')
         read = partial(read_grip, robot=self.robot)
         self.inputs.keep(HeldGrip, 'manipulation/grip', read, 'held_grip')
-        # There while the node is inactive too, so that a goal that ends then gets its result.
+        # Exists while the node is inactive as well, so that a goal that ends then gets its result.
         robot, values = self.robot, self.values
         described = common.read_described(values)
         self._actions = [
@@ -77,10 +77,10 @@ class PickAndPlace(ManagedNode):
     def activate(self) -> None:
         """Accept goals from now on."""
         self.diagnostics.set_status(DiagnosticStatus.OK, 'no goal')
-        create_steady_timer(self, PERIOD, self._tick)
+        create_steady_timer(self, TICK_PERIOD, self._tick)
 
     def deactivate(self) -> None:
-        """End the goal; the actions under it are cancelled."""
+        """End the goal and cancel the actions of its steps."""
         if self._course is not None:
             self._course.close()
             self._end(StepError(Outcome.STOPPED, 'the node was deactivated'))
@@ -91,7 +91,7 @@ class PickAndPlace(ManagedNode):
             self._sequences.close()
 
     def details(self) -> dict[str, object]:
-        """Return what is executed."""
+        """Return the active goal and its stage."""
         return {'executing': 'nothing' if self._goal is None else self._goal.kind.__name__}
 
     @property
@@ -109,7 +109,7 @@ class PickAndPlace(ManagedNode):
         check: Callable[[Any], None],
         sequence: Callable[[Any], Steps],
     ) -> SingleGoal:
-        """Offer an action whose goals are checked, and carried out by a sequence."""
+        """Offer an action with checked goals, executed by a sequence."""
 
         def read(goal: Any) -> Any:
             if (running := self._goal) is not None:
@@ -136,7 +136,7 @@ class PickAndPlace(ManagedNode):
         self._cancelling = True
 
     def _tick(self) -> None:
-        """Take the sequence on; end the goal where it has ended."""
+        """Advance the sequence; end the goal with it."""
         self.inputs.settle()
         self._sequences.track()
         course = self._course
@@ -158,7 +158,7 @@ class PickAndPlace(ManagedNode):
         goal.publish_feedback(lambda: goal.kind.Feedback(stage=stage, progress=progress))
 
     def _end(self, ended: Any) -> None:
-        """Publish the result of the goal: of the sequence, or what an error says."""
+        """Publish the result of the goal, from the sequence or an error."""
         goal, self._course = self._goal, None
         outcome = Outcome.SUCCEEDED
         if isinstance(ended, IsotrussError):
@@ -174,7 +174,7 @@ class PickAndPlace(ManagedNode):
 
 
 def _find_outcome(error: IsotrussError) -> Outcome:
-    """Return the code of the result that an error stands for."""
+    """Return the final code of an error."""
     if isinstance(error, StepError):
         return error.outcome
     if isinstance(error, CancelledError):

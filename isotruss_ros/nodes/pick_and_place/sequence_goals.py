@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Goals of PickObject, PlaceObject and MoveObject: whether they can be carried out at all."""
+"""Validity of the goals of PickObject, PlaceObject and MoveObject."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ def to_search_goal(
     goal: PickObject.Goal, lay: PoseStamped, values: Parameters, described: ConvexObject | None
 ) -> PlanGrasp.Goal:
     """
-    Return the search for a grasp by which an object is picked.
+    Return the grasp search for an object to be picked.
 
-    :param goal: of the action.
-    :param lay: where the object lies.
+    :param goal: goal of the action.
+    :param lay: pose of the object.
     :param values: parameters of the node: friction and diameter of the object.
-    :param described: the object that they describe; None for a disc.
+    :param described: described object; None for a disc.
     """
     wanted = PlanGrasp.Goal(
         object_pose=lay,
@@ -51,12 +51,12 @@ def check_pick(
     goal: PickObject.Goal, robot: Robot, values: Parameters, described: ConvexObject | None
 ) -> None:
     """
-    Refuse a goal by which no grasp can be searched for, wherever the object lies.
+    Raise for a goal without a valid grasp search at any pose of the object.
 
-    :param goal: of the action.
+    :param goal: goal of the action.
     :param robot: the robot.
     :param values: see `to_search_goal`.
-    :param described: likewise.
+    :param described: see `to_search_goal`.
     :raises IsotrussError: see `read_goal`.
     """
     anywhere = PoseStamped(header=Header(frame_id=robot.frame))
@@ -66,10 +66,10 @@ def check_pick(
 
 def check_place(goal: PlaceObject.Goal) -> None:
     """
-    Refuse a clearance that is none.
+    Raise for an invalid clearance.
 
-    :param goal: of the action.
-    :raises MessageError: names the value and what would be right.
+    :param goal: goal of the action.
+    :raises MessageError: names the value and its valid range.
     """
     if not 0.0 < goal.clearance < math.inf:
         raise MessageError(f'clearance {goal.clearance} m: must be a positive number')
@@ -77,11 +77,11 @@ def check_place(goal: PlaceObject.Goal) -> None:
 
 def check_move(goal: MoveObject.Goal, robot: Robot, here: Pose) -> None:
     """
-    Refuse a path that is none.
+    Raise for an invalid path.
 
-    :param goal: of the action.
+    :param goal: goal of the action.
     :param robot: the robot.
-    :param here: where a path of one pose begins.
+    :param here: start of a path with one pose.
     :raises IsotrussError: see `read_object_path`.
     """
     try:

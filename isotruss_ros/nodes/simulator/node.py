@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node `simulator`: a robot that follows roller commands, and an object, free or grasped."""
+"""Node `simulator`: a robot that follows roller commands, with a free or grasped object."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ from isotruss_ros.nodes.simulator.simulated_truth import CLOCK_SPEED, ClockSourc
 import numpy as np
 from std_msgs.msg import Float64MultiArray
 
-#: Larger commands are cut off at this [m/s].
+#: Bound of the commands [m/s], which are clipped.
 SPEED_LIMIT = 1.0
 KINEMATIC, ELASTIC, MUJOCO = 'kinematic', 'elastic', 'mujoco'
 SPECS = (
@@ -59,7 +59,7 @@ SPECS = (
     FixedSpec(
         'stiffness_scale',
         1.0,
-        'Stiffness of the elastic plant against that of the robot file',
+        'Factor on the stiffness of the elastic plant [-]',
         (0.01, 100.0),
     ),
     common.RATE,
@@ -68,7 +68,7 @@ SPECS = (
     FixedSpec(
         'roller_slip',
         0.0,
-        'Mean share of the roller travel by which the tube slips; encoders do not measure it',
+        'Mean slip of the tube as a share of the roller travel, not measured by encoders [-]',
         (0.0, 0.5),
     ),
     FixedSpec('seed', 0, 'Seed of the noise and the slip', (0, 2**31 - 1)),
@@ -86,7 +86,7 @@ SPECS = (
 
 
 class Simulator(ManagedNode):
-    """Follow roller velocity commands; publish joint states and the object's pose."""
+    """Follows roller velocity commands; publishes joint states and the object's pose."""
 
     node_name = 'simulator'
     specs = SPECS
@@ -96,7 +96,7 @@ class Simulator(ManagedNode):
     _recorder: PlantRecorder | None = None
 
     def configure(self) -> None:
-        """Put the robot at home, with the object grasped or free."""
+        """Set the robot to home, with the object grasped or free."""
         self._simulated = self._make_robot()
         if path := self.values.recording:
             if self._driven is None:
@@ -108,7 +108,7 @@ class Simulator(ManagedNode):
         self._truth = SimulatedTruth(self, self.robot)
 
     def activate(self) -> None:
-        """Follow commands from now on; none is active yet."""
+        """Follow commands from now on, starting at zero."""
         speed = self.values.clock_speed
         if speed > 0.0:
             ClockSource(self, self.values.rate, speed)
@@ -132,7 +132,7 @@ class Simulator(ManagedNode):
             self._recorder = None
 
     def read_robot(self) -> Robot:
-        """Return the robot with its home where the encoders read zero."""
+        """Return the robot with the home of its encoder zeros."""
         robot, deviation = super().read_robot(), self.values.zero_deviation
         if deviation == 0.0:
             return robot
@@ -162,7 +162,7 @@ class Simulator(ManagedNode):
         return SimulatedRobot(home, simulated, faults, values.seed)
 
     def _put_object(self, pose: Pose) -> SimulatedObject:
-        """Return an object that nothing holds until friction does."""
+        """Return a free object, held only by friction later."""
         self._elastic = None
         values, body = self.values, self._body.moved_to(pose)
         if values.plant == KINEMATIC:
@@ -175,12 +175,12 @@ class Simulator(ManagedNode):
         return self._elastic
 
     def _stop_on_clock_jump(self) -> None:
-        """Stop the rollers: after a jump of the clock the age of the command is unknown."""
+        """Stop the rollers: the age of the command is unknown after a jump of the clock."""
         self._simulated.stop()
         self._time = self._commanded = self.now()
 
     def _receive_command(self, message: Float64MultiArray) -> None:
-        # The previous command was active until now: integrate it before it is replaced.
+        # Integrate the previous command up to now before its replacement.
         self._advance(self.now())
         try:
             self._simulated.command(message.data)
@@ -190,7 +190,7 @@ class Simulator(ManagedNode):
         self._commanded = self._time
 
     def _set_object_pose(self, message: PoseStamped) -> None:
-        """Put the object elsewhere, free; the robot stays as it is."""
+        """Set the free object to another pose, without moving the robot."""
         try:
             check_frame('set_object_pose', message.header, self.robot.frame)
             pose = read_pose('set_object_pose', message.pose)
@@ -216,7 +216,7 @@ class Simulator(ManagedNode):
             self.warn('external_wrench', str(error))
 
     def _advance(self, now: float) -> None:
-        """Integrate to a time; a command that is not repeated ends after `command_timeout`."""
+        """Integrate to a time; a command ends after `command_timeout`."""
         expiry = self._commanded + self.values.command_timeout
         elapsed = min(now, expiry) - self._time
         try:
@@ -227,7 +227,7 @@ class Simulator(ManagedNode):
             self.warn('blocked', f'rollers blocked: {error}')
         if now > expiry:
             self._simulated.stop()
-            # No time passes twice, and none is left out.
+            # Each interval is integrated exactly once.
             self._simulated.advance(now - max(expiry, self._time))
         self._time = now
 
@@ -248,7 +248,7 @@ class Simulator(ManagedNode):
         self._truth.publish(now, simulated.object_pose, self._joints, self._forces)
 
     def _joints(self) -> Array:
-        """Return where the joints are (j, 2) [m]."""
+        """Return the joint positions (j, 2) [m]."""
         count = len(self.robot.topology.joint_names)
         if self._driven is not None:
             return self._driven.plant.nodes[:count]
@@ -259,7 +259,7 @@ class Simulator(ManagedNode):
         return joints
 
     def _forces(self) -> dict[str, float]:
-        """Return the normal forces on the object by member [N]; none of an object without."""
+        """Return the normal forces on the object by member [N]; empty without contact."""
         if self._driven is not None:
             forces = self._driven.plant.contact_forces()
             return {name: force.normal for name, force in forces.items()}
@@ -269,12 +269,12 @@ class Simulator(ManagedNode):
         return dict(zip(grasp.member_names, grasp.normal_forces.tolist(), strict=True))
 
     def details(self) -> dict[str, object]:
-        """Return how far MuJoCo is behind the clock, by name."""
+        """Return the lag of MuJoCo behind the clock, by name."""
         driven = self._driven
         return {} if driven is None else {'lag of the simulation [s]': round(driven.lag, 3)}
 
     def _report_hold(self) -> None:
-        """State in the diagnostics what holds the object, and log once why nothing does."""
+        """Report the hold of the object in the diagnostics; log once the reason of its absence."""
         members = [name for name, force in self._forces().items() if force > 0.0]
         dropped, before = None if self._elastic is None else self._elastic.dropped, self._dropped
         self._dropped = dropped

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The object of the node `simulator`: which one, where it begins, and what holds it there."""
+"""Object of the node `simulator`: shape, initial pose and grip."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from isotruss_ros.core import ConvexObject, Disc, place_between, Pose, Robot, ta
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.parameters import FixedSpec, Parameters
 
-# The simulated object is grasped from the start and stays so, or it is free at first.
+# The simulated object is grasped permanently, or free at the start.
 SPECS = (
     replace(common.OBJECT_DIAMETER, read_only=True),
     common.OBJECT,
@@ -20,7 +20,7 @@ SPECS = (
     FixedSpec(
         'indentation',
         0.0,
-        'How far the tubes are indented by the object at home, 0 where they just touch [m]',
+        'Indentation of the tubes by the object at home, 0 for contact without force [m]',
         (0.0, 0.1),
     ),
     FixedSpec(
@@ -42,11 +42,11 @@ SPECS = (
 
 def place_at_start(robot: Robot, values: Parameters) -> ConvexObject:
     """
-    Return the object in its place in the robot frame, where it begins on all plants.
+    Return the object at its initial pose in the robot frame, on all plants.
 
-    :param robot: at home.
-    :param values: of the parameters `SPECS`.
-    :raises IsotrussError: a parameter is unusable, or the object does not fit there.
+    :param robot: the robot.
+    :param values: values of the parameters `SPECS`.
+    :raises IsotrussError: a parameter is invalid, or the object does not fit.
     """
     angle, indentation = values.object_angle, values.indentation
     described = common.read_described(values)

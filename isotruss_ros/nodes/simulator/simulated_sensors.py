@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Simulated sensors and their faults: encoders, the tracker of the object and joint markers."""
+"""Simulated sensors and their faults: encoders, tracker of the object and joint markers."""
 
 from __future__ import annotations
 
@@ -21,29 +21,36 @@ import numpy as np
 from numpy.typing import ArrayLike
 from sensor_msgs.msg import JointState, MultiDOFJointState
 
-#: How far apart the marks are by which a tracker finds the angle of an object [m].
-MARKS_APART = 0.1
-#: Times that differ by less are the same, such as sums of periods [s].
-SAME_TIME = 1e-6
-ALL = 'all'
+#: Distance of the marks by which a tracker measures the angle of an object [m].
+MARK_DISTANCE = 0.1
+#: Times that differ by less are equal, such as sums of periods [s].
+TIME_TOLERANCE = 1e-6
+ALL_JOINTS = 'all'
 SENSOR_SPECS = (
-    Spec('encoder_delay', 0.0, 'joint_states arrive so long after their stamp [s]', (0.0, 10.0)),
-    Spec('encoder_step', 0.0, 'Encoders count the travel in steps of this [m]', (0.0, 0.1)),
+    Spec('encoder_delay', 0.0, 'Delay of joint_states after their stamp [s]', (0.0, 10.0)),
+    Spec('encoder_step', 0.0, 'Resolution of the encoders [m]', (0.0, 0.1)),
     Spec(
         'tracker_rate',
         0.0,
-        'Messages of object_pose and joint_markers in a second; 0: one in each cycle [Hz]',
+        'Rate of object_pose and joint_markers; 0: one message per cycle [Hz]',
         (0.0, 1000.0),
     ),
-    Spec('tracker_delay', 0.0, 'They arrive so long after their stamp [s]', (0.0, 10.0)),
-    Spec('tracker_dropouts', 0.0, 'Share of the poses and markers that are lost', (0.0, 1.0)),
+    Spec(
+        'tracker_delay',
+        0.0,
+        'Delay of object_pose and joint_markers after their stamp [s]',
+        (0.0, 10.0),
+    ),
+    Spec('tracker_dropouts', 0.0, 'Probability of the loss of a pose or marker [-]', (0.0, 1.0)),
     Spec(
         'tracker_noise',
         0.0,
-        f'Standard deviation of their coordinates [m]; of the angle: over {MARKS_APART} m [rad]',
+        f'Standard deviation of their coordinates [m]; of the angle: over {MARK_DISTANCE} m [rad]',
         (0.0, 0.1),
     ),
-    FixedSpec('marker_joints', [''], f"Joints that have markers; ['{ALL}'], or [''] for none"),
+    FixedSpec(
+        'marker_joints', [''], f"Joints that have markers; ['{ALL_JOINTS}'], or [''] for none"
+    ),
 )
 
 
@@ -85,7 +92,7 @@ class SensorChannel:
         pending = self._pending
         if pending and pending[-1][0] > time:
             pending.clear()
-        period = math.floor((time + SAME_TIME) * rate)
+        period = math.floor((time + TIME_TOLERANCE) * rate)
         if rate == 0.0 or period != self._period:
             self._period = period
             values = np.atleast_2d(np.asarray(read(), dtype=float))
@@ -97,26 +104,26 @@ class SensorChannel:
             if (chance >= dropouts).any():
                 pending.append((time, measured))
         arrived = []
-        while pending and pending[0][0] + delay <= time + SAME_TIME:
+        while pending and pending[0][0] + delay <= time + TIME_TOLERANCE:
             arrived.append(pending.popleft())
         return arrived
 
 
 class SimulatedSensors:
     """
-    Measure a simulated robot and its object.
+    Measures a simulated robot and its object.
 
-    :param node: publishes.
-    :param robot: that is measured.
-    :param values: of `SENSOR_SPECS`.
-    :param seed: of noise and dropouts.
+    :param node: publishing node.
+    :param robot: the robot.
+    :param values: values of `SENSOR_SPECS`.
+    :param seed: seed of noise and dropouts.
     :raises ParameterError: a marker at a joint that the robot does not have.
     """
 
     def __init__(self, node: ManagedNode, robot: Robot, values: Parameters, seed: int) -> None:
         self._robot, self._values = robot, values
         self._marked = _find_marked(robot, values)
-        # Streams of their own: the noise of one sensor does not depend on the faults of another.
+        # Separate random streams: the noise of one sensor is independent of the faults of another.
         self._encoders, self._tracker, self._markers = (
             SensorChannel((seed, stream)) for stream in (3, 4, 5)
         )
@@ -129,13 +136,13 @@ class SimulatedSensors:
         self, now: float, travel: Array, speeds: Array, pose: Pose, joints: Callable[[], Array]
     ) -> None:
         """
-        Publish what the sensors tell by now.
+        Publish the measurements due by now.
 
         :param now: time of the simulated robot [s].
-        :param travel: (r,) of the rollers since home [m].
-        :param speeds: (r,) of the rollers [m/s].
-        :param pose: of the object.
-        :param joints: returns where the joints are (j, 2) [m].
+        :param travel: (r,) roller travel since home [m].
+        :param speeds: (r,) roller speeds [m/s].
+        :param pose: pose of the object.
+        :param joints: function that returns the joint positions (j, 2) [m].
         """
         values, step = self._values, self._values.encoder_step
         counted = step * np.round(travel / step) if step > 0.0 else travel
@@ -152,7 +159,7 @@ class SimulatedSensors:
             )
             self._joint_states.publish(states)
         tracker = values.tracker_rate, values.tracker_delay, values.tracker_dropouts
-        noise = values.tracker_noise * np.array([1.0, 1.0, 1.0 / MARKS_APART])
+        noise = values.tracker_noise * np.array([1.0, 1.0, 1.0 / MARK_DISTANCE])
         for time, measured in self._tracker.measure(now, lambda: pose, *tracker, noise):
             header = make_header(time, self._robot.frame)
             message = to_pose_message(Pose(*measured[0].tolist()))
@@ -170,20 +177,20 @@ class SimulatedSensors:
             self._joint_markers.publish(markers)
 
     def _marker_places(self, joints: Array) -> Array:
-        """Return where the joints with markers are (k, 2) [m]."""
+        """Return the positions of the marked joints (k, 2) [m]."""
         return joints[[self._robot.topology.joint_names.index(name) for name in self._marked]]
 
 
 def _find_marked(robot: Robot, values: Parameters) -> tuple[str, ...]:
-    """Return the joints that have markers."""
+    """Return the marked joints."""
     known = robot.topology.joint_names
     named = tuple(name for name in values.marker_joints if name)
-    if named == (ALL,):
+    if named == (ALL_JOINTS,):
         return tuple(known)
     unknown = [name for name in named if name not in known]
     if unknown:
         raise ParameterError(
             f'parameter marker_joints: {", ".join(unknown)}: must be of {", ".join(known)}, '
-            f'or {ALL} alone'
+            f'or {ALL_JOINTS} alone'
         )
     return named

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a simulator publishes that a real robot does not: the truth, and the time."""
+"""Ground truth and simulated time, published by a simulator only."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ from sensor_msgs.msg import MultiDOFJointState
 CLOCK_SPEED = FixedSpec(
     'clock_speed',
     0.0,
-    'Simulated seconds that are published on /clock in a second; 0 where another node does',
+    'Speed of simulated time on /clock [s/s]; 0 if published by another node',
     (0.0, 1000.0),
 )
 
 
 class SimulatedTruth:
     """
-    Publish `truth/object_pose`, `truth/joint_markers` and `truth/contact_forces`.
+    Publishes `truth/object_pose`, `truth/joint_markers` and `truth/contact_forces`.
 
-    :param node: publishes.
-    :param robot: that is simulated.
+    :param node: publishing node.
+    :param robot: the simulated robot.
     """
 
     def __init__(self, node: ManagedNode, robot: Robot) -> None:
@@ -55,12 +55,12 @@ class SimulatedTruth:
         forces: Callable[[], Mapping[str, float]],
     ) -> None:
         """
-        Publish what has a subscriber.
+        Publish the topics with subscribers.
 
         :param now: time of the simulated robot [s].
-        :param pose: of the object.
-        :param joints: returns where the joints are (j, 2) [m].
-        :param forces: returns the normal forces of the members on the object, by member [N].
+        :param pose: pose of the object.
+        :param joints: function that returns the joint positions (j, 2) [m].
+        :param forces: function that returns the normal forces on the object by member [N].
         """
         header = make_header(now, self._robot.frame)
         if self._pose.get_subscription_count():
@@ -77,13 +77,13 @@ class SimulatedTruth:
 
 class ClockSource:
     """
-    Publishes `/clock` in equal steps as long as the node is active.
+    Publishes `/clock` in equal steps while the node is active.
 
-    A node that is too slow for the speed slows the time: no step is left out.
+    Simulated time slows down if the node is too slow: no step is skipped.
 
-    :param node: publishes; its own clock follows like all others.
-    :param rate: steps in a simulated second [Hz].
-    :param speed: simulated seconds in a second, positive.
+    :param node: publishing node, whose own clock follows as well.
+    :param rate: steps per simulated second [Hz].
+    :param speed: simulated seconds per second, positive.
     :raises ParameterError: the node's own time is not simulated.
     """
 
@@ -93,7 +93,7 @@ class ClockSource:
                 f'parameter clock_speed: {speed:g}: must be 0 where use_sim_time is false'
             )
         self._step = round(1e9 / rate)
-        # From where the clock stopped when the node was active before.
+        # Continues from the last active time.
         self._now = node.get_clock().now().nanoseconds
         self._publisher = node.create_publisher(ClockMessage, '/clock', RELIABLE)
         create_steady_timer(node, 1.0 / (rate * speed), self._tick)

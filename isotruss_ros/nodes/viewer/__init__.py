@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The node `viewer`: shows the robot in a browser, and passes on what is asked for there.
+Node `viewer`: view of the robot in a browser, and requests from there.
 
-Entry point: `node`. Beside it are the requests to other nodes. Imports `isotruss_ros.viewer`,
-`nodes.framework` and the core.
+Entry point: `node`. `view_requests` has the requests to other nodes. Imports
+`isotruss_ros.viewer`, `nodes.framework` and the core.
 """

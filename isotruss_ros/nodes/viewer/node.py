@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node `viewer`: shows robot, object and grasp in a browser, and commands where allowed."""
+"""Node `viewer`: view of robot, object and grasp in a browser, with commands if allowed."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from isotruss_ros.nodes.viewer.view_requests import (
     ObjectGoals,
 )
 from isotruss_ros.viewer.control import ZERO
-from isotruss_ros.viewer.drag import LEVER, PATIENCE, place_on_circle
+from isotruss_ros.viewer.drag import LEVER_LENGTH, PATIENCE, place_on_circle
 from isotruss_ros.viewer.message_checks import PictureError
 from isotruss_ros.viewer.names import (
     DRAGGED,
@@ -67,16 +67,16 @@ if TYPE_CHECKING:
 SPECS = (
     ROBOT,
     *common.OBJECT_SPECS,
-    FixedSpec('host', LOCAL, 'Address that is served: only this machine, unless another'),
-    FixedSpec('port', 8080, 'Port of the server; 0: any that is free', (0, 65535)),
+    FixedSpec('host', LOCAL, 'Address of the server, by default reachable from this machine only'),
+    FixedSpec('port', 8080, 'Port of the server; 0: any free port', (0, 65535)),
     FixedSpec(
         'browser_timeout',
         0.5,
-        'Control ends where the page that has it gives no sign of life for so long [s]',
+        'Timeout of the heartbeat of the page with control [s]',
         (0.2, 60.0),
     ),
     FixedSpec('rate', 20.0, 'Pictures per second [Hz]', (5.0, 60.0)),
-    Spec('max_speed', 0.05, 'Largest speed of what is dragged [m/s]', (0.001, 1.0)),
+    Spec('max_speed', 0.05, 'Largest speed of the dragged object or joint [m/s]', (0.001, 1.0)),
 )
 #: Parameters of other nodes by the name of a request.
 SETTINGS = {
@@ -84,12 +84,12 @@ SETTINGS = {
     'diameter': ('object_diameter', ('manipulation', 'grasp_analysis', 'pick_and_place')),
     'squeeze': ('squeeze_force', ('manipulation',)),
 }
-#: The release of a stop is tried for so long [s].
-RELEASE_TIME = 2.0
+#: Timeout of the release of a stop [s].
+RELEASE_TIMEOUT = 2.0
 
 
 class Viewer(StoppableNode):
-    """Show the newest messages; publish twists while the control is on and a handle is dragged."""
+    """Shows the newest messages; publishes twists while control is on and a handle is dragged."""
 
     node_name = 'viewer'
     specs = SPECS
@@ -146,7 +146,7 @@ class Viewer(StoppableNode):
         create_steady_timer(self, 1.0 / self.values.rate, self._step)
 
     def stop(self) -> None:
-        """Publish a zero twist where one was published before, and end the server."""
+        """Publish a zero twist after published ones, and stop the server."""
         if self._moving:
             self._twists.publish(Twist())
         if self._view is not None:
@@ -163,7 +163,7 @@ class Viewer(StoppableNode):
             (MarkerArray, 'grasp/markers', picture.receive_markers),
         ):
             subscribe_newest(self, kind, topic, partial(self._receive, topic, receive))
-        # One that was latched before is in the status.
+        # An earlier latched stop is in the status.
         self.create_subscription(Bool, 'emergency_stop', self._receive_stop, RELIABLE)
 
     def _receive(self, topic: str, receive: Callable[[Any, float], None], message: Any) -> None:
@@ -182,7 +182,7 @@ class Viewer(StoppableNode):
         controls, now = self._controls, time.monotonic()
         stopped = self._stopped or self.picture.is_stopped(now)
         if controls.control.stopped and not stopped:
-            self._report_goal('')  # what the stop ended is past
+            self._report_goal('')  # requests from before the stop are void
         controls.control.latch(stopped)
         for name, value in controls.take(now):
             self._carry_out(name, value)
@@ -200,7 +200,7 @@ class Viewer(StoppableNode):
         self._view.update(now)
 
     def _dragged_pose(self, now: float) -> Pose | None:
-        """Return where the object or the joint is that a handle drags; None if unknown."""
+        """Return the pose of the dragged object or joint; None if unknown."""
         picture, name = self.picture, self._controls.dragged
         if not picture.is_fresh('object_pose' if name == OBJECT else 'joint_states', now):
             return None
@@ -216,7 +216,7 @@ class Viewer(StoppableNode):
             way = math.dist(position, control.drag.target)
             left = f'{1e3 * way:.0f} mm left'
             if control.drag.turns:
-                left = f'{math.degrees(way / LEVER):.0f}° left'
+                left = f'{math.degrees(way / LEVER_LENGTH):.0f}° left'
         control.drag = None
         words = f'{self._controls.dragged}: no progress for {PATIENCE:.0f} s, {left}'
         why = self.picture.describe_hindrance(now, PATIENCE)
@@ -233,7 +233,7 @@ class Viewer(StoppableNode):
         if not self._moving:
             self._report_goal('')
         vx, vy = drag.follow(position, self.values.max_speed, now)
-        twist = (0.0, 0.0, vx / LEVER) if drag.turns else (vx, vy, 0.0)
+        twist = (0.0, 0.0, vx / LEVER_LENGTH) if drag.turns else (vx, vy, 0.0)
         self._twists.publish(to_twist_message(twist))
         self._moving = True
 
@@ -243,7 +243,7 @@ class Viewer(StoppableNode):
             return
         header = make_header(self.now(), name_aligned_frame(self.picture.robot.frame))
         self._wrenches.publish(WrenchStamped(header=header, wrench=to_wrench_message(wrench)))
-        # Once one was published it goes on: an old one is not relied on.
+        # Twists continue once published: old ones expire.
         self._pulling = True
 
     def _carry_out(self, name: str, value: float | str) -> None:
@@ -266,7 +266,7 @@ class Viewer(StoppableNode):
             self._change_object(value)  # type: ignore[arg-type]
         elif name == RESET:
             self._restart.restart_simulator()
-            # A slip or a loss is past with it: the manipulation waits for a client to say so.
+            # It also acknowledges a slip or loss, as the manipulation requires.
             self._send_parameters('manipulation', {'squeeze_force': self._squeeze})
         else:
             parameter, nodes = SETTINGS[name]
@@ -290,8 +290,8 @@ class Viewer(StoppableNode):
         self.picture.goal_report = words
 
     def _ask_for_release(self) -> Calls:
-        """Call the service until it succeeds: it does once the message before has arrived."""
-        end = time.monotonic() + RELEASE_TIME
+        """Repeat the service call until it succeeds, after the arrival of the previous message."""
+        end = time.monotonic() + RELEASE_TIMEOUT
         while self._release.service_is_ready():
             response = yield partial(self._release.call_async, Trigger.Request())
             if response.success or time.monotonic() > end:
@@ -300,7 +300,7 @@ class Viewer(StoppableNode):
         self.warn('release', 'no node offers release_emergency_stop')
 
     def _send_parameters(self, node: str, values: dict[str, float | str]) -> None:
-        """Set parameters of another node; what it rejects is logged."""
+        """Set parameters of another node; log rejected ones."""
         client = self._set[node]
         if not client.service_is_ready():
             self.warn(node, f'{node} is not there: its parameters are not set')

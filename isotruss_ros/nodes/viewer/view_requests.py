@@ -1,6 +1,6 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What the buttons of a view ask of other nodes, and what becomes of it in words."""
+"""Requests of the buttons of a view to other nodes, with reports in words."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ SIMULATOR = 'simulator'
 #: Nodes besides it with a parameter `object`, which they read when they are configured.
 OTHERS = ('grasp_analysis', 'manipulation', 'path_follower', 'grasp_planner', 'pick_and_place')
 
-#: A sequence yields calls, and gets their answers.
+#: Generator of calls, which receives the responses.
 Calls = Generator[Callable[[], Future], Any, None]
 
 
 def make_calls(calls: Calls, answer: Any = None) -> None:
     """
-    Make the next call of a sequence, and the others once it is answered.
+    Make the next call of a sequence, and the following ones after its response.
 
     :param calls: the sequence.
-    :param answer: of the call before; None at first.
+    :param answer: response of the previous call; None at first.
     """
     try:
         call = calls.send(answer)
@@ -48,8 +48,8 @@ class ObjectGoals:
     """
     Clients of `pick_object` and `place_object`.
 
-    :param node: has the clients.
-    :param report: called with what is under way, in words.
+    :param node: node of the clients.
+    :param report: callback with the progress in words.
     """
 
     def __init__(self, node: Node, report: Callable[[str], None]) -> None:
@@ -87,10 +87,10 @@ class ObjectGoals:
 
 class NodeRestart:
     """
-    The simulator and other nodes configured anew, by their lifecycle services.
+    Reconfiguration of the simulator and other nodes by their lifecycle services.
 
-    :param node: has the clients.
-    :param report: called with what becomes of a restart, in words.
+    :param node: node of the clients.
+    :param report: callback with the result of a restart in words.
     """
 
     def __init__(self, node: Node, report: Callable[[str], None]) -> None:
@@ -106,11 +106,11 @@ class NodeRestart:
 
     def restart_simulator(self, plant: str = '') -> None:
         """
-        Configure the simulator anew: the robot begins at home.
+        Reconfigure the simulator; the robot starts at home.
 
-        A restart that is under way takes no further step; so in `change_object`.
+        A restart in progress is abandoned; so in `change_object`.
 
-        :param plant: value of its parameter `plant`; as it is if empty.
+        :param plant: value of its parameter `plant`; unchanged if empty.
         """
         name = f'plant {plant}' if plant else 'reset'
         self._begin(name, [SIMULATOR], {'plant': plant} if plant else {})
@@ -136,7 +136,7 @@ class NodeRestart:
         make_calls(self._calls)
 
     def _restart(self, what: str, names: list[str], values: dict[str, str]) -> Calls:
-        # These fail where a node is inactive or unconfigured already.
+        # These fail if a node is already inactive or unconfigured.
         for name in reversed(names):
             yield self._transition(name, Transition.TRANSITION_DEACTIVATE)
             yield self._transition(name, Transition.TRANSITION_CLEANUP)

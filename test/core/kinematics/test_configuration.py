@@ -113,7 +113,7 @@ def test_dense_and_sparse_lead_to_the_same_shapes(kind, up_to, monkeypatch):
     robot = robots.load(document)
     config = robots.random_state(robot, np.random.default_rng(5))
     rates = np.linspace(-1.0, 1.0, len(robot.roller_names))
-    monkeypatch.setattr(constraints, 'DENSE_UP_TO', up_to)
+    monkeypatch.setattr(constraints, 'MAX_DENSE_COORDINATES', up_to)
     other = robots.load(document)
     same = other.configuration(config.roller_positions)
     assert same.points == pytest.approx(config.points, abs=1e-11)

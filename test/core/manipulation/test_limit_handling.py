@@ -8,7 +8,7 @@ from hypothesis import assume, given, strategies
 from isotruss_ros.core import solve_twist, Status
 from isotruss_ros.core.manipulation import limit_handling
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
-from isotruss_ros.core.manipulation.limit_handling import LEAST_REGULARIZATION, LimitHandling
+from isotruss_ros.core.manipulation.limit_handling import LimitHandling, MIN_REGULARIZATION
 from isotruss_ros.core.manipulation.limits import MemberLengthLimit, RollerSpeedLimit, stack_rows
 import numpy as np
 import pytest
@@ -67,14 +67,14 @@ def test_sliding_carries_out_the_nearest_twist_that_limits_allow(robot, rng, num
     missing = wanted - got
     incidence = robot.topology.incidence
     downhill = missing @ (measure[:, None] * jacobian[:3])
-    downhill -= LEAST_REGULARIZATION * incidence.T @ (incidence @ command.roller_velocities)
+    downhill -= MIN_REGULARIZATION * incidence.T @ (incidence @ command.roller_velocities)
     most = furthest_along(downhill, stack_rows(config, limits), jacobian[3:])
     assert most == pytest.approx(downhill @ command.roller_velocities, abs=1e-5)
     assert (wall.matrix @ command.roller_velocities >= -wall.bound - 1e-7).all()
     # What is minimised is no more than for scaling, rolling included: near a singular robot, where
     # small twists take fast rollers, rolling costs more than a hundredth of the twist.
-    rolling = LEAST_REGULARIZATION * np.square(incidence @ command.roller_velocities).sum()
-    allowance = LEAST_REGULARIZATION * np.square(incidence @ scaled.roller_velocities).sum()
+    rolling = MIN_REGULARIZATION * np.square(incidence @ command.roller_velocities).sum()
+    allowance = MIN_REGULARIZATION * np.square(incidence @ scaled.roller_velocities).sum()
     along = wanted / np.linalg.norm(wanted)
     stopped = measure * scaled.achieved_twist
     assert missing @ missing + rolling <= np.square(wanted - stopped).sum() + allowance + 1e-9
@@ -150,9 +150,9 @@ def test_few_rows_give_the_solution_of_all(slide, first, robot, rng, number):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(limit_handling, 'FIRST', first)
         patch.setattr(limit_handling, 'ADDED', first)
-        patch.setattr(limit_handling, 'ALL_ROWS_UP_TO', 0)
+        patch.setattr(limit_handling, 'MAX_ROLLERS_WITH_ALL_ROWS', 0)
         few = solve_twist(*arguments)
-        patch.setattr(limit_handling, 'ALL_ROWS_UP_TO', 10**6)
+        patch.setattr(limit_handling, 'MAX_ROLLERS_WITH_ALL_ROWS', 10**6)
         every = solve_twist(*arguments)
     assert few.scale == pytest.approx(every.scale, abs=1e-9)
     assert few.status is every.status

@@ -26,7 +26,7 @@ from isotruss_ros.core.inputs import (
 )
 from isotruss_ros.core.paths.roller_trajectory import (
     MAX_LAG,
-    MAX_STEP,
+    MAX_TIME_STEP,
     PROGRESS_TIMEOUT,
     RollerTrajectory,
     RollerTrajectoryServo,
@@ -194,7 +194,7 @@ def test_cycles_that_did_not_come_are_not_made_good():
     run.now += 5.0
     run.measure()
     run.cycle()
-    assert before < run.servo.time <= before + MAX_STEP
+    assert before < run.servo.time <= before + MAX_TIME_STEP
     assert np.abs(run.robot.roller_positions - held).max() < 3 * MAX_SPEED * PERIOD
     while run.servo.busy:
         run.cycle()

@@ -9,7 +9,7 @@ from isotruss_ros.core import load_robot, Polygon, RollingGrip
 from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.kinematics.rigidity import rigidity_index
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
-from isotruss_ros.core.safety.barrier_law import BarrierLaw, EVERYTHING
+from isotruss_ros.core.safety.barrier_law import ALL_VALUES, BarrierLaw
 from isotruss_ros.core.safety.barriers import ObjectBarrier, RigidityBarrier, SelfCollisionBarrier
 from isotruss_ros.core.safety.margins import object_distances
 import numpy as np
@@ -153,7 +153,7 @@ def test_what_a_barrier_saw_before_changes_nothing(kind):
         assert found.indices == pytest.approx(fresh.indices)
         assert found.values == pytest.approx(fresh.values, abs=1e-12)
         assert found.node_rows == pytest.approx(fresh.node_rows, abs=1e-12)
-        everything = old.values(config, grip, EVERYTHING)
+        everything = old.values(config, grip, ALL_VALUES)
         assert (found.indices == np.flatnonzero(everything < law.active_below)).all()
     assert len(counts) > 1
 

@@ -7,7 +7,12 @@ from grips import disc_grip
 from isotruss_ros.core import load_robot, RollingGrip, ShapeGuard, Status, TwistServo
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
-from isotruss_ros.core.safety.barrier_law import ActiveValues, BarrierLaw, EVERYTHING, NOTHING
+from isotruss_ros.core.safety.barrier_law import (
+    ActiveValues,
+    ALL_VALUES,
+    BarrierLaw,
+    NO_ACTIVE_VALUES,
+)
 import numpy as np
 import pytest
 
@@ -31,9 +36,9 @@ class HeightBarrier:
 
     def active(self, config, grip):
         """Return the height of the lowest point, which moves and turns with the object."""
-        value = self.values(config, grip, EVERYTHING)
+        value = self.values(config, grip, ALL_VALUES)
         if value[0] >= self.law.active_below:
-            return NOTHING
+            return NO_ACTIVE_VALUES
         (arm,) = grip.body.turn * grip.body.shape.support_points(np.array([-1j]) / grip.body.turn)
         rows = grip_jacobian(config, grip)
         by_rollers = rows[1] + arm.real * rows[2]
@@ -84,7 +89,7 @@ def test_an_object_comes_to_rest_above_its_height_and_is_told_why(band):
 
 def test_rows_are_derivatives_of_the_height():
     grip, barrier = disc_grip(ROBOT.home, 'north/Z'), HeightBarrier(0.0)
-    barrier = HeightBarrier(barrier.values(ROBOT.home, grip, EVERYTHING)[0] - 0.01)
+    barrier = HeightBarrier(barrier.values(ROBOT.home, grip, ALL_VALUES)[0] - 0.01)
     (row,) = barrier.active(ROBOT.home, grip).roller_rows
     opening = grip_jacobian(ROBOT.home, grip)[3:]
     way = np.linalg.pinv(opening) @ opening
@@ -94,5 +99,5 @@ def test_rows_are_derivatives_of_the_height():
             held.moved_to(ROBOT.home.moved_to(ROBOT.home.roller_positions + sign * move)).grip
             for sign in (step, -step)
         )
-        change = barrier.values(None, after, EVERYTHING) - barrier.values(None, before, EVERYTHING)
+        change = barrier.values(None, after, ALL_VALUES) - barrier.values(None, before, ALL_VALUES)
         assert change / (2.0 * step) == pytest.approx(row @ move, abs=1e-6)

@@ -40,7 +40,7 @@ def random_rows(rng, points, found, held):
 def path(request, monkeypatch):
     """Solve with dense or with sparse factors, whatever the size."""
     limit = 10**6 if request.param == 'dense' else 0
-    monkeypatch.setattr(isotruss_ros.core.statics.frame, 'DENSE_UP_TO', limit)
+    monkeypatch.setattr(isotruss_ros.core.statics.frame, 'MAX_DENSE_COORDINATES', limit)
 
 
 @pytest.mark.usefixtures('path')
