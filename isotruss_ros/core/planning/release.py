@@ -52,8 +52,8 @@ class Release:
 
     path: Array  #: (k, r) roller positions from the present ones [m]; none with a violation
     apart: int  #: the row of `path` from which on nothing touches the object
-    turned: float = 0.0  #: by the model, as the grip opens [rad]
     violation: Violation | None = None  #: what ends the motion; None if nothing does
+    turned: float = 0.0  #: by the model, as the grip opens [rad]
 
 
 @single_threaded
@@ -90,9 +90,11 @@ def plan_release(
         )
     numbers = find_members(config.robot, Grip(tuple(members), body).members).members
     limit = MemberLengthLimit(file.min_length, file.max_length, BOUND_SHARE)
+    held = None if record is None else record.restore(config, body)
+    if held is not None:  # in the model, whose members the path opens
+        body = held.body
     closing = Closing(body, tuple(numbers.tolist()), (limit,), MIN_RIGIDITY)
     try:
-        held = None if record is None else record.restore(config, body)
         path, closing = _unload(config, closing, held)
         turned = math.remainder(closing.body.pose.angle - body.pose.angle, 2.0 * math.pi)
         if abs(turned) > max_turn:
