@@ -17,8 +17,6 @@ SPANS = (0.2, 0.6, 1.5, 3.0)
 #: A sum of so many standard deviations is longer than its noise, and so is a jump of that length
 #: [m] at once.
 SURE, JUMP_LENGTH = 5.0, 0.02
-#: Shorter sums are no slip, however little noise there is [m].
-LEAST_WALK = 0.008
 
 
 class _Sum(NamedTuple):
@@ -91,5 +89,4 @@ class ContactWalk:
             length = math.hypot(*sum_)
             size = math.sqrt(sum_ @ np.linalg.solve(allowed, sum_))
             self.length = max(self.length, length)
-            if length > LEAST_WALK:
-                self.deviations = max(self.deviations, size)
+            self.deviations = max(self.deviations, size)
