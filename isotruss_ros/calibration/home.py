@@ -101,7 +101,7 @@ def _require_determined(robot: Robot, known: Sequence[str], jacobian: Array) -> 
 def _refuse_misfit(
     robot: Robot, postures: Sequence[Posture], found: HomeFit, deviation: float
 ) -> None:
-    """Refuse joints that are off the fit by much more than they are measured to."""
+    """Raise for joints with residuals far beyond the deviation of the measurements."""
     worst = found.worst(deviation)
     if worst is None:
         return

@@ -22,7 +22,7 @@ from isotruss_ros.core import ConvexObject, Ellipse, Pose
 from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.inputs import InputError, StampedInput
 from isotruss_ros.core.paths.path_tracking import RETURN_SETTINGS
-from isotruss_ros.core.planning.describe_plan import NEAR_SHARE
+from isotruss_ros.core.planning.describe_plan import NEAR_SPEED_SHARE
 from isotruss_ros.nodes.conversions.messages import to_pose_message
 from isotruss_ros.nodes.conversions.path_messages import read_duration
 from isotruss_ros.nodes.conversions.plan_messages import read_goal
@@ -555,6 +555,6 @@ def test_a_grip_opens_slowly_until_it_is_apart(monkeypatch):
     times = [read_duration(point.time_from_start) for point in rollers.path.points]
     quick, slow = (
         0.01 / ROBOT.description.max_speed,
-        0.01 / ROBOT.description.max_speed / NEAR_SHARE,
+        0.01 / ROBOT.description.max_speed / NEAR_SPEED_SHARE,
     )
     assert np.diff(times) == pytest.approx([slow] * 3 + [quick] * 2, abs=1e-6)

@@ -20,7 +20,7 @@ from isotruss_ros.core import (
     Pose,
     read_object,
 )
-from isotruss_ros.core.planning.describe_plan import NEAR_SHARE
+from isotruss_ros.core.planning.describe_plan import NEAR_SPEED_SHARE
 from isotruss_ros.core.planning.grasp_plan import Progress
 from isotruss_ros.core.planning.searcher import Answer, Outcome
 from isotruss_ros.nodes import grasp_planner
@@ -221,7 +221,7 @@ def test_the_result_has_the_grasps_and_trajectories_that_can_be_followed():
         speeds = np.abs(np.diff(expected.path, axis=0)).max(axis=1) / np.diff(times)
         assert speeds.max() == pytest.approx(fastest, rel=1e-6)
         near = np.arange(len(speeds)) >= expected.touch - 2
-        wanted = np.where(near, NEAR_SHARE * fastest, fastest)
+        wanted = np.where(near, NEAR_SPEED_SHARE * fastest, fastest)
         long = np.diff(times) > 0.0101
         assert speeds[long] == pytest.approx(wanted[long], rel=1e-6)
         assert seconds(grasp.touch) == times[expected.touch]

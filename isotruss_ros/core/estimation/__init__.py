@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Estimates of roller offsets, squeeze and load, from encoders, poses and markers.
+Estimation of roller offsets, grip, squeeze and load from encoders, poses and markers.
 
 Entry points: `state_estimator.StateEstimator`, `grip_belief.GripBelief`.
-Imports `core.safety` and what is below it, not `core.paths`, planning or the servo.
+Imports `core.safety` and the packages below it, not `core.paths`, planning or the servo.
 """

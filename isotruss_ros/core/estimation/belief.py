@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A mean and a covariance, and what measurements do to them: an iterated Kalman filter."""
+"""Gaussian belief of a state, and its update by an iterated extended Kalman filter."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from typing import NamedTuple
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
-#: A step that changes no state by more than its new deviation times this is the last one ...
-SMALL = 1.0
-#: ... and so is this one.
-MOST_STEPS = 4
+#: Largest last step of an update in posterior standard deviations [-].
+STEP_SIGMAS = 1.0
+#: Iteration cap of an update [-].
+MAX_ITERATIONS = 4
 
 
 class Expectation(NamedTuple):
     """
-    What a measurement is expected to be in a state.
+    Measurement model linearised at a state.
 
-    :ivar values: (m,).
-    :ivar rates: (m, n) derivatives by the state.
+    :ivar values: (m,) predicted measurement.
+    :ivar rates: (m, n) Jacobian by the state.
     """
 
     values: Array
@@ -33,10 +33,10 @@ class Expectation(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class Belief:
     """
-    What is believed of a state.
+    Gaussian belief of a state.
 
-    :ivar mean: (n,).
-    :ivar covariance: (n, n).
+    :ivar mean: (n,) mean.
+    :ivar covariance: (n, n) covariance.
     """
 
     mean: Array
@@ -44,9 +44,9 @@ class Belief:
 
     def spread(self, rates: Array) -> Array:
         """
-        Return the covariance of what depends on the state, (m, m).
+        Return the covariance of linear functions of the state, (m, m).
 
-        :param rates: (m, n) its derivatives.
+        :param rates: (m, n) Jacobian of the functions.
         """
         return rates @ self.covariance @ rates.T
 
@@ -59,19 +59,19 @@ def update_belief(
     considered: int | None = None,
 ) -> Belief:
     """
-    Return what is believed after a measurement: the most probable state, by Gauss-Newton steps.
+    Return the posterior of a measurement: the most probable state by Gauss-Newton steps.
 
-    What is considered keeps its mean and its deviation, and the others are as unsure as it makes
-    them (Schmidt's consider filter).
+    The considered state keeps its mean and variance; its uncertainty is part of that of the other
+    states (Schmidt-Kalman filter).
 
-    :param prior: before.
-    :param measured: (m,).
+    :param prior: belief before the measurement.
+    :param measured: (m,) measurement.
     :param noise: (m, m) covariance of the measurement.
-    :param expect: returns what it would be in a state (n,).
-    :param considered: number of the state that is only considered; None for none.
+    :param expect: measurement model: returns the prediction at a state (n,).
+    :param considered: index of the considered state; None: no state.
     """
     mean = prior.mean
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_ITERATIONS):
         values, rates = expect(mean)
         crossed = prior.covariance @ rates.T
         gain = np.linalg.solve(rates @ crossed + noise, crossed.T).T
@@ -82,6 +82,6 @@ def update_belief(
         left = np.eye(len(mean)) - gain @ rates
         covariance = left @ prior.covariance @ left.T + gain @ noise @ gain.T
         change, mean = np.abs(moved - mean), moved
-        if (change <= SMALL * np.sqrt(np.diag(covariance))).all():
+        if (change <= STEP_SIGMAS * np.sqrt(np.diag(covariance))).all():
             break
     return Belief(mean, 0.5 * (covariance + covariance.T))

@@ -20,8 +20,8 @@ from typing import NamedTuple
 
 from isotruss_ros.core.estimation.contact_walk import ContactWalk
 from isotruss_ros.core.estimation.laid_grip import laid_grip
-from isotruss_ros.core.estimation.pose_noise import PoseNoise, UNKNOWN_NOISE
-from isotruss_ros.core.estimation.state_estimate import EstimatorSettings, UNKNOWN_SHARE
+from isotruss_ros.core.estimation.pose_noise import PoseNoise, PRIOR_DEVIATIONS
+from isotruss_ros.core.estimation.state_estimate import EstimatorSettings, MAX_KNOWN_DEVIATION
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_forces import slip_conditions
 from isotruss_ros.core.holding.contact_statics import TubeModel
@@ -106,7 +106,7 @@ class GripBelief:
         grip: Grip,
         settings: EstimatorSettings,
         zeros: Array | None = None,
-        noise: Array = UNKNOWN_NOISE,
+        noise: Array = PRIOR_DEVIATIONS,
     ) -> None:
         self.settings, self._given, self._friction = settings, grip, grip.friction
         self._even = np.array([1.0, 1.0, grasp.arm])
@@ -154,8 +154,8 @@ class GripBelief:
 
     @property
     def squeeze_is_unknown(self) -> bool:
-        """Return whether the deviation of the squeeze is more than `UNKNOWN_SHARE` of it."""
-        return self.squeeze_deviation > UNKNOWN_SHARE * self.squeeze
+        """Return whether the deviation of the squeeze is more than `MAX_KNOWN_DEVIATION` of it."""
+        return self.squeeze_deviation > MAX_KNOWN_DEVIATION * self.squeeze
 
     @property
     def pose_covariance(self) -> Array:

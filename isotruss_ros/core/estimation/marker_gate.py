@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Which markers of joints fit, and whether those that do not tell of a roller that slips."""
+"""Gate of joint markers, and detection of a slipping roller from inconsistent ones."""
 
 from __future__ import annotations
 
@@ -11,39 +11,40 @@ from isotruss_ros.core.numerics.arrays import Array, Flags
 import numpy as np
 import scipy
 
-#: Markers that are farther off than one in so many is do not fit.
-RARE = 1e-4
+#: Probability of a valid measurement outside the gate [-].
+GATE_PROBABILITY = 1e-4
 
 
-def fits(innovation: Array, covariance: Array) -> bool:
+def passes_gate(innovation: Array, covariance: Array) -> bool:
     """
-    Tell whether a measurement is as near to its expectation as it should be.
+    Return whether the innovation passes the chi-square gate.
 
-    :param innovation: (m,) measured minus expected.
-    :param covariance: (m, m) of that.
+    :param innovation: (m,) measured minus predicted.
+    :param covariance: (m, m) covariance of the innovation.
     """
-    return _size(innovation, covariance) <= scipy.special.chdtri(len(innovation), RARE)
+    return _size(innovation, covariance) <= scipy.special.chdtri(len(innovation), GATE_PROBABILITY)
 
 
 def judge_markers(
     innovation: Array, covariance: Array, by_rollers: Array, reach: Array
 ) -> tuple[Flags, Array]:
     """
-    Choose the markers that fit together, see `RARE`.
+    Return the consistent markers, and the slip of a roller that explains the others.
 
-    Where they do not all fit, either one roller has slipped, by no more than it has turned; or
-    markers lie, and the worst are left out until the others fit: all, where most do not. What
-    explains more holds.
+    If they are not all consistent, either one roller has slipped by at most its travel, or markers
+    are wrong: the worst are rejected until the others are consistent, or all if most are not. The
+    hypothesis that explains more markers is selected.
 
-    :param innovation: (k, 2) measured minus expected joints [m].
-    :param covariance: (2k, 2k) of these.
+    :param innovation: (k, 2) measured minus predicted joints [m].
+    :param covariance: (2k, 2k) covariance of the innovation [m^2].
     :param by_rollers: (2k, r) derivatives of the joints by the rollers.
-    :param reach: (r,) by how much each roller can have slipped at most [m].
-    :return: (k,) which are used, and (r,) by how much rollers have slipped if these fit [m].
+    :param reach: (r,) largest possible slip of each roller [m].
+    :return: (k,) mask of the consistent markers, and (r,) slip of the rollers under which they are
+        [m].
     """
     count, off = len(innovation), innovation.ravel()
     every, kept = np.ones((2, count), dtype=bool)
-    if fits(off, covariance):
+    if passes_gate(off, covariance):
         return every, np.zeros_like(reach)
 
     def size(some: Flags) -> float:
@@ -52,12 +53,12 @@ def judge_markers(
 
     slip = _find_slip(off, covariance, by_rollers, reach)
     left = _size(off - by_rollers @ slip, covariance)
-    explained = left <= scipy.special.chdtri(2 * count, RARE)
-    while kept.any() and size(kept) > scipy.special.chdtri(2 * kept.sum(), RARE):
+    explained = left <= scipy.special.chdtri(2 * count, GATE_PROBABILITY)
+    while kept.any() and size(kept) > scipy.special.chdtri(2 * kept.sum(), GATE_PROBABILITY):
         kept = min(kept & ~np.eye(count, dtype=bool)[kept], key=size)
     if 2 * kept.sum() < count:
         kept[:] = False
-    # A slip that explains all of them is likelier than two markers that lie at once.
+    # A slip that explains all markers is more probable than two simultaneous wrong markers.
     if explained and count - kept.sum() == 1 and kept.any():
         explained = left / (2 * count - 1) < size(kept) / (2 * kept.sum())
     return (every, slip) if explained else (kept, np.zeros_like(reach))
@@ -65,22 +66,22 @@ def judge_markers(
 
 def find_swap(measured: Array, expected: Array, covariance: Array) -> tuple[int, int] | None:
     """
-    Return two markers that fit, with all others, once they are swapped; None if none do.
+    Return two markers whose swap makes all markers consistent; None without such a pair.
 
-    :param measured: (k, 2) joints [m].
-    :param expected: (k, 2) the same [m].
-    :param covariance: (2k, 2k) of the difference [m^2].
+    :param measured: (k, 2) measured joints [m].
+    :param expected: (k, 2) predicted joints [m].
+    :param covariance: (2k, 2k) covariance of the difference [m^2].
     """
     for pair in itertools.combinations(range(len(measured)), 2):
         swapped = measured.copy()
         swapped[list(pair)] = measured[list(reversed(pair))]
-        if fits((swapped - expected).ravel(), covariance):
+        if passes_gate((swapped - expected).ravel(), covariance):
             return pair
     return None
 
 
 def _find_slip(off: Array, covariance: Array, by_rollers: Array, reach: Array) -> Array:
-    """Return the slip of one roller, (r,), that leaves the least of what markers are off [m]."""
+    """Return the slip of one roller, (r,), with the smallest residual of the markers [m]."""
     weighted = np.linalg.solve(covariance, by_rollers)
     size = np.einsum('ij,ij->j', by_rollers, weighted)
     slipped = np.clip((weighted.T @ off) / np.maximum(size, 1e-12), -reach, reach)
@@ -89,5 +90,5 @@ def _find_slip(off: Array, covariance: Array, by_rollers: Array, reach: Array) -
 
 
 def _size(off: Array, covariance: Array) -> float:
-    """Return the square of a deviation in units of its standard deviation."""
+    """Return the squared Mahalanobis distance of a deviation."""
     return float(off @ np.linalg.solve(covariance, off))

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Zeros of the rollers by markers on joints: an iterated Kalman filter."""
+"""Roller offsets from markers on joints, by an iterated Kalman filter."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
 
-#: Slips are drawn anew over each such piece of travel [m].
+#: Correlation length of slip in travel [m].
 SLIP_LENGTH = 0.1
-#: Deviation of zeros that no marker fits any more, such as after the encoders began anew, and the
-#: largest one there is [m].
-UNKNOWN_ZEROS = 0.05
+#: Standard deviation of unknown offsets, as after a restart of the encoders; the largest one [m].
+MAX_OFFSET_DEVIATION = 0.05
 
 
 class OffsetFilter:
     """
-    Gaussian belief of x = (dphi, c, m): offsets, and what is constant of the markers.
+    Gaussian belief of x = (dphi, c, m): roller offsets and constant errors of the markers.
 
     dphi are the offsets of the r rollers [m], c the common shift of all markers (x, y) [m] and
-    their turn about the middle of the joints [rad], m where each is mounted against its joint [m].
+    their rotation about the centre of the joints [rad], m their mounting offsets from the joints
+    [m].
 
-    :ivar belief: of the state.
-    :param robot: with its zeros as far as they are known.
-    :param settings: what else is known of it.
+    :ivar belief: belief of the state.
+    :param robot: the robot with its nominal offsets.
+    :param settings: prior standard deviations.
     """
 
     def __init__(self, robot: Robot, settings: EstimatorSettings) -> None:
@@ -38,7 +38,7 @@ class OffsetFilter:
         places = robot.home.nodes[:joints]
         lever = (places - places.mean(axis=0)) @ [[0.0, 1.0], [-1.0, 0.0]]
         shift = np.tile(np.eye(2), (joints, 1))
-        #: Derivatives of all markers by what is constant of them.
+        #: Jacobian of all markers by their constant errors.
         self._constant = np.column_stack([shift, lever.ravel(), np.eye(2 * joints)])
         sizes = settings.marker_shift, settings.marker_turn, settings.joint_error
         variances = np.repeat([settings.zeros, *sizes], [self._count, 2, 1, 2 * joints]) ** 2
@@ -58,38 +58,38 @@ class OffsetFilter:
         """
         Propagate the covariance by process noise.
 
-        :param elapsed: [s].
-        :param travel: (r,) of the rollers since, not negative [m].
+        :param elapsed: time since the last call [s].
+        :param travel: (r,) absolute roller travel since then [m].
         """
         given = self._settings
         self.inflate(given.slip**2 * SLIP_LENGTH * travel + given.drift**2 * elapsed)
 
     def inflate(self, variances: Array) -> None:
         """
-        Add to the variances of the offsets, up to that of unknown zeros.
+        Add to the variances of the offsets, up to that of unknown offsets.
 
-        :param variances: (r,) [m^2].
+        :param variances: (r,) increments [m^2].
         """
         covariance = self.belief.covariance.copy()
         own = np.arange(self._count)
-        most = np.maximum(UNKNOWN_ZEROS**2 - covariance[own, own], 0.0)
+        most = np.maximum(MAX_OFFSET_DEVIATION**2 - covariance[own, own], 0.0)
         covariance[own, own] += np.minimum(variances, most)
         self.belief = Belief(self.belief.mean, covariance)
 
     def forget(self) -> None:
-        """Take the zeros for unknown."""
-        self.inflate(np.full(self._count, UNKNOWN_ZEROS**2))
+        """Inflate the variance of the offsets to that of unknown ones."""
+        self.inflate(np.full(self._count, MAX_OFFSET_DEVIATION**2))
 
     def expect(
         self, values: Array, rates: Array, rows: Indices, mean: Array | None = None
     ) -> Expectation:
         """
-        Return where markers are expected.
+        Return the marker model linearised at a state.
 
-        :param values: (2j,) where the joints are, x0, y0, x1, y1, ... [m].
-        :param rates: (2j, r) derivatives by the offsets.
-        :param rows: (m,) numbers of the coordinates that are measured.
-        :param mean: (n,) state in which that is; the believed one if None.
+        :param values: (2j,) joint positions x0, y0, x1, y1, ... [m].
+        :param rates: (2j, r) Jacobian by the offsets.
+        :param rows: (m,) indices of the measured coordinates.
+        :param mean: (n,) the state; None: the mean of the belief.
         """
         constant = self._constant[rows]
         mean = self.belief.mean if mean is None else mean
@@ -104,12 +104,12 @@ class OffsetFilter:
         joints: Callable[[Array], tuple[Array, Array]],
     ) -> None:
         """
-        Take markers in.
+        Update the belief with markers.
 
-        :param measured: (m,) coordinates [m].
+        :param measured: (m,) measured coordinates [m].
         :param noise: (m, m) covariance of their noise [m^2].
-        :param rows: (m,) numbers of these coordinates.
-        :param joints: returns values and rates, see `expect`, for offsets (r,).
+        :param rows: (m,) indices of these coordinates.
+        :param joints: function from offsets (r,) to values and rates, see `expect`.
         """
 
         def expect(mean: Array) -> Expectation:

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Joint states that come in parts, such as of several broadcasters, merged by roller."""
+"""Merging of partial joint states, as of several broadcasters, by roller."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ import numpy as np
 
 class RollerParts:
     """
-    The last readings of each roller, from messages that name some of them or all.
+    Last readings of each roller, from complete or partial messages.
 
-    The merged state is that of the roller that was read longest ago: the others are interpolated
-    back to that time, so that all have one age.
+    The time of the merged state is that of the oldest reading; the others are interpolated to it,
+    so that all have one age.
 
-    :param names: of the rollers.
+    :param names: names of the rollers.
     """
 
     def __init__(self, names: Sequence[str]) -> None:
         self._names = names
-        #: Of each roller, position [m] + 1j speed [m/s].
+        #: Position [m] + 1j speed [m/s] of each roller.
         self._readings = [Timeline() for _ in names]
 
     def clear(self) -> None:
@@ -33,12 +33,12 @@ class RollerParts:
 
     def take(self, part: Mapping[int, tuple[float, float]], time: float, now: float) -> None:
         """
-        Take a message in; a reading that a later one of the roller has overtaken does not count.
+        Store a message; readings older than a stored one of the roller are dropped.
 
-        :param part: position [m] and speed [m/s] by number of the roller.
-        :param time: of the readings, not after now [s].
-        :param now: time on the same clock [s]; readings from after it are dropped, since the clock
-            was set back.
+        :param part: position [m] and speed [m/s] by index of the roller.
+        :param time: time of the readings, at most now [s].
+        :param now: time on the same clock [s]; later readings are from before the clock was set
+            back, and dropped.
         """
         for number, (position, speed) in part.items():
             readings = self._readings[number]
@@ -48,7 +48,7 @@ class RollerParts:
                 readings.add(time, complex(position, speed))
 
     def merged(self) -> StampedInput | RejectedInput:
-        """Return the `RollerState` of all rollers; a rejection where some were never read."""
+        """Return the `RollerState` of all rollers; a rejection if some were never read."""
         readings = self._readings
         missing = [n for n, known in zip(self._names, readings, strict=True) if not known]
         if missing:

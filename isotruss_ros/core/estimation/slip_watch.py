@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Which rollers slip: what their estimated zeros do while they turn."""
+"""Detection of slipping rollers from the change of their estimated offsets with travel."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 import scipy
 
-#: So seldom a zero that stays seems to have moved against its roller, in a comparison. There are
-#: some twenty in a second that do not depend on each other: one false alarm in an hour.
-RARE = 1.5e-5
-#: A roller slips where its zero has moved by more than so many standard deviations ...
-SURE = -float(scipy.special.ndtri(RARE))
-#: ... and by more than this share of its travel over one of these times [-], [s], ...
-SPANS = ((0.3, 0.25), (0.01, 4.0))
-#: ... and by more than this at all [m].
-LEAST = 1e-3
+#: Probability of a false alarm in a comparison [-]; with some twenty independent comparisons per
+#: second one false alarm in an hour.
+FALSE_ALARM_PROBABILITY = 1.5e-5
+#: Smallest change of an offset under slip in standard deviations [-].
+SLIP_SIGMAS = -float(scipy.special.ndtri(FALSE_ALARM_PROBABILITY))
+#: Smallest change of an offset as a share of the travel [-] over an interval [s], two of them.
+SLIP_SHARES = ((0.3, 0.25), (0.01, 4.0))
+#: Smallest change of an offset under slip [m].
+MIN_SLIP = 1e-3
 
 
 class SlipWatch:
     """
-    Compares zeros of rollers with those a while ago.
+    Compares offsets of rollers with earlier ones.
 
-    :ivar slipping: (r,) whether each roller seems to slip.
-    :param count: of rollers.
+    :ivar slipping: (r,) mask of the slipping rollers.
+    :param count: number of rollers.
     """
 
     def __init__(self, count: int) -> None:
@@ -36,23 +36,23 @@ class SlipWatch:
 
     def add(self, time: float, travel: Array, zeros: Array, variances: Array) -> None:
         """
-        Take an estimate in.
+        Compare an estimate with earlier ones.
 
-        :param time: [s].
-        :param travel: (r,) readings of the encoders [m].
-        :param zeros: (r,) estimated [m].
-        :param variances: (r,) of these [m^2].
+        :param time: time of the estimate [s].
+        :param travel: (r,) encoder readings [m].
+        :param zeros: (r,) estimated offsets [m].
+        :param variances: (r,) variances of the offsets [m^2].
         """
         kept = self._kept
-        while kept and time - kept[0][0] > SPANS[-1][1]:
+        while kept and time - kept[0][0] > SLIP_SHARES[-1][1]:
             kept.popleft()
         self.slipping = np.zeros(len(zeros), dtype=bool)
-        for share, span in SPANS if kept else ():
+        for share, span in SLIP_SHARES if kept else ():
             before = (each for each in reversed(kept) if time - each[0] >= span)
             _, turned, zeros_then, variances_then = next(before, kept[0])
             moved, way = zeros - zeros_then, travel - turned
-            sure = np.abs(moved) > SURE * np.sqrt(variances + variances_then)
-            much = np.abs(moved) > np.maximum(LEAST, share * np.abs(way))
-            # A tube that slips lags behind its roller.
+            sure = np.abs(moved) > SLIP_SIGMAS * np.sqrt(variances + variances_then)
+            much = np.abs(moved) > np.maximum(MIN_SLIP, share * np.abs(way))
+            # A slipping tube lags behind its roller.
             self.slipping |= sure & much & (moved * way < 0.0)
         kept.append((time, travel, zeros, variances))

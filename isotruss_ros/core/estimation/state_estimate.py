@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What an estimator of the robot's state is told, and what it tells."""
+"""Settings and results of the state estimator."""
 
 from __future__ import annotations
 
@@ -12,27 +12,27 @@ from typing import NamedTuple
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.records import Record
 
-#: A squeeze whose deviation is a larger share of it is not known [-].
-UNKNOWN_SHARE = 0.5
+#: Largest deviation of a known squeeze relative to the squeeze [-].
+MAX_KNOWN_DEVIATION = 0.5
 
 
 @dataclass(frozen=True)
 class EstimatorSettings:
     """
-    What is known of the robot before anything is measured: standard deviations.
+    Prior standard deviations of the state of the robot.
 
-    :ivar zeros: of the rollers' zeros; 1 mm after homing with markers [m].
-    :ivar slip: of the share of its travel that a roller slips, over each 0.1 m anew [-].
-    :ivar drift: of the zeros in a second, also at rest [m].
-    :ivar encoders: of a reading [m].
-    :ivar load: of the wrench on a held object, moments over its arm [N].
-    :ivar load_time: for so long the wrench stays about the same [s].
-    :ivar stiffness: of the stiffness of robot and tubes against the model's [-].
-    :ivar joint_error: of the model of the joints, and of where each marker is mounted [m].
-    :ivar marker_shift: of the common shift of all markers [m].
-    :ivar marker_turn: of their common turn [rad].
-    :ivar pose_error: of the model of the object's pose, turns times its arm [m].
-    :ivar squeeze_error: of the model of the squeeze, as a share of it [-].
+    :ivar zeros: roller offsets; 1 mm after calibration with markers [m].
+    :ivar slip: slip of a roller as a share of its travel, independent for each 0.1 m [-].
+    :ivar drift: drift of the offsets per second, also at rest [m].
+    :ivar encoders: noise of an encoder reading [m].
+    :ivar load: wrench on a held object, moments over its characteristic radius [N].
+    :ivar load_time: correlation time of the wrench [s].
+    :ivar stiffness: factor on the stiffness of robot and tubes [-].
+    :ivar joint_error: model error of the joints, and mounting offset of each marker [m].
+    :ivar marker_shift: common shift of all markers [m].
+    :ivar marker_turn: common rotation of all markers [rad].
+    :ivar pose_error: model error of the object's pose, rotations at its characteristic radius [m].
+    :ivar squeeze_error: relative model error of the squeeze [-].
     """
 
     zeros: float = 0.01
@@ -52,24 +52,23 @@ class EstimatorSettings:
 @dataclass(frozen=True, eq=False, repr=False)
 class StateEstimate(Record, headline=('travel', 'pose', 'squeeze', 'left_out', 'slipping')):
     """
-    Where robot and object are, how hard it squeezes, and how sure that is.
+    Estimate of configuration, object pose and squeeze, with covariances.
 
-    :ivar time: of the encoders that it is for [s].
-    :ivar offsets: (r,) to add to the readings of the encoders for the roller travel [m].
-    :ivar offset_covariance: (r, r) [m^2].
+    :ivar time: time of the encoder readings [s].
+    :ivar offsets: (r,) roller offsets, to be added to the encoder readings [m].
+    :ivar offset_covariance: (r, r) covariance of the offsets [m^2].
     :ivar travel: (r,) corrected roller travel [m].
-    :ivar joints: (j, 2) in `Topology.joint_names` order, displaced by what is held [m].
-    :ivar joint_covariance: (2j, 2j) of (x0, y0, x1, y1, ...) [m^2].
-    :ivar pose: (x, y, angle) of the held object [m, rad]; None where none is held in the model.
-    :ivar pose_covariance: (3, 3) [m^2, m rad, rad^2].
-    :ivar squeeze: mean normal force of the members [N]; no number where no object is held in the
-        model.
-    :ivar squeeze_deviation: its standard deviation, that of the stiffness included [N].
-    :ivar used: names of the joints whose last markers count, sorted.
-    :ivar left_out: of those whose last markers do not fit, sorted.
-    :ivar swapped: names of two joints whose markers seem to be swapped; empty if none are.
-    :ivar slipping: names of the rollers that seem to slip, in `Robot.roller_names` order.
-    :ivar delay: of the poses beyond their stamps [s].
+    :ivar joints: (j, 2) positions in `Topology.joint_names` order, under the contact forces [m].
+    :ivar joint_covariance: (2j, 2j) covariance of (x0, y0, x1, y1, ...) [m^2].
+    :ivar pose: pose (x, y, angle) of the held object [m, rad]; None if not held in the model.
+    :ivar pose_covariance: (3, 3) covariance of the pose [m^2, m rad, rad^2].
+    :ivar squeeze: mean normal force of the members [N]; NaN if no object is held in the model.
+    :ivar squeeze_deviation: its standard deviation, including that of the stiffness [N].
+    :ivar used: names of joints with accepted last markers, sorted.
+    :ivar left_out: names of joints with rejected last markers, sorted.
+    :ivar swapped: names of two joints with apparently swapped markers; empty without.
+    :ivar slipping: names of slipping rollers, in `Robot.roller_names` order.
+    :ivar delay: delay of the poses beyond their stamps [s].
     """
 
     time: float
@@ -91,10 +90,10 @@ class StateEstimate(Record, headline=('travel', 'pose', 'squeeze', 'left_out', '
 
 class EstimatedTravel(NamedTuple):
     """
-    What a control loop takes from an estimate.
+    Roller offsets of an estimate for a control loop.
 
-    :ivar offsets: (r,) to add to the readings of the encoders [m].
-    :ivar covariance: (r, r) of these [m^2].
+    :ivar offsets: (r,) roller offsets, to be added to the encoder readings [m].
+    :ivar covariance: (r, r) covariance of the offsets [m^2].
     """
 
     offsets: Array

@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Where the robot is, and how hard it squeezes: encoders, the object's pose and markers together.
+State estimation of the robot from encoders, the object's pose and joint markers.
 
-Encoders miss what slips, and zeros are as good as the homing. Markers correct the zeros, see
-`OffsetFilter`; poses correct how the object is held, see `GripBelief`, which considers the zeros
-with the covariance that markers leave. A measurement counts at its stamp.
+Encoders do not measure slip, and offsets are as accurate as the calibration of home. Markers
+correct the offsets, see `OffsetFilter`; poses correct the state of the grip, see `GripBelief`,
+which considers the offsets with their covariance. Measurements are processed at their stamps.
 """
 
 from __future__ import annotations
@@ -33,22 +33,23 @@ from isotruss_ros.core.numerics.blas_threads import single_threaded
 import numpy as np
 from numpy.typing import ArrayLike
 
-#: After so many messages of markers of which none fits, the zeros are elsewhere.
-LOST = 5
-#: Measurements count that are no older than this, and ahead of the encoders by no more [s].
+#: Number of successive messages without a consistent marker after which the offsets are unknown
+#: [-].
+MAX_INCONSISTENT_MESSAGES = 5
+#: Largest age of a measurement, and largest lead over the encoders [s].
 OLDEST, AHEAD = 1.0, 0.05
-#: An object is held where its squeeze is by so many deviations above zero.
-SURE = 1.0
+#: Smallest squeeze of a held object in standard deviations [-].
+MIN_SQUEEZE_SIGMAS = 1.0
 
 
 class StateEstimator:
     """
-    Kalman filters over the zeros of the rollers and how an object is held.
+    Kalman filters of the roller offsets and of the grip.
 
-    :ivar settings: what is known of the robot.
-    :ivar belief: how the object is held; None where it is not.
-    :param robot: the robot, with its zeros and stiffness as far as they are known.
-    :param settings: what else is known of it; as for one that was not homed if None.
+    :ivar settings: prior standard deviations.
+    :ivar belief: belief of the grip; None without a held object.
+    :param robot: the robot with its nominal offsets and stiffness.
+    :param settings: prior standard deviations; None: those without calibration.
     """
 
     def __init__(self, robot: Robot, settings: EstimatorSettings | None = None) -> None:
@@ -66,17 +67,17 @@ class StateEstimator:
 
     @property
     def grip(self) -> Grip | None:
-        """Return members and object that are held where the measured pose says so."""
+        """Return the grip of a measured object; None without one."""
         return self._grip
 
     @grip.setter
     def grip(self, grip: Grip | None) -> None:
         """
-        Choose what can be held.
+        Set the grip that may hold an object.
 
-        :param grip: with the object anywhere; None for nothing.
+        :param grip: the grip, with the object at any pose; None: no grip.
         :raises GraspError: the robot has no such members.
-        :raises ConfigurationError: what was held is let go in a singular configuration.
+        :raises ConfigurationError: the release is in a singular configuration.
         """
         if grip is not None:
             find_members(self._robot, grip.members)
@@ -84,9 +85,9 @@ class StateEstimator:
 
     def take_encoders(self, time: float, readings: Array) -> None:
         """
-        Go on to a reading of the encoders; one that is not later than the last does not count.
+        Advance to an encoder reading; readings not later than the last are ignored.
 
-        :param time: of the reading [s].
+        :param time: time of the reading [s].
         :param readings: (r,) roller travel since home [m].
         """
         if self._readings:
@@ -99,7 +100,7 @@ class StateEstimator:
 
     def take_pressures(self, pressures: tuple[float, ...] | None) -> None:
         """
-        Model the tubes with measured pressures from now on, see `steady_pressures`.
+        Use measured pressures in the model from now on, see `steady_pressures`.
 
         :param pressures: (t,) gauge, by tube in the order of the robot file [Pa]; None for those
             of the file.
@@ -109,13 +110,13 @@ class StateEstimator:
     @single_threaded
     def take_pose(self, time: float, pose: Pose, deviations: Array) -> bool:
         """
-        Take in where the object was measured.
+        Update the belief of the grip with a measured pose.
 
-        :param time: of the measurement [s].
-        :param pose: of the object, robot frame.
+        :param time: time of the measurement [s].
+        :param pose: pose of the object, robot frame.
         :param deviations: (3,) standard deviations of x, y [m] and angle [rad], positive.
-        :return: whether it counts: in time, of an object that the robot holds.
-        :raises ConfigurationError: no configuration of the robot fits the encoders.
+        :return: whether it was used: fresh, and of a held object.
+        :raises ConfigurationError: no configuration exists at the encoder readings.
         :raises GraspError: the pose is not three numbers within range, or the deviations are not
             positive ones.
         """
@@ -138,13 +139,13 @@ class StateEstimator:
         self, time: float, joints: Mapping[str, tuple[float, float]], deviation: float
     ) -> bool:
         """
-        Take in where joints were measured; those that do not fit are left out.
+        Update the offsets with measured joints; inconsistent markers are rejected.
 
-        :param time: of the measurement [s].
+        :param time: time of the measurement [s].
         :param joints: (x, y) by the name of the joint, robot frame [m].
         :param deviation: standard deviation of a coordinate, positive [m].
-        :return: whether some of them count.
-        :raises ConfigurationError: no configuration of the robot fits the encoders.
+        :return: whether some markers were used.
+        :raises ConfigurationError: no configuration exists at the encoder readings.
         :raises GraspError: the robot has no such joint, or the deviation is not a positive number
             within range.
         """
@@ -192,9 +193,9 @@ class StateEstimator:
     @single_threaded
     def estimate(self) -> StateEstimate | None:
         """
-        Return what is estimated at the last reading of the encoders; None before the first.
+        Return the estimate at the last encoder reading; None before the first.
 
-        :raises ConfigurationError: no configuration of the robot fits the encoders.
+        :raises ConfigurationError: no configuration exists at the encoder readings.
         """
         if not self._readings:
             return None
@@ -231,7 +232,7 @@ class StateEstimator:
     def _name(
         self, names: Array, used: Array, measured: Array, expected: Array, covariance: Array
     ) -> None:
-        """Take note of which markers count, and which are swapped; forget zeros that none fits."""
+        """Store the used and the swapped markers; reset offsets without consistent ones."""
         self._used = tuple(sorted(names[used].tolist()))
         self._left_out = tuple(sorted(names[~used].tolist()))
         swapped = None
@@ -239,12 +240,14 @@ class StateEstimator:
             swapped = find_swap(measured.reshape(-1, 2), expected.reshape(-1, 2), covariance)
         self._swapped = () if swapped is None else tuple(sorted(names[list(swapped)].tolist()))
         self._strange = 0 if self._used or self._swapped else self._strange + 1
-        if self._strange >= LOST:  # such as after the encoders began anew
+        if (
+            self._strange >= MAX_INCONSISTENT_MESSAGES
+        ):  # for example after a restart of the encoders
             self._zeros.forget()
             self._strange = 0
 
     def _roll(self) -> None:
-        """Roll what is held to the last reading; release what no equilibrium holds there."""
+        """Roll the held object to the last reading; release it without an equilibrium."""
         (time, readings), belief = self._readings.last, self.belief
         travel, elapsed = readings + self._zeros.offsets, time - self._rolled
         self._rolled = time
@@ -260,7 +263,7 @@ class StateEstimator:
             self.belief = None
 
     def _attach(self, pose: Pose, deviations: Array) -> GripBelief | None:
-        """Return the belief of an object that surely is held where it was measured, or None."""
+        """Return the belief of an object certainly held at the measured pose, or None."""
         zeros = self._zeros
         self._config = self._config.moved_to(self._readings.last[1] + zeros.offsets)
         grip = self._grip.moved_to(pose)
@@ -271,33 +274,33 @@ class StateEstimator:
             belief = GripBelief(found, grip, self.settings, zeros.covariance, deviations)
         except (ConfigurationError, GraspError, StructureError):
             return None
-        return belief if belief.squeeze > SURE * belief.squeeze_deviation else None
+        return belief if belief.squeeze > MIN_SQUEEZE_SIGMAS * belief.squeeze_deviation else None
 
     def _place_joints(self, readings: Array, offsets: Array) -> tuple[Array, Array]:
-        """Return where joints are (2j,) [m], and the derivatives (2j, r) by the offsets."""
+        """Return the joint positions (2j,) [m] and their Jacobian (2j, r) by the offsets."""
         count, belief = 2 * len(self._robot.topology.joint_names), self.belief
         config = self._config = self._config.moved_to(readings + offsets)
         places, rates = config.nodes.ravel()[:count], config.node_jacobian[:count]
         if belief is None:
             return places, rates
-        # What the contact forces displace, and the zeros change of that.
+        # Displacement by the contact forces, and its derivative by the offsets.
         held, own = belief.grasp.config, belief.joint_rates()
         beyond = own - held.node_jacobian[:count]
         displaced = held_joints(belief.grasp).ravel() - held.nodes.ravel()[:count]
         return places + displaced + beyond @ (offsets - self._zeros.offsets), rates + beyond
 
     def _encoder_noise(self, rates: Array) -> Array:
-        """Return what noise of the encoders does to joints of some rates (m, r), (m, m)."""
+        """Return the covariance (m, m) of joints with Jacobian (m, r) by encoder noise."""
         return self.settings.encoders**2 * rates @ rates.T
 
     def _in_time(self, time: float) -> bool:
-        """Return whether the readings of the encoders at a time are known."""
+        """Return whether encoder readings at a time are known."""
         known = self._readings
         return bool(known) and known.first[0] <= time <= known.last[0] + AHEAD
 
 
 def _positive(deviations: ArrayLike, count: int, what: str) -> Array:
-    """Return standard deviations (count,) as numbers whose squares are numbers as well."""
+    """Return standard deviations (count,) as numbers with finite positive squares."""
     checked = finite_array(deviations, count, what, GraspError, MAX_DISTANCE)
     if checked.min() <= 0.0:
         raise GraspError(f'{what}: {checked.tolist()}: must be positive')

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from isotruss_ros.core.model.topology import Topology
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.numerics.factorization import Factor, factorize
+from isotruss_ros.core.numerics.tolerances import EPSILON
 import numpy as np
 from scipy.sparse import coo_matrix, csc_matrix
 
@@ -27,10 +28,6 @@ MAX_NEWTON_ITERATIONS = 12
 MAX_REUSE_CONTRACTION = 0.1
 #: Predicted residual, relative to the tolerance, below which no residual is evaluated [-].
 RESIDUAL_CHECK_SHARE = 0.01
-#: Largest corrector relative to the predictor [-]; a longer one may leave the branch.
-MAX_CORRECTION = 0.5
-#: Rounding error of a residual relative to the coordinates [-].
-RESIDUAL_ROUNDING = 64 * float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True)
@@ -214,7 +211,8 @@ def follow_branch(
     :param tolerance: bound of the residual, [m] and [rad]; rounding is 1e-15, hardware 1e-4.
     :return: (n,) nodes; None if the step is too long or no configuration exists.
     """
-    tolerance = max(tolerance, RESIDUAL_ROUNDING * float(np.abs(points).max()))
+    # Rounding error of a residual relative to the coordinates.
+    tolerance = max(tolerance, 64.0 * EPSILON * float(np.abs(points).max()))
     residual = constraints.residual(points, targets)
     error = np.abs(residual).max()
     start, predictor = points, None
@@ -234,7 +232,8 @@ def follow_branch(
         if predictor is None:
             predictor = moved
         else:
-            reach = MAX_CORRECTION * np.abs(predictor - start).max()
+            # A longer corrector may leave the branch.
+            reach = 0.5 * np.abs(predictor - start).max()
             if np.abs(moved - predictor).max() > reach + tolerance:
                 return None
         if fresh and error > previous:

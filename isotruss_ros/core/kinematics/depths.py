@@ -8,10 +8,9 @@ from __future__ import annotations
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject, segment_gaps
 from isotruss_ros.core.numerics.arrays import Array, Points
+from isotruss_ros.core.numerics.tolerances import ROUNDING
 import numpy as np
 
-#: Largest remaining overlap [m].
-OVERLAP_TOLERANCE = 1e-9
 #: Iteration cap [-]; a closing wedge needs many small pushes.
 MAX_PUSHES = 200
 
@@ -59,7 +58,7 @@ def push_out(config: Configuration, body: ConvexObject) -> ConvexObject:
         near = segment_gaps(body, begin, end)
         deepest = int(np.argmin(near.gaps))
         depth = reach - float(near.gaps[deepest])
-        if depth <= OVERLAP_TOLERANCE:
+        if depth <= ROUNDING:
             break
         away = -depth * complex(near.normals[deepest])
         x, y, angle = body.pose

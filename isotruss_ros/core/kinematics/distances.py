@@ -30,10 +30,8 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.model.convex_object import ConvexObject, segment_gaps
 from isotruss_ros.core.numerics.arrays import Array, as_xy, Indices, Points
+from isotruss_ros.core.numerics.tolerances import COINCIDENCE
 import numpy as np
-
-#: Distance below which points coincide [m]; keeps directions between them finite.
-COINCIDENCE_DISTANCE = 1e-12
 
 
 def nearest_on_segment(point: Points, start: Points, end: Points) -> tuple[Array, Points, Array]:
@@ -47,13 +45,13 @@ def nearest_on_segment(point: Points, start: Points, end: Points) -> tuple[Array
         the point on it; positions of the nearest points along the segments (k,), 0 to 1.
     """
     arm, along = point - start, end - start
-    squares = np.maximum(along.real**2 + along.imag**2, COINCIDENCE_DISTANCE**2)
+    squares = np.maximum(along.real**2 + along.imag**2, COINCIDENCE**2)
     shares = np.clip((along.conj() * arm).real / squares, 0.0, 1.0)
     away = arm - shares * along
     distances = np.abs(away)
     normals = np.where(
-        distances > COINCIDENCE_DISTANCE,
-        away / np.maximum(distances, COINCIDENCE_DISTANCE),
+        distances > COINCIDENCE,
+        away / np.maximum(distances, COINCIDENCE),
         1j * along / np.sqrt(squares),
     )
     return distances, normals, shares

@@ -30,8 +30,6 @@ import numpy as np
 BLOCK_SIZE = 4
 #: Inverse iterations on M^T M [-]; the decomposition of the block counts as half of one.
 ITERATIONS = 3
-#: Inverse iterations at home [-], once for each robot, from random vectors.
-ITERATIONS_AT_HOME = 60
 
 
 class Modes(NamedTuple):
@@ -60,7 +58,8 @@ class RigidityIndex:
         size = robot.constraints.n_columns
         noise = np.random.default_rng(0).standard_normal((size, min(BLOCK_SIZE, size)))
         self._at_home = 1.0
-        home = self._modes(robot.home, noise, ITERATIONS_AT_HOME)
+        # Iterations from random vectors, once for each robot.
+        home = self._modes(robot.home, noise, 60)
         self._at_home = float(home.values[0])
         rod = robot.description.module.rod_length
         self.weights = np.repeat([1.0, rod], [8 * m, 5 * m]) / self._at_home

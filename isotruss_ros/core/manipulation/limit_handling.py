@@ -27,10 +27,9 @@ from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.manipulation.task import Task
 from isotruss_ros.core.manipulation.twist_qp import maximize_progress, PENALTIES, project_target
 from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.numerics.tolerances import ROUNDING
 import numpy as np
 
-#: Rounding tolerance of the scale against 1, and of progress relative to roller speed [-].
-SCALE_TOLERANCE = 1e-9
 #: Ratio to the scale of the problem beyond which bounds and twists are infinite [-].
 MAX_REACH = 1e9
 #: Largest ratio of admissible progress to that of the least-cost solution at full speed [-].
@@ -42,7 +41,7 @@ MIN_REGULARIZATION = 1e-6
 #: Number of rollers above which the active-row method is faster (benchmarks/scaling.py).
 MAX_ROLLERS_WITH_ALL_ROWS = 60
 #: Initial number of rows, and smallest number of rows added at a time [-].
-FIRST, ADDED = 16, 16
+ROW_BATCH = 16
 #: Tolerance of the bounds in the scaled program [-].
 ROW_TOLERANCE = 1e-10
 
@@ -127,11 +126,11 @@ def apply_limits(
         solution, made = _solve(task, closest, bounds, guess)
         slack = bounds.slack(solution)
     scale = min(1.0, max(0.0, made * unit / gain / task.speed))
-    if made < SCALE_TOLERANCE:
+    if made < ROUNDING:
         # Speeds without progress are rounding errors.
         solution, scale = np.zeros_like(solution), 0.0
     velocities = working.spread(solution * unit)
-    if scale > 1.0 - SCALE_TOLERANCE:
+    if scale > 1.0 - ROUNDING:
         return velocities, 1.0, task.status, ()
     # A row binds if a step toward the free solution would violate it.
     binding = (slack < BINDING_TOLERANCE) & (rows.slack(task.velocities) < 0.0)
@@ -175,7 +174,7 @@ def solve_by_few_rows(
     :raises SolverError: a program was not solved.
     """
     task = equality.dot(even)
-    chosen = np.sort(_largest(-rows.slack(guess), FIRST))
+    chosen = np.sort(_largest(-rows.slack(guess), ROW_BATCH))
     while True:
         some = rows.take(chosen)
         matrix = some.matrix.dot(even)
@@ -188,7 +187,7 @@ def solve_by_few_rows(
         violated = int((excess > ROW_TOLERANCE).sum())
         if not violated:
             return speeds, progress
-        added = _largest(excess, min(violated, max(ADDED, len(chosen))))
+        added = _largest(excess, min(violated, max(ROW_BATCH, len(chosen))))
         chosen = np.sort(np.concatenate([chosen, added]))
 
 

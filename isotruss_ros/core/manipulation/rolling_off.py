@@ -20,12 +20,11 @@ import math
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import find_contacts, Grip, GripContact
 from isotruss_ros.core.manipulation.grip_rows import contact_rows, member_rows, rows_of_two
-from isotruss_ros.core.manipulation.task import find_task, Reach, REACH_TOLERANCE
+from isotruss_ros.core.manipulation.task import find_task, Reach
 from isotruss_ros.core.numerics.arrays import Array, as_xy
+from isotruss_ros.core.numerics.tolerances import ROUNDING
 import numpy as np
 
-#: A face's other end may come closer to the member by this share of the surface's speed.
-LIFT_TOLERANCE = 1e-9
 #: Rolling over a corner comes closer to the twist by at least this share of what is missed.
 LEAST_GAIN = 1e-6
 
@@ -43,7 +42,7 @@ def roll_off_faces(config: Configuration, grip: Grip, reach: Reach, twist: Array
     contacts = find_contacts(config, grip)
     choices = list(rolled_corners(contacts, grip.friction))
     least, working = _missed(reach, twist) if choices else 0.0, reach.working
-    if least <= REACH_TOLERANCE:
+    if least <= ROUNDING:
         return reach
     (hand, rigid), members = contact_rows(config, grip), member_rows(config, grip.members)
     inward = as_xy(-np.array([contact.normal for contact in contacts]))
@@ -55,7 +54,7 @@ def roll_off_faces(config: Configuration, grip: Grip, reach: Reach, twist: Array
         speeds = working.spread(task.free)
         moved = rigid @ (found.motion @ speeds) - hand @ speeds
         lifting = (moved.reshape(-1, 2) * inward).sum(axis=1)
-        if lifting.min() >= -LIFT_TOLERANCE * np.abs(speeds).max():
+        if lifting.min() >= -ROUNDING * np.abs(speeds).max():
             reach, least = found, missed
     return reach
 

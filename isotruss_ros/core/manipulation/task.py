@@ -20,6 +20,7 @@ from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.model.topology import check_roller_names
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices
+from isotruss_ros.core.numerics.tolerances import ROUNDING, SMALLEST_NORMAL
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import lapack
@@ -35,9 +36,6 @@ IDENTITY.flags.writeable = False
 MAX_TWIST_SPEED = 1e290
 #: Tolerance of symmetry and positive definiteness of a cost relative to its largest entry [-].
 COST_TOLERANCE = 1e-12
-SMALLEST_COST = float(np.finfo(float).tiny)
-#: Largest residual of a reachable twist relative to the twist [-].
-REACH_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +69,7 @@ class WorkingRollers:
         matrix = np.array([finite_array(row, self.count, words, GraspError) for row in given])
         if len(matrix) != self.count:
             raise GraspError(f'the cost: {len(matrix)} rows; must be {self.count}')
-        size = max(float(np.abs(matrix).max()), SMALLEST_COST)
+        size = max(float(np.abs(matrix).max()), SMALLEST_NORMAL)
         matrix = matrix / size
         least = float(np.linalg.eigvalsh(matrix)[0])
         if np.abs(matrix - matrix.T).max() > COST_TOLERANCE or least < COST_TOLERANCE:
@@ -222,7 +220,7 @@ def find_task(reach: Reach, twist: Array, opening_rate: float = 0.0) -> Task:
         closest = reach.directions.dot(unit)
         direction[: len(closest)] = closest
         missed = closest.dot(reach.directions) - unit
-        smallest = REACH_TOLERANCE * math.sqrt(unit.dot(unit))
+        smallest = ROUNDING * math.sqrt(unit.dot(unit))
         if math.sqrt(missed.dot(missed)) > smallest:
             status = Status.UNREACHABLE
     if opening:

@@ -15,14 +15,13 @@ from isotruss_ros.core.model.pose import MAX_DISTANCE, MAX_MASS, Pose
 from isotruss_ros.core.model.shapes import Disc, Shape, SurfacePoints
 from isotruss_ros.core.model.units import likely_unit
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Points
+from isotruss_ros.core.numerics.tolerances import COINCIDENCE
 import numpy as np
 from numpy.typing import ArrayLike
 
 ORIGIN = Pose(0.0, 0.0, 0.0)
 #: Assumed coefficient of friction between a tube and an object without a value of its own [-].
 DEFAULT_FRICTION = 0.5
-#: Segments shorter than this are points [m].
-TINY = 1e-12
 
 
 @dataclass(frozen=True)
@@ -197,14 +196,14 @@ def segment_gaps(body: ConvexObject, starts: Points, ends: Points) -> SegmentGap
     """
     spans = ends - starts
     lengths = np.abs(spans)
-    some = lengths > TINY
+    some = lengths > COINCIDENCE
     axes = np.where(some, spans, 1.0) / np.where(some, lengths, 1.0)
     away = axes.conj() * (body.middle - starts)
     normals = -1j * np.where(away.imag < 0.0, -axes, axes)
     turn = body.turn
     points = body.center + turn * body.shape.support_points(normals * turn.conjugate())
     gaps = ((starts - points) * normals.conj()).real
-    shares = (axes.conj() * (points - starts)).real / np.maximum(lengths, TINY)
+    shares = (axes.conj() * (points - starts)).real / np.maximum(lengths, COINCIDENCE)
     beside = np.flatnonzero((shares < 0.0) | (shares > 1.0) | ~some)
     if len(beside):
         first = shares[beside] < 0.0

@@ -14,15 +14,12 @@ from isotruss_ros.core.model.pose import MAX_SIZE, MIN_DIAMETER
 from isotruss_ros.core.model.shapes import normalize, Shape, SurfacePoints
 from isotruss_ros.core.model.units import likely_unit
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices, Points
+from isotruss_ros.core.numerics.tolerances import MAX_NEWTON_ITERATIONS, ROUNDING
 import numpy as np
 import scipy
 
 #: Largest ratio of the semi-axes [-]; a thinner ellipse is a sheet.
 MAX_ASPECT_RATIO = 1e3
-#: Newton iterations for the foot of a point; convergence is quadratic near the root.
-MAX_NEWTON_ITERATIONS = 30
-#: Relative size of the last Newton step [-]; the remaining error is about its square.
-STEP_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -145,7 +142,7 @@ def _foot(u: Array, v: Array, flat: float) -> tuple[Array, Array]:
         # Both terms may vanish deep inside, where no step is needed.
         step = np.where(deep, 0.0, (along + across - 1.0) / np.where(deep, 1.0, slope))
         s = s + step
-        if (np.abs(step) <= STEP_TOLERANCE * s).all():
+        if (np.abs(step) <= ROUNDING * s).all():
             break
     x = np.where(deep, u / max(rest, tiny), u / (s + rest))
     y = np.where(deep, flat * np.sqrt(np.maximum(0.0, 1.0 - x**2)), square * v / s)

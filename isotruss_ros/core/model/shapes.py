@@ -289,7 +289,7 @@ class Disc(Shape):
         return radius * normals, np.full(len(normals), radius)
 
     def nearest(self, points: Points) -> SurfacePoints:
-        """Return what is nearest on the surface; see `Shape.nearest`."""
+        """Return the nearest points of the surface; see `Shape.nearest`."""
         radius, away = 0.5 * self.diameter, np.abs(points)
         return SurfacePoints(away - radius, normalize(points), np.full(len(points), radius))
 

@@ -18,17 +18,18 @@ from functools import cached_property
 from isotruss_ros.core.model.outline_checks import polygon_moments
 from isotruss_ros.core.model.shapes import Shape, SurfacePoints
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+from isotruss_ros.core.numerics.tolerances import MAX_NEWTON_ITERATIONS
 import numpy as np
 import scipy
 
-#: Corners through which a conic is laid.
+#: Number of corners that determine a conic [-].
 CONIC_POINTS = 5
-#: Degree of the polynomials between two corners.
+#: Degree of the polynomials between two corners [-].
 DEGREE = 5
-#: Samples of the curve from corner to corner, to bound it and to begin searches with.
+#: Samples of the curve between two corners, for bounds and initial guesses [-].
 SAMPLES = 4
-#: Newton steps to the foot of a point, and the last of them [rad].
-MAX_STEPS, LAST_STEP = 30, 1e-12
+#: Largest last Newton step to the foot of a point [rad].
+STEP_TOLERANCE = 1e-12
 
 
 @dataclass(frozen=True)
@@ -147,7 +148,7 @@ class SmoothOutline(Shape):
 
     def radius_rates(self, normals: Points) -> Array:
         """
-        Return how the radii of curvature change as the normals turn, (k,) [m/rad].
+        Return the derivatives of the radii of curvature by the angle of the normal, (k,) [m/rad].
 
         :param normals: (k,) outward unit normals, x + iy.
         """
@@ -161,18 +162,18 @@ class SmoothOutline(Shape):
         return np.asarray(found[0] + found[2] + self.perimeter * turns)
 
     def nearest(self, points: Points) -> SurfacePoints:
-        """Return what is nearest on the surface; see `Shape.nearest`."""
+        """Return the nearest points of the surface; see `Shape.nearest`."""
         away, sampled = points - self.centroid, self._sampled
         heights = (away[:, None] * np.exp(-1j * sampled)).real
         angles = sampled[(heights - self._around(sampled)[1]).argmax(axis=1)]
         widest = 0.5 * np.diff(self._angles).max()
-        for _ in range(MAX_STEPS):
+        for _ in range(MAX_NEWTON_ITERATIONS):
             # The distance from the tangent at the foot is the largest of all.
             local, found = away * np.exp(-1j * angles), self._around(angles)
-            bend = np.maximum(local.real + found[3], LAST_STEP)
+            bend = np.maximum(local.real + found[3], STEP_TOLERANCE)
             step = np.clip((local.imag - found[2]) / bend, -widest, widest)
             angles = angles + step
-            if (np.abs(step) <= LAST_STEP).all():
+            if (np.abs(step) <= STEP_TOLERANCE).all():
                 break
         normals = np.exp(1j * angles)
         found = self._around(angles)

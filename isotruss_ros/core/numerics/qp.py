@@ -25,6 +25,7 @@ from typing import NamedTuple
 
 from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices
+from isotruss_ros.core.numerics.tolerances import EPSILON, SMALLEST_NORMAL
 import numpy as np
 import scipy
 from scipy.linalg import cholesky, lapack, solve_triangular
@@ -35,14 +36,12 @@ TOLERANCE, LOOSE_TOLERANCE = 1e-9, 1e-8
 #: Perturbations of the bounds, relative to the size of the solution [-], tried in turn at
 #: degenerate vertices, where rounding disturbs the search.
 BOUND_PERTURBATIONS = (0.0, 1e-12, 1e-11, 1e-10, 1e-9)
-SMALLEST = float(np.finfo(float).tiny)
 #: Columns shorter than this share of the longest are zero; also the rank tolerance [-].
 RANK_TOLERANCE = 1e-12
 #: Iteration cap of the active-set search [-]; it takes a few.
 MAX_EXCHANGES = 1000
 #: Duality gap of |y|^2 relative to the squared size [-].
 DUALITY_GAP = 1e-8
-EPSILON = float(np.finfo(float).eps)
 GOLDEN_RATIO = 0.6180339887498949
 #: Tolerance of gaps and complementarity [m]; of forces, divided by the smallest compliance.
 GAP_TOLERANCE = 1e-9
@@ -84,14 +83,14 @@ def solve_qp(problem: QuadraticProgram) -> Array | None:
     """
     rows, bounds = _inequalities(problem)
     free, start = _free_space(problem)
-    largest = np.abs(rows).max(initial=SMALLEST)
+    largest = np.abs(rows).max(initial=SMALLEST_NORMAL)
     if not free.shape[1]:  # LAPACK takes no empty factor
         excess = (rows @ start - bounds).max(initial=0.0)
         return start if excess <= LOOSE_TOLERANCE * largest * (1.0 + np.abs(start).max()) else None
     whole = problem.equality is None
     curvature = problem.hessian if whole else free.T @ problem.hessian @ free
     # Scaled variables: P has penalties up to 1e8 beside costs of 1.
-    scale = 1.0 / np.sqrt(np.maximum(curvature.diagonal(), SMALLEST))
+    scale = 1.0 / np.sqrt(np.maximum(curvature.diagonal(), SMALLEST_NORMAL))
     factor, failed = lapack.dpotrf(scale[:, None] * curvature * scale, lower=1)
     if failed:
         return None

@@ -18,6 +18,7 @@ import math
 from isotruss_ros.core.errors import NoMotionError, PathError
 from isotruss_ros.core.model.pose import MAX_DISTANCE
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.tolerances import ROUNDING
 import numpy as np
 from numpy.typing import ArrayLike
 import scipy
@@ -26,10 +27,6 @@ import scipy
 MAX_POSES = 10_000
 MAX_DURATION = 86_400.0
 MAX_SPEED, MAX_TURN_RATE = 10.0, 100.0
-#: Smallest difference of a rotation from a half turn, which has no shorter direction [rad].
-HALF_TURN_MARGIN = 1e-6
-#: Smallest distance of distinct poses [m, rad].
-POSE_TOLERANCE = 1e-9
 #: Approximate length [m] and rotation [rad] of a segment of a smooth path.
 PIECE, PIECE_TURN = 0.005, 0.02
 MAX_PIECES_OF_A_SPAN = 200
@@ -137,7 +134,8 @@ def _unwrapped(poses: Array, first: int) -> Array:
     """Return the poses with unwrapped angles."""
     turns = np.diff(poses[:, 2])
     turns = turns - 2.0 * math.pi * np.round(turns / (2.0 * math.pi))
-    far = np.flatnonzero(np.abs(turns) > math.pi - HALF_TURN_MARGIN)
+    # A half turn has no shorter direction.
+    far = np.flatnonzero(np.abs(turns) > math.pi - 1e-6)
     if len(far):
         raise PathError(
             f'pose {far[0] + 1 + first} of the path is half a turn from the one before, '
@@ -150,7 +148,7 @@ def _unwrapped(poses: Array, first: int) -> Array:
 
 def _distinct(poses: Array) -> Array:
     """Return the poses without repetitions."""
-    cells = np.round(poses / POSE_TOLERANCE)
+    cells = np.round(poses / ROUNDING)
     differs = (np.diff(cells, axis=0) != 0.0).any(axis=1)
     if not differs.any():
         raise NoMotionError(

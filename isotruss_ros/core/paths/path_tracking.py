@@ -22,6 +22,7 @@ from typing import NamedTuple
 from isotruss_ros.core.errors import PathError
 from isotruss_ros.core.model.pose import MAX_DISTANCE, Pose, pose_difference
 from isotruss_ros.core.numerics.arrays import Array, finite_array
+from isotruss_ros.core.numerics.tolerances import COINCIDENCE
 from isotruss_ros.core.paths.object_path import ObjectPath
 from isotruss_ros.core.paths.path_timing import PathClock
 import numpy as np
@@ -34,12 +35,8 @@ MAX_GAIN_DELAY_PRODUCT = 0.75
 PEAK_DEVIATION_FACTOR = 2.5
 #: Shares of the tolerances between which path time slows from full rate to standstill [-].
 FREE, STANDING = 0.5, 0.9
-#: Largest error at the end of the path, as a share of the tolerances [-].
-END_ERROR_SHARE = 0.5
 #: Bound of the feedback as a share of the path's speed and turn rate [-].
 MAX_FEEDBACK_SHARE = 0.5
-#: Smallest divisor [m, rad].
-MIN_DIVISOR = 1e-12
 
 
 class PathPhase(enum.Enum):
@@ -187,7 +184,7 @@ class PathTracker:
         twist = np.zeros(3)
         if phase not in FINISHED and phase is not PathPhase.HELD:
             # Mean over the step: exact also across corners and at the end.
-            ahead = (self.path.pose(self.clock.time) - here) / max(step, MIN_DIVISOR)
+            ahead = (self.path.pose(self.clock.time) - here) / max(step, COINCIDENCE)
             twist = ahead + self._feedback(error, age)
         return Tracking(
             phase,
@@ -212,8 +209,8 @@ class PathTracker:
         twist = error * min(settings.position_gain, most)
         twist[2] = error[2] * min(settings.angle_gain, most)
         speed, turn = math.hypot(twist[0], twist[1]), abs(float(twist[2]))
-        twist[:2] *= min(1.0, MAX_FEEDBACK_SHARE * path.speed / max(speed, MIN_DIVISOR))
-        twist[2] *= min(1.0, MAX_FEEDBACK_SHARE * path.turn_rate / max(turn, MIN_DIVISOR))
+        twist[:2] *= min(1.0, MAX_FEEDBACK_SHARE * path.speed / max(speed, COINCIDENCE))
+        twist[2] *= min(1.0, MAX_FEEDBACK_SHARE * path.turn_rate / max(turn, COINCIDENCE))
         return twist
 
     def _phase(self, share: float, over: bool, pace: float, held: bool) -> PathPhase:
@@ -226,7 +223,8 @@ class PathTracker:
         """
         if share > 1.0:
             return PathPhase.OFF_PATH
-        if over and not held and share <= END_ERROR_SHARE:
+        # At the end of the path half of the tolerances applies.
+        if over and not held and share <= 0.5:
             return PathPhase.REACHED
         if self.clock.waited > self.settings.progress_timeout:
             return PathPhase.OFF_PATH if over and not held else PathPhase.STUCK

@@ -17,12 +17,11 @@ from isotruss_ros.core.errors import ConfigurationError, IsotrussError
 from isotruss_ros.core.inputs import Input, require_fresh, RollerState
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.numerics.arrays import Array, finite_array
+from isotruss_ros.core.paths.object_path import MAX_DURATION
 from isotruss_ros.core.paths.trajectory_tolerances import TrajectoryTolerances
 import numpy as np
 from numpy.typing import ArrayLike
 
-#: Largest duration of a valid trajectory [s].
-MAX_DURATION = 86_400.0
 #: Decay rate of errors of the roller positions [1/s].
 POSITION_GAIN = 5.0
 #: Largest distance of the rollers from the first waypoint [m].

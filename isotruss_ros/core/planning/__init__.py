@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The search for grasps, for the motion that closes them, and for the release.
+Planning: search for grasps, closing motions, feasibility of paths, and release.
 
 Entry points: `plan_grasps.plan_grasps`, `foresee_path`, `reach_pose`, `release`.
-Imports `core.safety` and what is below it, not the servo, paths or estimation.
+Imports `core.safety` and the packages below it, not the servo, paths or estimation.
 """

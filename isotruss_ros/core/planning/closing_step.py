@@ -7,10 +7,10 @@ One step of closing the grasping members on an object: a quadratic program (QP).
     minimize    1/2 |g + (dg/dphi) u - target|^2 + 1/2 a^2 |turn - facing|^2 + 1/2 w |u - n|^2
     subject to  limits, gaps of all that must not touch, rigidity, clearance,  |u| <= longest step
 
-u is the roller travel of the step, n that to the nominal posture, a `TURNING_ARM` and w
-`MOTION_WEIGHT`. Steps are a path: the configuration at the end of each is evaluated, and the step
-is halved where a requirement is violated there. Lengths are shares of the mean length of members
-at home or of the tube's diameter, so that they fit robots of any size.
+u is the roller travel of the step, n that to the nominal posture, a is `TURNING_ARM` and w
+`MOTION_WEIGHT`. Steps form a path: the configuration at the end of each is evaluated, and the step
+is halved if it violates a requirement. Lengths are relative to the mean member length at home or
+to the tube's diameter, for robots of any size.
 """
 
 from __future__ import annotations
@@ -22,40 +22,40 @@ from isotruss_ros.core.kinematics.rigidity import Modes, rigidity_index
 from isotruss_ros.core.manipulation.grip_rows import member_rows
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
+from isotruss_ros.core.numerics.tolerances import COINCIDENCE, ROUNDING
 from isotruss_ros.core.planning.closing import BOUND_SHARE, Closing, evaluate_state, SearchState
 from isotruss_ros.core.planning.violations import RequirementError
 import numpy as np
 
-#: In the longest step: travel of a roller, and change of a gap, in mean lengths of members; ...
+#: Largest roller travel and gap change of a step, in mean member lengths [-].
 MAX_STEP, MAX_GAP_STEP = 0.035, 0.027
-#: ... and turn of a member [rad].
+#: Largest rotation of a member in a step [rad].
 MAX_TURN_STEP = 0.1
 #: Weight of the rollers' motion against that of the gaps [-].
 MOTION_WEIGHT = 1e-4
-#: A gap of 1 m weighs as much as this many metres times a turn of 1 rad [m].
+#: Length that scales rotations against gaps [m].
 TURNING_ARM = 0.3
-#: Clearance of parts that must not touch the object, in diameters of the tube, and the share of it
-#: that remains after a step of finite length.
+#: Clearance of other parts from the object, in tube diameters [-], and its smallest share after a
+#: finite step [-].
 CLEARANCE, KEPT_CLEARANCE = 0.1, 0.5
-#: Distances of parts of the robot that are kept, and that are looked at, in mean lengths.
+#: Smallest distance of parts, and largest constrained distance, in mean member lengths [-].
 SELF_CLEARANCE, NEAR = 0.01, 0.15
-#: Number of singular values that are constrained.
-MODES = 2
-#: Of a grasping member beyond its target, in diameters of the tube.
-OVERSHOOT = 0.015
-#: A step that violates a requirement is halved until so many steps were tried.
+#: Number of constrained singular values [-].
+CONSTRAINED_MODES = 2
+#: Largest overshoot of a grasping member, in tube diameters [-].
+MAX_OVERSHOOT = 0.015
+#: Largest number of trials of a step, each half of the previous [-].
 MAX_HALVINGS = 5
-#: Steps to one set of indentations, and how exactly gaps are brought to their targets [m].
-MAX_PRESS_STEPS, GAP_TOLERANCE = 15, 1e-9
-GAP_ROUNDING = 1e-12  # [m]
+#: Largest number of steps to one set of indentations [-].
+MAX_PRESS_STEPS = 15
 
 
 def press(config: Configuration, closing: Closing, depths: Array) -> Configuration:
     """
-    Bring the grasping members to given indentations; the object stands still.
+    Move the grasping members to given indentations, with the object at rest.
 
-    :param config: where to begin.
-    :param closing: what closes.
+    :param config: initial configuration.
+    :param closing: members and object of the closing motion.
     :param depths: (s,) indentation of each grasping member [m].
     :raises RequirementError: a requirement stops the motion.
     :raises SolverError: a quadratic program was not solved.
@@ -64,7 +64,7 @@ def press(config: Configuration, closing: Closing, depths: Array) -> Configurati
     members, share, left = list(closing.members), 1.0, np.inf
     for _ in range(MAX_PRESS_STEPS):
         left = float(np.abs(state.gaps[members] + depths).max())
-        if left <= GAP_TOLERANCE:
+        if left <= ROUNDING:
             return state.config
         state, share = take_closing_step(state, closing, -depths, share)
     raise RequirementError('reach', left, 0.0)
@@ -74,12 +74,12 @@ def take_closing_step(
     state: SearchState, closing: Closing, targets: Array, share: float
 ) -> tuple[SearchState, float]:
     """
-    Bring the gaps of the grasping members closer to their targets.
+    Move the gaps of the grasping members toward their targets by one step.
 
-    :param state: where the step begins.
-    :param closing: what closes.
+    :param state: state at the start of the step.
+    :param closing: members and object of the closing motion.
     :param targets: (s,) gaps of the grasping members [m].
-    :param share: of the longest step, 1 at first; then that which the step before returned.
+    :param share: share of the longest step, initially 1, then as returned by the previous step.
     :return: the state at the end, and the share for the next step.
     :raises RequirementError: no step is admissible.
     :raises SolverError: the quadratic program was not solved.
@@ -87,10 +87,10 @@ def take_closing_step(
     move = solve_step(state, closing, targets, share)
     rigidity, room = min(closing.min_rigidity, state.rigidity), min(0.0, state.clearance)
     config, diameter = state.config, state.config.robot.description.tube_diameter
-    # Gaps that are to be left: the program is right to first order only.
+    # Remaining gaps: the program is exact to first order only.
     bounds = np.full(len(state.gaps), KEPT_CLEARANCE * CLEARANCE * diameter)
-    bounds[list(closing.members)] = targets - OVERSHOOT * diameter
-    bounds = np.minimum(bounds, state.gaps - GAP_ROUNDING)
+    bounds[list(closing.members)] = targets - MAX_OVERSHOOT * diameter
+    bounds = np.minimum(bounds, state.gaps - COINCIDENCE)
     for halving in range(MAX_HALVINGS):
         closing.tally.evaluations += 1
         try:
@@ -109,12 +109,12 @@ def take_closing_step(
 
 def solve_step(state: SearchState, closing: Closing, targets: Array, share: float) -> Array:
     """
-    Return the motion of the rollers (r,) in one step [m].
+    Return the roller travel (r,) of one step [m].
 
-    :param state: where the step begins.
-    :param closing: what closes.
+    :param state: state at the start of the step.
+    :param closing: members and object of the closing motion.
     :param targets: (s,) gaps of the grasping members [m].
-    :param share: of the longest step.
+    :param share: share of the longest step.
     :raises SolverError: the quadratic program was not solved.
     """
     config, members = state.config, list(closing.members)
@@ -153,17 +153,19 @@ def solve_step(state: SearchState, closing: Closing, targets: Array, share: floa
 
 def _bound_rows(state: SearchState, closing: Closing, targets: Array) -> tuple[Array, Array]:
     """
-    Return the bounds of a step u as rows (k, r) and least values (k,): rows u >= least.
+    Return the bounds of a step u as rows (k, r) with bounds (k,): rows u >= bounds.
 
-    They are those of gaps, by targets (s,) for grasping members [m], by a clearance for others; of
-    the rigidity; of distances of near parts of the robot; and the limits.
+    They bound gaps (targets (s,) for grasping members [m], a clearance for others), rigidity,
+    distances of near parts of the robot, and limits.
     """
     config, members, robot = state.config, list(closing.members), state.config.robot
     collisions, length = collision_model(robot), robot.home.member_lengths.mean()
     gaps = BOUND_SHARE * (CLEARANCE * robot.description.tube_diameter - state.gaps)
     gaps[members] = targets - state.gaps[members]
     values, rows, nodes = state.modes
-    few = Modes(values[:MODES], rows[:, :MODES], nodes[:, :MODES])
+    few = Modes(
+        values[:CONSTRAINED_MODES], rows[:, :CONSTRAINED_MODES], nodes[:, :CONSTRAINED_MODES]
+    )
     near = np.flatnonzero(state.distances < NEAR * length)
     apart = state.distances[near] - SELF_CLEARANCE * length
     left = np.append(few.values - closing.min_rigidity, apart)

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A planned grasp as plain numbers, names and lists, as a path in time, and in words."""
+"""Planned grasps as plain data, as a timed path, and in words."""
 
 from __future__ import annotations
 
@@ -14,22 +14,20 @@ from isotruss_ros.core.planning.grasp_plan import GraspPlan, PlannedGrasp
 from isotruss_ros.core.planning.violations import violation_in_words
 import numpy as np
 
-#: Of the largest speed, near the object: a member that touches first, since its rollers lag less
-#: than others, pushes the object along.
-NEAR_SHARE = 0.25
-#: Of each piece of a path, so that times increase [s].
-LEAST_DURATION = 0.01
-#: Pieces that are too short for the acceleration are stretched by at least so much at a time [-].
-STRETCH = 1.01
+#: Speed near the object as a share of the largest one [-]: unequal lags let one member touch first
+#: and push the object.
+NEAR_SPEED_SHARE = 0.25
+#: Smallest duration of a segment, so that times increase [s].
+MIN_DURATION = 0.01
 
 
 def export_figures(grasp: PlannedGrasp) -> dict[str, Any]:
     """
-    Return what characterises a grasp, by name: module, members, roller positions and scores.
+    Return the characteristic data of a grasp by name: module, members, roller positions, scores.
 
-    The module is empty where the members of the grip do not meet at one.
+    The module is empty if the members of the grip do not meet at one.
 
-    :param grasp: see `PlannedGrasp` for the figures and their units.
+    :param grasp: the grasp; see `PlannedGrasp` for the data and units.
     """
     numbers = [field.name for field in fields(grasp) if field.type == 'float']
     return {
@@ -43,8 +41,8 @@ def export_path(grasp: PlannedGrasp) -> dict[str, Any]:
     """
     Return the path to a grasp: `path` (k, r) [m], `times` (k,) [s], and the row `touch`.
 
-    :param grasp: driven at the largest speed of the robot's rollers, and at `NEAR_SHARE` of it
-        from two waypoints before the touch on.
+    :param grasp: the grasp; the speed is the rollers' limit, and `NEAR_SPEED_SHARE` of it from
+        two waypoints before the touch.
     """
     near = np.arange(len(grasp.path) - 1) >= grasp.touch - 2
     times = path_times(grasp.path, grasp.config.robot.description, near)
@@ -53,25 +51,26 @@ def export_path(grasp: PlannedGrasp) -> dict[str, Any]:
 
 def path_times(path: Array, limits: RobotDescription, near: Array) -> Array:
     """
-    Return when each waypoint is reached, straight between them.
+    Return the times of the waypoints of a piecewise linear path.
 
     :param path: (k, r) roller positions [m].
     :param limits: largest speed and acceleration of the rollers.
-    :param near: (k - 1,) pieces that are driven at `NEAR_SHARE` of the speed.
+    :param near: (k - 1,) pieces that are driven at `NEAR_SPEED_SHARE` of the speed.
     :return: (k,) times from the start, the first 0 [s].
     """
-    speeds = np.where(near, NEAR_SHARE * limits.max_speed, limits.max_speed)
+    speeds = np.where(near, NEAR_SPEED_SHARE * limits.max_speed, limits.max_speed)
     steps = np.diff(path, axis=0)
     longest = np.abs(steps).max(axis=1, initial=0.0)
-    durations = np.maximum(longest / speeds, LEAST_DURATION)
-    # A piece has room for half of the rounding of both of its corners, see `RollerTrajectory`.
+    durations = np.maximum(longest / speeds, MIN_DURATION)
+    # A segment contains half of the blends at both corners, see `RollerTrajectory`.
     while len(steps):
         slopes = np.pad(steps / durations[:, None], ((1, 1), (0, 0)))
         changes = np.abs(np.diff(slopes, axis=0)).max(axis=1)
         needed = 0.5 * (changes[1:] + changes[:-1]) / limits.max_acceleration
         if (needed <= durations).all():
             break
-        durations = np.maximum(durations, STRETCH * np.sqrt(durations * needed))
+        # The factor ends the iteration on segments too short for the acceleration.
+        durations = np.maximum(durations, 1.01 * np.sqrt(durations * needed))
     return np.append(0.0, np.cumsum(durations))
 
 
@@ -79,7 +78,7 @@ def plan_in_words(plan: GraspPlan) -> str:
     """
     Return a plan in words: the best grasp, or the closest violation.
 
-    If tubes wrinkle in any of the grasps it says so.
+    Wrinkling tubes in any of the grasps are mentioned.
 
     :param plan: the plan.
     """
@@ -95,7 +94,7 @@ def plan_in_words(plan: GraspPlan) -> str:
 
 
 def _grasp_in_words(grasp: PlannedGrasp) -> str:
-    """Return members and forces of a grasp in words, and whether they are outside of the model."""
+    """Return members and forces of a grasp in words, with a note if outside of the model."""
     outside = '; a tube wrinkles, these numbers are outside of the model'
     where = '' if grasp.module is None else f'at {grasp.module} '
     return (

@@ -2,12 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The search for grasps: first where the grip must be, then the indentations of its members.
+Search for grasps: open grips by kinematics, then indentations of the members by statics.
 
-Each round has a number of seeds: the grasping members, the directions in which they are to face
-the object, and the nominal posture that the remaining freedom is drawn to. Kinematics brings every
-seed to an open grip, or shows that there is none; statics closes it. The first round has the seeds
-that are usually good; the others have random postures.
+Each round has a number of seeds: grasping members, their directions toward the object, and a
+nominal posture for the remaining freedom. Kinematics moves every seed to an open grip, or rejects
+it; statics closes it. The first round has promising seeds, the others random postures.
 """
 
 from __future__ import annotations
@@ -31,12 +30,11 @@ from isotruss_ros.core.safety.margins import object_distances
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 
-#: An object that overlaps the robot by less than this does not yet touch it [m].
-OVERLAP = 1e-6
-#: Grasps of the same members are the same where no roller differs by more than this, in mean
-#: lengths of members at home.
-SAME_SHARE = 0.02
-#: How often a request to stop is checked while an executor computes [s].
+#: Largest overlap of a free object with the robot [m].
+OVERLAP_TOLERANCE = 1e-6
+#: Largest roller difference of equal grasps with equal members, in mean member lengths [-].
+EQUALITY_SHARE = 0.02
+#: Period of the check for a stop while an executor computes [s].
 POLL_INTERVAL = 0.05
 
 
@@ -53,28 +51,29 @@ def plan_grasps(
     max_rounds: int = 5,
 ) -> GraspPlan:
     """
-    Find grasps of a free object inside a loop of the robot, and the paths to them.
+    Return grasps of a free object inside a loop of the robot, with the paths to them.
 
-    Grips are tried of any two members and any three around it, whatever tubes these are of, unless
-    the requirements name a module or members; they are ranked by slip margin, unless another
-    measure is asked for.
+    Candidates are all pairs and triples of members around the object, of any tubes, unless the
+    requirements name a module or members. The ranking is by slip margin, unless another measure is
+    required.
 
-    The same seed gives the same plan on any number of cores: candidates are evaluated in their
-    order, wherever they are computed.
+    A seed gives one plan on any number of cores: candidates are ranked in their order, independent
+    of the process.
 
     :param config: configuration of the robot.
-    :param body: the object; a friction coefficient of its own counts in place of the required one.
-    :param requirements: what a grasp must fulfil; those of `GraspRequirements()` if None.
-    :param seed: of the random postures.
-    :param executor: where candidates are computed: a process pool, or that of a Dask client; in
-        this process if None.
-    :param on_progress: called when the seeds of a round are known, and after every candidate.
-    :param should_stop: called before every candidate, with an executor every `POLL_INTERVAL`; a
-        plan that was stopped has the grasps so far.
-    :param thorough: whether all candidates of a round are computed before the best are chosen,
-        or only until there are enough grasps.
-    :param max_rounds: of candidates, until there are enough grasps; all but the first are random.
-    :raises GraspError: the robot has no such module or members, or the seed is not usable.
+    :param body: the object; its own friction coefficient has precedence over the required one.
+    :param requirements: requirements of a grasp; None: `GraspRequirements()`.
+    :param seed: seed of the random postures.
+    :param executor: executor of the candidates, a process pool or that of a Dask client; None:
+        this process.
+    :param on_progress: callback at the start of a round and after every candidate.
+    :param should_stop: function called before every candidate, with an executor every
+        `POLL_INTERVAL`; a stopped plan has the grasps so far.
+    :param thorough: whether to compute all candidates of a round, or only until enough grasps are
+        found.
+    :param max_rounds: largest number of rounds, which end with enough grasps; all but the first
+        are random.
+    :raises GraspError: unknown module or members, or an invalid seed.
     :raises StructureError: the robot cannot be analysed.
     """
     needs = requirements or GraspRequirements()
@@ -83,12 +82,12 @@ def plan_grasps(
         needs = replace(needs, friction=body.friction)
     if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
         raise GraspError(f'seed {seed!r}: must be an integer, not negative')
-    # As another process has it: nothing is known of it but the shape.
+    # Without caches, as in another process.
     config = Configuration(config.robot, config.roller_positions, config.points)
     structure_of(config)  # contradictory stiffness laws are reported here, once
     search = _Search(config, needs, executor, on_progress, should_stop)
     gap = float(object_distances(config, body).min())
-    if gap < -OVERLAP:  # there is no path to a grasp
+    if gap < -OVERLAP_TOLERANCE:  # there is no path to a grasp
         search.tally.record(Violation('free', gap, 0.0))
         return search.plan()
     for number in range(max_rounds):
@@ -100,7 +99,7 @@ def plan_grasps(
 
 
 class _Search:
-    """What a search has found so far; its parameters are those of `plan_grasps`."""
+    """State of a search; its parameters are those of `plan_grasps`."""
 
     def __init__(
         self,
@@ -118,14 +117,14 @@ class _Search:
         self.stopped, self.tally = False, SearchTally()
 
     def judge(self, closings: list[Closing], thorough: bool) -> None:
-        """Compute the grasps of seeds: of all, or only until there are enough."""
+        """Compute the grasps of seeds: of all, or only until enough are found."""
         self._known += len(closings)
         self._report()
         for grasp, tally in self._judge_each(closings):
             self._judged += 1
             self.tally.add(tally)
             if grasp is not None:
-                # Of the caller's robot, not of another process's.
+                # With the caller's robot, not that of another process.
                 points, robot = grasp.config.points, self._config.robot
                 config = Configuration(robot, grasp.roller_positions, points)
                 self._grasps.append(replace(grasp, config=config))
@@ -135,7 +134,7 @@ class _Search:
 
     def best(self) -> list[PlannedGrasp]:
         """Return the distinct grasps, best first."""
-        same = SAME_SHARE * self._config.robot.home.member_lengths.mean()
+        same = EQUALITY_SHARE * self._config.robot.home.member_lengths.mean()
         distinct: list[PlannedGrasp] = []
         for grasp in sorted(self._grasps, key=lambda grasp: -grasp.score):
             if not any(
@@ -161,7 +160,7 @@ class _Search:
     def _judge_each(
         self, closings: list[Closing]
     ) -> Iterator[tuple[PlannedGrasp | None, SearchTally]]:
-        """Yield what becomes of seeds, in their order, until it is to stop."""
+        """Yield the results of seeds in their order, until stopped."""
         if self._executor is None:
             for closing in closings:
                 if self._check_stop():
@@ -183,7 +182,7 @@ class _Search:
                 future.cancel()
 
     def _report(self) -> None:
-        """Tell how far the search is."""
+        """Report the progress of the search."""
         if self._on_progress is None:
             return
         share = self._judged / self._known if self._known else 0.0

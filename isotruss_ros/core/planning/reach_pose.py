@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""From a pose of the held object to roller positions that bring it there."""
+"""Roller positions for a desired pose of the held object."""
 
 from __future__ import annotations
 
@@ -20,36 +20,35 @@ from isotruss_ros.core.model.pose import MAX_DISTANCE, Pose, pose_difference
 from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.records import Record
+from isotruss_ros.core.numerics.tolerances import ROUNDING
 from isotruss_ros.core.safety.shape_guard import ShapeGuard
 import numpy as np
 from numpy.typing import ArrayLike
 
-#: The object is moved in steps of this length, turns at its arm [m] ...
+#: Length of a step of the object, rotations at its characteristic radius [m].
 STEP = 2e-3
-#: ... by twists of this speed, at which limits of lengths and shapes do not slow yet [m/s].
-SPEED = 0.02
-#: The object is there when no more than this is missing [m, turns at the arm].
-TOLERANCE = 1e-9
-#: A step that limits slow to less than this ends the way [-].
-LEAST_SCALE = 0.05
-#: Limits may make the way take so many times as many steps.
-PATIENCE = 20
+#: Speed of the twists, low enough for limits of the configuration not to slow early [m/s].
+STEP_SPEED = 0.02
+#: Smallest scale of a step by limits [-]; a smaller one ends the motion.
+MIN_STEP_SCALE = 0.05
+#: Largest ratio of the number of steps to that without limits [-].
+MAX_STEP_RATIO = 20
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ReachedPose(Record, headline=('status', 'why', 'share', 'pose', 'roller_positions')):
-    """Where the robot brings a held object."""
+    """Result of the motion of a held object to a pose."""
 
-    config: Configuration  #: of the robot at the end of the way
-    pose: Pose  #: of the object there
-    share: float  #: of the way from the first pose to the one asked for, 0 to 1
-    status: Status  #: OK where the pose is reached; else what ends the way
-    why: str  #: the same in words; empty where the pose is reached
-    path: Array  #: (k, r) roller positions on the way, the first ones included [m]
+    config: Configuration  #: configuration at the end of the motion
+    pose: Pose  #: pose of the object at the end
+    share: float  #: reached share of the motion, 0 to 1
+    status: Status  #: OK if the pose is reached; else the limit
+    why: str  #: the limit in words; empty if the pose is reached
+    path: Array  #: (k, r) roller positions along the motion, from the initial ones [m]
 
     @property
     def roller_positions(self) -> Array:
-        """Return the (r,) roller positions at the end of the way [m]."""
+        """Return the (r,) roller positions at the end of the motion [m]."""
         return self.config.roller_positions
 
 
@@ -58,15 +57,15 @@ def reach_pose(
     config: Configuration, grip: Grip, pose: ArrayLike, guard: ShapeGuard | None = None
 ) -> ReachedPose:
     """
-    Move a held object straight to a pose, and return where the rollers are then.
+    Move a held object on a straight line to a pose, and return the roller positions.
 
-    Contacts roll, (19) and (20) step by step; the members keep their limits of length, and the
-    robot its barriers. Nothing is said of forces: see `foresee_path` for these.
+    Contacts roll, by (19) and (20) in each step, within limits of member lengths and barriers.
+    Forces are not computed: see `foresee_path`.
 
-    :param config: where the robot is.
-    :param grip: how it holds the object.
-    :param pose: (x, y, angle) to be reached; turned the shorter way [m, rad].
-    :param guard: the barriers; those of `ShapeGuard(robot)` if None.
+    :param config: initial configuration.
+    :param grip: initial grip.
+    :param pose: desired (x, y, angle), with the shorter rotation [m, rad].
+    :param guard: the barriers; None: those of `ShapeGuard(robot)`.
     :raises GraspError: the pose is not three finite numbers within range, or the members do not
         touch the object.
     """
@@ -76,8 +75,8 @@ def reach_pose(
     rolling, path = RollingGrip.attach(config, grip), [config.roller_positions]
     left = pose_difference(goal, rolling.pose)
     whole = size = math.hypot(*left[:2], grip.body.arm * left[2])
-    for _ in range(PATIENCE * (math.ceil(whole / STEP) + 1)):
-        if size <= TOLERANCE:
+    for _ in range(MAX_STEP_RATIO * (math.ceil(whole / STEP) + 1)):
+        if size <= ROUNDING:
             status, why = Status.OK, ''
             break
         try:
@@ -92,16 +91,16 @@ def reach_pose(
         size = math.hypot(*left[:2], grip.body.arm * left[2])
     else:
         status, why = Status.SLOWED_OBJECT, 'the way takes too many steps next to limits'
-    share = 1.0 - size / whole if whole > TOLERANCE else 1.0
+    share = 1.0 - size / whole if whole > ROUNDING else 1.0
     return ReachedPose(rolling.config, rolling.pose, share, status, why, np.array(path))
 
 
 def _take_step(
     rolling: RollingGrip, step: Array, guard: ShapeGuard
 ) -> tuple[RollingGrip | None, Status, str]:
-    """Return the grip after a displacement (3,), or None, the status and why there is none."""
+    """Return the grip after a displacement (3,), or None, with the status and the reason."""
     config, grip = rolling.config, rolling.grip
-    duration = STEP / SPEED
+    duration = STEP / STEP_SPEED
     watch = guard.watch(config, grip)
     limits = (*default_limits(config.robot), *watch.limits)
     command = solve_twist_ahead(
@@ -111,7 +110,7 @@ def _take_step(
         words = f'the rollers produce {command.reachable_dof} of 3 motions there'
         return None, command.status, words
     command = watch.keep(command, np.zeros(len(config.roller_positions)), duration)
-    if command.scale < LEAST_SCALE:
+    if command.scale < MIN_STEP_SCALE:
         named = ', '.join(command.limiting)
         return None, command.status, f'limits of {named}' if named else str(command.status)
     travel = config.roller_positions + duration * command.roller_velocities

@@ -26,7 +26,7 @@ from isotruss_ros.core.planning.workers import WorkerPool
 
 
 class Outcome(enum.IntEnum):
-    """Why a search ended; numbers as in the action PlanGrasp."""
+    """Final codes of a search, equal to those of the action PlanGrasp."""
 
     FOUND = 0
     NONE_FOUND = 1
@@ -38,19 +38,19 @@ class Outcome(enum.IntEnum):
 
 
 class Answer(NamedTuple):
-    """What a search came to."""
+    """Result of a search."""
 
-    outcome: Outcome  #: why the search ended
+    outcome: Outcome  #: final code
     message: str  #: in words
-    plan: GraspPlan | None = None  #: the plan; None where there was no search, or it failed
+    plan: GraspPlan | None = None  #: the plan; None without a search, or after a failure
 
 
 class Stop:
     """
-    Whether a search stops: on request, or at its time limit.
+    Condition of a stop: on request or at the time limit.
 
-    :ivar requested: whether it was requested.
-    :param time_limit: from now [s]; none if 0.
+    :ivar requested: whether a stop was requested.
+    :param time_limit: time limit from now [s]; none if 0.
     """
 
     def __init__(self, time_limit: float = 0.0) -> None:
@@ -63,13 +63,13 @@ class Stop:
         return max(0.0, self._deadline - time.monotonic())
 
     def __call__(self) -> bool:
-        """Return whether to stop now; what `plan_grasps` asks."""
+        """Return whether to stop now, for `plan_grasps`."""
         return self.requested or self.time_left == 0.0
 
 
 class Searcher:
     """
-    Searches without keeping the caller waiting; the processes are made at the first search.
+    Searches without blocking the caller; the processes start with the first search.
 
     :param workers: see `WorkerPool`.
     """
@@ -88,13 +88,13 @@ class Searcher:
         time_limit: float = 0.0,
     ) -> None:
         """
-        Begin a search, while there is none.
+        Start a search, if none is running.
 
-        :param config: see `plan_grasps`, as for the next three.
+        :param config: see `plan_grasps`, also for the next three.
         :param body: the object.
-        :param requirements: of the grasps.
-        :param seed: of the search.
-        :param time_limit: of the search [s]; none if 0.
+        :param requirements: requirements of the grasps.
+        :param seed: seed of the search.
+        :param time_limit: time limit of the search [s]; none if 0.
         """
         self._search, self._stop = Future(), Stop(time_limit)
         self._progress = Progress(0, 0, None, 0.0, None)
@@ -102,15 +102,15 @@ class Searcher:
         threading.Thread(target=self._run, args=(self._search, arguments), daemon=True).start()
 
     def progress(self) -> Progress | None:
-        """Return how far the search is, and how long it may still take; None without one."""
+        """Return the progress and the estimated remaining time of the search; None without one."""
         return None if self._search is None else self._progress
 
     def cancel(self) -> None:
-        """Let the search end soon, with what it has found."""
+        """Stop the search soon, with its grasps so far."""
         self._stop.requested = True
 
     def answer(self) -> Answer | None:
-        """Return what the search came to, once; None while it goes on or there is none."""
+        """Return the result of the search once; None while it runs or without one."""
         if self._search is None or not self._search.done():
             return None
         search, self._search = self._search, None
@@ -124,7 +124,7 @@ class Searcher:
             self.close()
             reason = 'a process of the search died; the next search has new ones'
             return Answer(Outcome.FAILED, reason)
-        except Exception as error:  # noqa: BLE001 - whatever it is, the next search must work
+        except Exception as error:  # noqa: BLE001 - the next search must work
             traceback.print_exception(error)
             self.close()
             return Answer(Outcome.FAILED, f'{type(error).__name__}: {error}')
@@ -137,13 +137,13 @@ class Searcher:
         return Answer(outcome, plan_in_words(plan), plan)
 
     def close(self) -> None:
-        """End the search, whose result is lost, and the processes."""
+        """Stop the search without a result, and end the processes."""
         if self._search is not None:
             self.cancel()
-            self._search.exception()  # waits for its end
+            self._search.exception()  # joins the thread
             self._search = None
         self._pool.close()
-        self._pool = WorkerPool(self._workers)  # of which no process has begun
+        self._pool = WorkerPool(self._workers)  # without started processes
 
     def _run(self, search: Future[GraspPlan], arguments: tuple) -> None:
         try:

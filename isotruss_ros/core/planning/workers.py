@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Processes for the search: one core each, and none that outlives the one that wanted it."""
+"""Worker processes of the search: one core each, ended with their owner."""
 
 from __future__ import annotations
 
@@ -15,17 +15,19 @@ import os
 import signal
 import threading
 
-#: BLAS is set by the environment, before NumPy is loaded. Threads of its own in every process
-#: would fight for the cores.
-ONE_THREAD = dict.fromkeys(('OPENBLAS_NUM_THREADS', 'OMP_NUM_THREADS', 'MKL_NUM_THREADS'), '1')
-#: Control loops on the same machine go first.
+#: Environment of one BLAS thread per process, set before NumPy is loaded: more threads would
+#: compete for the cores.
+SINGLE_THREAD_ENVIRONMENT = dict.fromkeys(
+    ('OPENBLAS_NUM_THREADS', 'OMP_NUM_THREADS', 'MKL_NUM_THREADS'), '1'
+)
+#: Niceness of the workers [-], so that control loops have priority.
 NICENESS = 5
-#: More processes than this were never meant.
+#: Largest number of processes [-].
 MAX_WORKERS = 256
 
 
 def core_count() -> int:
-    """Return how many cores this process may use."""
+    """Return the number of cores available to this process."""
     if hasattr(os, 'sched_getaffinity'):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
@@ -33,13 +35,13 @@ def core_count() -> int:
 
 class WorkerPool(contextlib.AbstractContextManager):
     """
-    Processes that are there from the first task until `close`, or until this process is gone.
+    Processes from the first task until `close`, or until the end of this process.
 
-    They begin as new interpreters: what runs the search has threads, which a fork would tear.
+    They are spawned, since forking a process with threads is unsafe.
 
-    :ivar executor: what `plan_grasps` takes. A worker that dies breaks it for good: close the pool
-        and make another.
-    :param workers: how many; as many as there are cores if 0.
+    :ivar executor: executor for `plan_grasps`. After the death of a worker it is broken: close the
+        pool and create another.
+    :param workers: number of processes; 0: number of cores.
     """
 
     def __init__(self, workers: int = 0) -> None:
@@ -54,21 +56,21 @@ class WorkerPool(contextlib.AbstractContextManager):
 
     def close(self) -> None:
         """
-        End the processes at once, whatever they do, and wait until they are gone.
+        End the processes at once, and join them.
 
-        Not while another thread hands out tasks.
+        Must not be called while another thread submits tasks.
         """
         self._wanted.close()
         self.executor.shutdown(cancel_futures=True)
 
 
 class _Worker(SpawnProcess):
-    """A process that begins with one BLAS thread, and leaves Ctrl-C to the one that wanted it."""
+    """A process with one BLAS thread that ignores Ctrl-C."""
 
     def start(self) -> None:
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
-            with _environment(ONE_THREAD):
+            with _environment(SINGLE_THREAD_ENVIRONMENT):
                 super().start()
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
@@ -82,7 +84,7 @@ class _Context(SpawnContext):
 
 @contextlib.contextmanager
 def _environment(values: dict[str, str]) -> Iterator[None]:
-    """Set variables for the processes that begin meanwhile."""
+    """Set environment variables for processes started in the block."""
     before = {name: os.environ.get(name) for name in values}
     os.environ.update(values)
     try:
@@ -96,12 +98,12 @@ def _environment(values: dict[str, str]) -> Iterator[None]:
 
 
 def _begin(wanted: Connection) -> None:
-    """Run first in every worker."""
+    """Initialise a worker process."""
     os.nice(NICENESS)
     threading.Thread(target=_end_with, args=(wanted,), daemon=True).start()
 
 
 def _end_with(wanted: Connection) -> None:
-    """End this process where the pool is closed, or its process is gone: nothing ever comes."""
+    """End this process after its pool is closed or its parent has ended."""
     wanted.poll(None)
     os._exit(1)

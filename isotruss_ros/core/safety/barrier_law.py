@@ -24,6 +24,7 @@ from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.limits import Rows
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.numerics.tolerances import ROUNDING
 import numpy as np
 
 #: Safety margin, at which motion stops, as a share of the band [-]; covers effects of second
@@ -31,9 +32,9 @@ import numpy as np
 SAFETY_MARGIN_SHARE = 0.01
 #: Smallest share of a margin, and of the safety margin, left after a sample of any length [-].
 MIN_MARGIN_SHARE = 0.1
-#: Tolerance beyond the bound, for rounding and effects of second order: the band times the squared
-#: travel of the rollers in units of this length [m].
-ROUNDING, BEND = 1e-9, 0.05
+#: Tolerance beyond the bound for effects of second order: the band times the squared travel of the
+#: rollers in units of this length [m].
+SECOND_ORDER_LENGTH = 0.05
 #: Smallest divisor of shares [-].
 MIN_DIVISOR = 1e-15
 
@@ -87,7 +88,7 @@ class BarrierLaw:
         left = np.maximum(margins, last)
         slowly = left - 2.0 * duration * self._class_k(left)
         kept = np.maximum(np.maximum(MIN_MARGIN_SHARE * left, slowly), last)
-        allowed = ROUNDING + self.band * (travel / BEND) ** 2
+        allowed = ROUNDING + self.band * (travel / SECOND_ORDER_LENGTH) ** 2
         # The sum of such effects must not cross the bound: the last remainder is kept.
         floor = np.where(margins > 0.0, np.minimum(margins, MIN_MARGIN_SHARE * last), -np.inf)
         beyond = np.maximum(margins - allowed, floor - ROUNDING)

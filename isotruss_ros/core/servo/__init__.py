@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The loop that commands the rollers: twist of the object or a joint, and the squeeze of the grip.
+Servo loop: roller commands for a twist of the object or a joint, and for the squeeze.
 
 Entry points: `twist_servo.TwistServo`, `squeeze_control.SqueezeControl`, `decision.Decision`.
-Imports `core.estimation`, `core.safety` and what is below them, not `core.paths` or planning.
+Imports `core.estimation`, `core.safety` and the packages below, not `core.paths` or planning.
 """

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from isotruss_ros.core.errors import GainError, GraspError, IsotrussError
-from isotruss_ros.core.estimation.state_estimate import UNKNOWN_SHARE
+from isotruss_ros.core.estimation.state_estimate import MAX_KNOWN_DEVIATION
 from isotruss_ros.core.inputs import InputError
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
 from isotruss_ros.core.numerics.arrays import Array
@@ -50,13 +50,13 @@ class Decision:
 
 def describe_squeeze(squeeze: float, deviation: float) -> str:
     """
-    Return a squeeze in words, unknown where the deviation is more than `UNKNOWN_SHARE` of it.
+    Return a squeeze in words, unknown if the deviation is above `MAX_KNOWN_DEVIATION` of it.
 
     :param squeeze: mean normal force of the members [N].
     :param deviation: its standard deviation [N].
     """
     words = f'{squeeze:.1f} N, deviation {deviation:.1f} N'
-    return f'squeeze {"unknown: " if deviation > UNKNOWN_SHARE * squeeze else ""}{words}'
+    return f'squeeze {"unknown: " if deviation > MAX_KNOWN_DEVIATION * squeeze else ""}{words}'
 
 
 class HaltError(IsotrussError):

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Faults of the grip of a regulated object, and its oscillations."""
+"""Faults of the grip of a regulated object, and detection of oscillations."""
 
 from __future__ import annotations
 
@@ -12,19 +12,18 @@ from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
-#: Half-swings of the pose error from this size on count [m], and from this many times the noise
-#: where that is more ...
+#: Smallest counted half-swing of the pose error: in metres [m], and in units of the noise [-].
 SWING, NOISES = 0.002, 4.0
-#: ... where they take less than so many times pi / omega, or this time if that is not known [s].
+#: Longest counted half-swing: in units of pi / omega [-], and in time if omega is unknown [s].
 SLOWEST, SWING_TIME = 2.0, 0.5
-#: So many half-swings, each at least so large against the one before it, do not decay.
+#: Number of half-swings [-], and smallest ratio of successive ones without decay [-].
 SWINGS, NO_DECAY = 3, 0.95
-#: Low-pass on the pose error where omega is not known, else 1 / omega [s].
+#: Time constant of the low-pass of the pose error for unknown omega, else 1 / omega [s].
 FILTER_TIME = 0.05
 
 
 class GripFault(enum.Enum):
-    """What is wrong with the grip."""
+    """Fault of the grip."""
 
     SLIPPED = 'slipped'
     NOT_HELD = 'not held'
@@ -40,27 +39,27 @@ class SwingWatch:
     """
     Detects oscillations of a held object that grow or do not decay.
 
-    :param frequency: lowest natural frequency of the held object; None if not known [rad/s].
+    :param frequency: lowest natural frequency of the held object; None if unknown [rad/s].
     """
 
     def __init__(self, frequency: float | None = None) -> None:
-        # Noise is quicker than what grows, which is the lowest mode and slower.
+        # Noise is faster than a growing oscillation, which is the lowest mode.
         self._filter_time = 1.0 / frequency if frequency else FILTER_TIME
         self._longest = SLOWEST * math.pi / frequency if frequency else SWING_TIME
         self._error = np.zeros(3)
         self.forget()
 
     def forget(self) -> None:
-        """Begin to look for oscillations anew."""
+        """Restart the detection of oscillations."""
         self._swings = tuple(_Swings(self._longest) for _ in range(3))
 
     def update(self, error: Array, noise: float, elapsed: float) -> bool:
         """
         Return whether the last half-swings do not decay.
 
-        :param error: (3,) of the estimated pose to the reference, turns times the arm [m].
+        :param error: (3,) estimated pose error, rotations at the characteristic radius [m].
         :param noise: standard deviation of the measured pose [m].
-        :param elapsed: since the cycle before [s].
+        :param elapsed: time since the previous cycle [s].
         """
         passed = -math.expm1(-elapsed / self._filter_time)
         self._error = self._error + passed * (error - self._error)
@@ -71,9 +70,9 @@ class SwingWatch:
 
 class _Swings:
     """
-    Turning points of one number, and how far apart they are.
+    Turning points of one signal with their differences.
 
-    :param longest: time from one to the next in a swing [s].
+    :param longest: longest time between turning points of a swing [s].
     """
 
     def __init__(self, longest: float) -> None:
@@ -83,7 +82,7 @@ class _Swings:
         self._sizes: list[float] = []
 
     def update(self, value: float, elapsed: float, least: float) -> bool:
-        """Return whether the last half-swings do not decay; the numbers (m) are of this cycle."""
+        """Return whether the last half-swings do not decay, after the values of a cycle."""
         if math.isnan(self._extreme):
             self._extreme = self._turned = value
         self._age += elapsed

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The simulated robot and the object that it grasps.
+Simulated robots with grasped objects.
 
 Entry points: `simulated_robot.SimulatedRobot`, `rigid_object`, `elastic_object`.
-Imports `core.safety` and what is below it.
+Imports `core.safety` and the packages below it.
 """

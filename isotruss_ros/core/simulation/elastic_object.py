@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A simulated object between elastic tubes, quasi-static: in the equilibrium of all forces."""
+"""Simulated object between elastic tubes, in static equilibrium."""
 
 from __future__ import annotations
 
@@ -14,35 +14,33 @@ from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, NotHeldErr
 from isotruss_ros.core.holding.loaded_frame import held_joints
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.kinematics.depths import member_depths, OVERLAP_TOLERANCE, push_out
+from isotruss_ros.core.kinematics.depths import member_depths, push_out
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
+from isotruss_ros.core.numerics.tolerances import ROUNDING
 import numpy as np
 from numpy.typing import ArrayLike
 
-#: A change of configuration is divided into this many parts at most to find where a contact slips.
-MAX_PARTS = 64
-#: The first touch on the way to a configuration is found to this power of a half of the way.
-TOUCH_HALVINGS = 6
+#: Largest number of substeps to locate slip in a change of configuration [-].
+MAX_SUBSTEPS = 64
 
 
 class ElasticObject:
     """
-    An object that two members hold by friction, or three, or that lies on the ground.
+    An object held by friction between two or three members, or free on the ground.
 
-    While it lies, members that touch it push it along; the ground carries loads. From the moment
-    two members press on it so that friction holds it, it is held: contacts stick, it rolls with
-    the tubes, and its pose follows from configuration and external wrench, without inertia.
-    Where the friction that the balance needs is more than there is, or no equilibrium exists, it
-    is dropped: it slips out of the grip as far as the members push it, and lies there.
+    A free object is pushed by members in contact; the ground carries external loads. From force
+    closure on, the object is held: contacts roll without slip, and its pose follows from
+    configuration and external wrench, without inertia. Without sufficient friction or an
+    equilibrium it is lost: the members push it out of the grip, and it is free again.
 
-    :ivar dropped: why it was dropped last; None while it is held or never was.
-    :param body: the object, where it lies.
+    :ivar dropped: reason of the last loss; None while held or never held.
+    :param body: the object at its initial pose.
     :param friction: coefficient between tube and object in this plant, not negative.
-    :param stiffness_scale: stiffness of this plant against that of the model, positive.
-    :raises GraspError: friction or stiffness are not usable.
+    :param stiffness_scale: factor on the stiffness of the model in this plant, positive [-].
+    :raises GraspError: friction or stiffness is invalid.
     """
 
     def __init__(self, body: ConvexObject, friction: float, stiffness_scale: float = 1.0) -> None:
@@ -55,7 +53,7 @@ class ElasticObject:
             )
         self._friction, self._scale = float(mu), float(scale)
         angle = math.remainder(body.pose.angle, 2.0 * math.pi)
-        self._body = body.moved_to(body.pose._replace(angle=angle))  # where it lies
+        self._body = body.moved_to(body.pose._replace(angle=angle))  # pose while free
         self._grasp: HeldGrip | None = None
         self._wrench = np.zeros(3)
         self._pulled_anew = False
@@ -64,18 +62,18 @@ class ElasticObject:
 
     @property
     def grasp(self) -> HeldGrip | None:
-        """Return how it is held; None while it lies."""
+        """Return the equilibrium of the held object; None while free."""
         return self._grasp
 
     @property
     def external_wrench(self) -> Array:
-        """Return what pulls at it: (fx, fy, m) about its centre [N, N m]."""
+        """Return the external wrench (fx, fy, m) about its centre [N, N m]."""
         return self._wrench
 
     @external_wrench.setter
     def external_wrench(self, wrench: ArrayLike) -> None:
         """
-        Pull at it, from the next step on.
+        Set the external wrench, from the next step on.
 
         :raises GraspError: not three finite numbers.
         """
@@ -84,26 +82,26 @@ class ElasticObject:
 
     @property
     def slip_margin(self) -> float:
-        """Return the smallest extra wrench at which a contact slips [N]; zero while it lies."""
+        """Return the smallest further wrench at which a contact slips [N]; zero while free."""
         return 0.0 if self._grasp is None else self._grasp.slip_margin(self._friction)
 
     def joints(self, config: Configuration) -> Array:
         """
-        Return where the joints are, (j, 2) in `Topology.joint_names` order [m].
+        Return the joint positions, (j, 2) in `Topology.joint_names` order [m].
 
-        :param config: configuration of the robot, in the last step.
+        :param config: configuration of the robot in the last step.
         """
         if self._grasp is None:
             return config.nodes[: len(config.robot.topology.joint_names)]
         return held_joints(self._grasp)
 
     def pose(self, config: Configuration) -> Pose:
-        """Return its pose after the last step; see `SimulatedObject.pose`."""
+        """Return the pose after the last step; see `SimulatedObject.pose`."""
         return self._body.pose if self._grasp is None else self._grasp.pose
 
     @single_threaded
     def follow(self, config: Configuration) -> None:
-        """Go with the robot to a configuration; see `SimulatedObject.follow`."""
+        """Move with the robot to a configuration; see `SimulatedObject.follow`."""
         if config is self._followed and not self._pulled_anew:
             return
         before, self._followed, self._pulled_anew = self._followed, config, False
@@ -115,10 +113,10 @@ class ElasticObject:
             self._body = push_out(config, self._body)
 
     def come_to_rest(self, config: Configuration) -> None:
-        """Take no note of it; see `SimulatedObject.come_to_rest`."""
+        """Do nothing; see `SimulatedObject.come_to_rest`."""
 
     def _touch(self, before: Configuration | None, config: Configuration) -> None:
-        """Be held from the moment on at which two members press so that friction holds."""
+        """Hold the object from the first configuration with force closure on."""
         if not self._pressed(config):
             return
         first = config if before is None else self._first_touch(before, config)
@@ -132,10 +130,10 @@ class ElasticObject:
                 return
 
     def _first_touch(self, before: Configuration, config: Configuration) -> Configuration:
-        """Return about the first configuration on the way in which two members press."""
+        """Return approximately the first configuration with two members in contact."""
         start, end, touch = before.roller_positions, config.roller_positions, config
         low, high = 0.0, 1.0
-        for _ in range(TOUCH_HALVINGS):
+        for _ in range(6):  # bisection
             middle = 0.5 * (low + high)
             there = before.moved_to(start + middle * (end - start))
             if self._pressed(there):
@@ -145,14 +143,14 @@ class ElasticObject:
         return touch
 
     def _pressed(self, config: Configuration) -> bool:
-        """Return whether two members press on the object where it lies, deeper than they push."""
-        return bool(np.sort(member_depths(config, self._body))[-2] > OVERLAP_TOLERANCE)
+        """Return whether two members press on the free object beyond the pushing contact."""
+        return bool(np.sort(member_depths(config, self._body))[-2] > ROUNDING)
 
     def _roll(self, before: HeldGrip, config: Configuration) -> None:
         """
         Roll to a configuration under the external wrench.
 
-        In smaller and smaller parts where the contacts let go; it is dropped where they do in the
+        Substeps are halved on loss of contact; the object is lost if contact is lost in the
         smallest.
         """
         wrench, pulled = self._wrench / (1.0, 1.0, before.arm), before.wrench
@@ -170,7 +168,7 @@ class ElasticObject:
                 before, done = found, share
                 continue
             part = 0.5 * part
-            if part < 1.0 / MAX_PARTS:
+            if part < 1.0 / MAX_SUBSTEPS:
                 self._body = self._body.moved_to(before.pose)
                 self._grasp, self.dropped = None, hold
                 return

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A simulated rigid object that lies or rolls in a grip, in the model without deformation."""
+"""Simulated rigid object, at rest or rolling in a grip, without deformation."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ import numpy as np
 
 class RigidObject:
     """
-    An object that lies where it is, and rolls in a grip once friction can hold it there.
+    An object at rest that rolls in a grip once friction can hold it.
 
-    Whether it does is looked at whenever the rollers have come to rest: then the object moves to
-    its equilibrium between the two members, or three, that press on it, and rolls with them from
-    there on. While it lies, the ground holds it: the model knows no pushing. It lies again where a
-    contact leaves its member, and where a member does not press any more when the rollers rest.
+    The hold is checked whenever the rollers stop: a held object moves to its equilibrium between
+    the two or three members in contact, and rolls with them afterwards. A free object is fixed to
+    the ground; the model has no pushing. The object is free again if a contact leaves its member,
+    or a member has no contact when the rollers stop.
 
-    :ivar rolling: the grip; None while the object lies.
-    :param body: the object, where it lies.
-    :param friction: coefficient between tube and object; one of its own counts instead.
+    :ivar rolling: the grip; None while free.
+    :param body: the object at its initial pose.
+    :param friction: coefficient between tube and object; the object's own has precedence.
     """
 
     def __init__(self, body: ConvexObject, friction: float) -> None:
@@ -41,11 +41,11 @@ class RigidObject:
     @classmethod
     def in_grip(cls, rolling: RollingGrip) -> RigidObject:
         """
-        Return an object that stays in a grip as long as all of its members touch it.
+        Return an object that stays in a grip while all of its members are in contact.
 
-        Nobody looks whether friction holds it: once it has left the grip it lies for good.
+        Friction is not checked; after leaving the grip the object is free permanently.
 
-        :param rolling: the grip to begin with.
+        :param rolling: initial grip.
         """
         found = cls(rolling.grip.body, rolling.grip.friction)
         found.rolling, found._looks = rolling, False
@@ -53,15 +53,15 @@ class RigidObject:
 
     @property
     def members(self) -> tuple[str, ...]:
-        """Return the members that hold it; none while it lies."""
+        """Return the grasping members; none while free."""
         return () if self.rolling is None else self.rolling.grip.members
 
     def pose(self, config: Configuration) -> Pose:
         """
-        Return its pose in a configuration; the angle is in (-pi, pi].
+        Return the pose in a configuration, its angle in (-pi, pi].
 
         :param config: configuration of the robot.
-        :raises GraspError: the object would leave its grip on the way there.
+        :raises GraspError: the object would leave its grip.
         """
         if self.rolling is not None:
             return self._rolled(self.rolling, config).pose
@@ -69,7 +69,7 @@ class RigidObject:
         return Pose(x, y, math.remainder(angle, 2.0 * math.pi))
 
     def follow(self, config: Configuration) -> None:
-        """Stay where it is, or roll in the grip; see `SimulatedObject.follow`."""
+        """Remain at rest, or roll in the grip; see `SimulatedObject.follow`."""
         if self.rolling is None:
             return
         try:
@@ -78,7 +78,7 @@ class RigidObject:
             self._body, self.rolling = self._body.moved_to(self.rolling.pose), None
 
     def come_to_rest(self, config: Configuration) -> None:
-        """Find out whether the object is held; see `SimulatedObject.come_to_rest`."""
+        """Check the hold of the object; see `SimulatedObject.come_to_rest`."""
         if not self._looks:
             return
         body = self._body.moved_to(self.pose(config))
@@ -92,14 +92,14 @@ class RigidObject:
     def _try_to_hold(
         self, config: Configuration, body: ConvexObject, names: tuple[str, ...]
     ) -> None:
-        """Be held where friction holds between the members that press."""
+        """Hold the object between the pressing members if friction is sufficient."""
         try:
             settled = settle_grasp(config, body, self._friction, members=names)
             if settled.hold.at_rest:
                 grip = Grip(names, body.moved_to(settled.pose), self._friction)
                 self.rolling = RollingGrip.attach(config, grip)
         except IsotrussError:
-            return  # a member presses with its end, or the forces cannot be computed
+            return  # contact at the end of a member, or failed computation of forces
 
     @staticmethod
     def _rolled(rolling: RollingGrip, config: Configuration) -> RollingGrip:
@@ -108,12 +108,12 @@ class RigidObject:
 
 def pressing_members(config: Configuration, body: ConvexObject) -> tuple[str, ...]:
     """
-    Return the names of the members whose straight tubes an object indents, the deepest first.
+    Return the names of the members indented by an object, the deepest first.
 
-    Left out are tubes that it indents by more than they are thick: these lie on it.
+    Tubes indented by more than their diameter are excluded: these are above the object.
 
     :param config: configuration of the robot.
-    :param body: the object in its place.
+    :param body: the object at its pose.
     """
     tube, depths = config.robot.description.tube_diameter, member_depths(config, body)
     order = np.argsort(-depths, kind='stable')

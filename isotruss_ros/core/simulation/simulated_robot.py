@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A simulated robot: rollers that follow commands, well or badly, and an object in the grip."""
+"""Simulated robot: rollers with faults that follow commands, and a grasped object."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 from numpy.typing import ArrayLike
 
-#: A roller that loses more than this of its travel is not slipping but broken.
+#: Largest slip as a share of the travel [-].
 MAX_SLIP = 0.5
 
 
 @dataclass(frozen=True)
 class RollerFaults:
     """
-    How the rollers differ from perfect ones.
+    Faults of the rollers.
 
-    Slip is that of a friction drive: the tube follows the roller's surface less a share of the
-    travel, in both directions. The encoders turn with the rollers and do not measure it, so that
-    the configuration drifts away from the measured one. No two rollers pinch alike: each has a
-    share of its own, drawn once, even between half and one and a half times `slip`.
+    Slip of a friction drive: the tube lags the roller's surface by a share of the travel, in both
+    directions. The encoders are on the rollers and do not measure it, so that the configuration
+    drifts from the measured one. The share of each roller is drawn once, uniformly between half
+    and one and a half times `slip`.
 
-    :ivar speed_limit: larger commands are cut to this [m/s].
-    :ivar noise: standard deviation of the speed of a moving roller, drawn again each step [m/s].
-    :ivar stuck: names of rollers that do not move.
-    :ivar slip: mean share of the travel that the tube does not follow, 0 to 0.5.
+    :ivar speed_limit: bound of the commands, which are clipped [m/s].
+    :ivar noise: standard deviation of the speed of a moving roller, drawn in each step [m/s].
+    :ivar stuck: names of stuck rollers.
+    :ivar slip: mean slip as a share of the travel, 0 to 0.5.
     """
 
     speed_limit: float = float('inf')
@@ -45,14 +45,14 @@ class RollerFaults:
 
 class DrivenRollers:
     """
-    Rollers that follow commands, with their faults; where they go is of a robot that has them.
+    Rollers that follow commands, with faults; a robot integrates their travel.
 
-    :ivar roller_positions: (r,) travel as the encoders tell it [m].
-    :ivar roller_velocities: (r,) speeds during the last step as the encoders tell them [m/s].
-    :param robot: whose rollers they are.
-    :param faults: how the rollers differ from perfect ones.
-    :param seed: of the noise and the slip.
-    :raises GraspError: a stuck roller that the robot does not have.
+    :ivar roller_positions: (r,) travel measured by the encoders [m].
+    :ivar roller_velocities: (r,) speeds during the last step measured by the encoders [m/s].
+    :param robot: robot with the rollers.
+    :param faults: faults of the rollers.
+    :param seed: seed of noise and slip.
+    :raises GraspError: unknown stuck roller.
     :raises ConfigurationError: a slip out of its range.
     """
 
@@ -64,27 +64,27 @@ class DrivenRollers:
         self._robot, self._faults = robot, faults
         self._free = np.array([name not in faults.stuck for name in names])
         self._random = np.random.default_rng(seed)
-        # From a stream of its own: with or without slip, the noise of a seed is the same.
+        # Separate random stream: the noise of a seed is independent of slip.
         shares = np.random.default_rng([seed, 1]).uniform(0.5, 1.5, len(names))
-        # What share of each roller's travel its tube follows [-].
+        # Share of each roller's travel followed by its tube [-].
         self._grips = 1.0 - faults.slip * shares
         self._command, self.roller_positions, self.roller_velocities = np.zeros((3, len(names)))
 
     def command(self, velocities: ArrayLike) -> None:
         """
-        Take a command, which holds until the next.
+        Set a command, valid until the next.
 
         :param velocities: (r,) roller speeds [m/s].
-        :raises ConfigurationError: wrong shape or not finite; the command before goes on.
+        :raises ConfigurationError: wrong shape or not finite; the previous command continues.
         """
         self._command = self._robot.check_rollers(velocities, 'roller velocities [m/s]')
 
     def stop(self) -> None:
-        """Command all rollers to stand still."""
+        """Command zero to all rollers."""
         self._command = np.zeros_like(self._command)
 
     def _speeds(self) -> Array:
-        """Return the (r,) speeds of the rollers in the next step, zero where one rests [m/s]."""
+        """Return the (r,) speeds of the rollers in the next step, exactly zero at rest [m/s]."""
         limit = self._faults.speed_limit
         speeds = np.clip(self._command, -limit, limit)
         moving = self._free & (speeds != 0.0)
@@ -95,25 +95,25 @@ class DrivenRollers:
 
 
 class SimulatedObject(Protocol):
-    """An object in a simulated robot: all that a plant says of it."""
+    """An object in a simulated robot, the interface of a plant."""
 
     def pose(self, config: Configuration) -> Pose:
         """
-        Return its pose in a configuration.
+        Return the pose in a configuration.
 
         :param config: configuration of the robot.
         """
 
     def follow(self, config: Configuration) -> None:
         """
-        Go with the robot to a configuration, in every step.
+        Move with the robot to a configuration, in every step.
 
         :param config: configuration of the robot.
         """
 
     def come_to_rest(self, config: Configuration) -> None:
         """
-        Take note that the rollers have come to rest.
+        React to the stop of the rollers.
 
         :param config: configuration of the robot.
         """
@@ -121,13 +121,13 @@ class SimulatedObject(Protocol):
 
 class SimulatedRobot(DrivenRollers):
     """
-    Integrates roller speeds; nodes and object follow by forward kinematics, so nothing drifts.
+    Integrates roller speeds; nodes and object follow by forward kinematics, without drift.
 
-    :ivar config: where the robot is: without slip `roller_positions` are those of it.
-    :param simulated: the object: `RigidObject`, `ElasticObject` or one's own.
-    :param faults: how the rollers differ from perfect ones.
-    :param seed: of the noise.
-    :raises GraspError: a stuck roller that the robot does not have.
+    :ivar config: true configuration; without slip it has the `roller_positions`.
+    :param simulated: the object: `RigidObject`, `ElasticObject` or a user-defined one.
+    :param faults: faults of the rollers.
+    :param seed: seed of the noise.
+    :raises GraspError: unknown stuck roller.
     :raises ConfigurationError: a slip out of its range.
     """
 
@@ -151,19 +151,19 @@ class SimulatedRobot(DrivenRollers):
 
     def replace_object(self, simulated: SimulatedObject) -> None:
         """
-        Put another object in place of the present one; the robot stays as it is.
+        Replace the object, without moving the robot.
 
-        :param simulated: the object: `RigidObject`, `ElasticObject` or one's own.
+        :param simulated: the object: `RigidObject`, `ElasticObject` or a user-defined one.
         """
         self._object, self._rests = simulated, False
 
     def advance(self, duration: float) -> None:
         """
-        Let time pass.
+        Integrate an interval of time.
 
         :param duration: not negative [s].
-        :raises ConfigurationError: the rollers would force the robot into a shape that it cannot
-            take; they block, and it stays where it is.
+        :raises ConfigurationError: no configuration exists at the commanded travel; the rollers
+            block.
         """
         speeds = self._speeds()
         moving = bool(speeds.any())

@@ -15,7 +15,8 @@ from isotruss_ros.core import Robot
 from isotruss_ros.core.errors import quote
 from isotruss_ros.core.inputs import CLOCK_SKEW
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.paths.roller_trajectory import MAX_DURATION, RollerTrajectory
+from isotruss_ros.core.paths.object_path import MAX_DURATION
+from isotruss_ros.core.paths.roller_trajectory import RollerTrajectory
 from isotruss_ros.core.paths.trajectory_tolerances import Tolerance, TrajectoryTolerances
 from isotruss_ros.nodes.conversions.messages import MessageError, read_stamp
 from isotruss_ros.nodes.conversions.path_messages import read_duration, read_roller_trajectory

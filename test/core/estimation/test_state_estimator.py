@@ -8,7 +8,7 @@ from dataclasses import replace
 from drawn_robots import DrawnRobot, EXACT, MARKER, NAMES, PERIOD, POSE, ROBOT, THREE
 from isotruss_ros.core import Pose
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.estimation.slip_watch import RARE, SlipWatch
+from isotruss_ros.core.estimation.slip_watch import FALSE_ALARM_PROBABILITY, SlipWatch
 from isotruss_ros.core.estimation.state_estimator import StateEstimator
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_statics import TubeModel
@@ -158,7 +158,7 @@ def test_noise_of_zeros_is_rarely_told_for_a_slip():
         watch.add(0.05 * number, travel, zeros, np.full(rollers, 4e-6))
         told += watch.slipping.sum()
     # Over both spans of time.
-    assert told < 1.5 * 2.0 * RARE * rollers * times
+    assert told < 1.5 * 2.0 * FALSE_ALARM_PROBABILITY * rollers * times
 
 
 def test_the_stiffness_is_that_of_the_measured_pressures():

@@ -84,7 +84,7 @@ def test_motions_that_the_rollers_do_not_produce_are_told():
 
 
 def test_a_way_that_takes_too_many_steps_is_told(monkeypatch):
-    monkeypatch.setattr(reach_pose_module, 'PATIENCE', 1)
+    monkeypatch.setattr(reach_pose_module, 'MAX_STEP_RATIO', 1)
     robot = Robot(replace(ROBOT.description, max_speed=0.01))
     found = reach_pose(robot.home, GRIP, np.add(GRIP.body.pose, (0.0, 0.02, 0.0)))
     assert found.status is Status.SLOWED_OBJECT
