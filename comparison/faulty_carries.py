@@ -338,9 +338,7 @@ def tabulate(carries: Sequence[Carry]) -> list[str]:
     groups = [(name, [c for c in carries if name in c.draw.names]) for name in FAULTS]
     kinds = {CLEAN: 'none', LOST: 'a pull that breaks the grip', NOTHING: 'nothing gripped'}
     groups += [(words, [c for c in carries if c.kind == kind]) for kind, words in kinds.items()]
-    rows = [
-        '| fault | carries | arrived | halted | loss told after [s] | told after [mm] |'
-    ]
+    rows = ['| fault | carries | arrived | halted | loss told after [s] | told after [mm] |']
     rows.append('| --- | --- | --- | --- | --- | --- |')
     for name, some in groups:
         if not some:
