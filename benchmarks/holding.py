@@ -125,7 +125,7 @@ def follow(
         if isinstance(command, str):
             return command
         control.advance(wanted, command)
-        margins.append(0.0 if control.model is None else control.model.slip_margin)
+        margins.append(0.0 if control.belief is None else control.belief.slip_margin)
         times.append(duration)
         plant.command(command.roller_velocities)
         plant.advance(PERIOD)
@@ -242,7 +242,7 @@ def print_foretold(paths: list[Path]) -> None:
 def print_ratio(path: Path) -> None:
     """Print how long a command takes against SciPy's solver of the equilibrium alone."""
     grasp = attach_grip(path.config, path.body)
-    closure = rest(grasp.statics, path.body.center, path.body.pose.angle)
+    closure = rest(grasp.statics, path.body)
     start = grasp.state.unknowns.copy()
     start[grasp.statics.places.normal] *= 0.9
 

@@ -38,6 +38,8 @@ from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray
 
 WARM_UP = max(1.0, 3.0 * SHARE)
+#: Within how many seconds the nodes send their first status.
+COMING_UP = 60
 DURATION = max(0.5, 12.0 * SHARE)
 #: Of the empty node [Hz].
 PEER_RATE = 200.0
@@ -151,6 +153,9 @@ def measure_nodes(case: Case) -> Load:
         running_peer() as peer,
         running_nodes(nodes, Path(logs)) as processes,
     ):
+        for _ in range(COMING_UP):
+            if not statuses:
+                spin(1.0)
         spin(WARM_UP)
         statuses.clear()
         started = [psutil.Process(process.process.pid) for process in processes]

@@ -5,8 +5,9 @@
 An object held between any two members, or three: these members, and where they touch it.
 
 Each member is its undeformed centre line, from pinch point to pinch point. The object's surface is
-farthest toward the member. A face of a polygon that lies on the member is touched at its two ends;
-so it can neither lift nor turn. Points of the plane are complex numbers, as in `constraints`.
+farthest toward the member. A face of a polygon that lies on the member, see `contact_patch`, is
+touched at its two ends; so it can neither lift nor turn. Points of the plane are complex numbers,
+as in `constraints`.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from isotruss_ros.core.errors import GraspError, quote
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.model.contact_patch import contact_body, contact_patch
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Indices
 import numpy as np
@@ -27,9 +29,6 @@ from numpy.typing import ArrayLike
 
 #: Number of members that hold an object.
 FEWEST, MOST = 2, 3
-#: A face lies on a member that is inclined against it by at most this [rad].
-FACE_ANGLE = 1e-3
-SIN_FACE_ANGLE = math.sin(FACE_ANGLE)
 
 
 @dataclass(frozen=True)
@@ -41,12 +40,16 @@ class Grip:
     :ivar body: the object in its place in the robot frame.
     :ivar friction: coefficient between tubes and object; if left out the object's own, or
         `DEFAULT_FRICTION` where it has none.
+    :ivar corners: numbers of the corners that touch each member, one or both ends of a face, where
+        a model of the held object has them; None for those of the planned indentation, see
+        `contact_patch`.
     :raises GraspError: not two or three different names, no such object, or no such coefficient.
     """
 
     members: tuple[str, ...]
     body: ConvexObject
     friction: float = None  # type: ignore[assignment]  # a number from the start on
+    corners: tuple[tuple[int, ...], ...] | None = None
 
     def __post_init__(self) -> None:
         """Check the number of members; their names are checked against a robot when used."""
@@ -82,6 +85,18 @@ class Grip:
         # What has been checked need not be checked again.
         moved.__dict__.update(self.__dict__, body=self.body.moved_to(pose))
         return moved
+
+    def touching(self, owners: Indices, corners: Indices) -> Grip:
+        """
+        Return the grip with known contacts.
+
+        :param owners: (k,) which member each contact is of, rising.
+        :param corners: (k,) numbers of the corners that touch there.
+        """
+        touched = [tuple(corners[owners == i].tolist()) for i in range(len(self.members))]
+        found = object.__new__(Grip)
+        found.__dict__.update(self.__dict__, corners=tuple(touched))
+        return found
 
     @classmethod
     def at_module(
@@ -165,6 +180,7 @@ class GripContact(NamedTuple):
     start: complex  #: of the member, robot frame [m]
     normal: complex  #: unit vector out of the object into the member
     point: complex  #: of the object's surface, robot frame [m]
+    corner: int  #: number of the corner that touches, see `Shape.corner_at`
     side: float  #: +1 where the object is left of the member, -1 where it is right
 
 
@@ -179,30 +195,34 @@ def find_contacts(config: Configuration, grip: Grip) -> list[GripContact]:
     :raises GraspError: no such member; or a member does not touch the object between its ends:
         it is off by more than a tube is thick.
     """
-    body, nodes = grip.body, find_members(config.robot, grip.members)
-    inside, turned = body.middle, body.turn.conjugate()
-    members: list[tuple[complex, complex, complex, float]] = []
-    for start, end in config.points.take(nodes.lines).tolist():
-        span = end - start
-        axis = span / abs(span)
-        side = math.copysign(1.0, (axis.conjugate() * (inside - start)).imag)
-        members.append((start, span, -1j * side * axis, side))
-    touched = body.shape.touch_lines([turned * member[2] for member in members], SIN_FACE_ANGLE)
+    nodes = find_members(config.robot, grip.members)
     tube = config.robot.description.tube_diameter
+    body = contact_body(grip.body, 0.5 * tube)
+    inside, back = body.middle, body.turn.conjugate()
     found: list[GripContact] = []
     places: list[tuple[float, float]] = []
     fits = True
-    for owner, own_point in zip(touched.owners, touched.points, strict=True):
-        start, span, normal, side = members[owner]
-        point = body.center + body.turn * own_point
-        found.append(GripContact(owner, start, normal, point, side))
-        away = start - point
-        gap = (normal.conjugate() * away).real - 0.5 * tube
-        share = -(span.conjugate() * away).real / abs(span) ** 2
-        places.append((gap, share))
-        fits = fits and -tube <= gap <= tube and 0.0 <= share <= 1.0
+    for owner, (start, end) in enumerate(config.points.take(nodes.lines).tolist()):
+        span = end - start
+        axis = span / abs(span)
+        side = math.copysign(1.0, (axis.conjugate() * (inside - start)).imag)
+        normal = -1j * side * axis
+        if grip.corners is None:
+            patch = contact_patch(body.shape, normal * back, 0.5 * tube)
+            corners = tuple(end.corner for end in patch)
+        else:
+            corners = grip.corners[owner]
+        for corner in corners:
+            own_point = body.shape.point_at(corner, normal * back)
+            point = body.center + body.turn * own_point
+            found.append(GripContact(owner, start, normal, point, corner, side))
+            away = start - point
+            gap = (normal.conjugate() * away).real - 0.5 * tube
+            share = -(span.conjugate() * away).real / abs(span) ** 2
+            places.append((gap, share))
+            fits = fits and -tube <= gap <= tube and 0.0 <= share <= 1.0
     if not fits:
-        _check_touch(grip, touched.owners, places, tube)
+        _check_touch(grip, [contact.owner for contact in found], places, tube)
     return found
 
 

@@ -58,16 +58,18 @@ def test_no_point_of_the_outline_is_beyond_its_tangents(seed):
 
 @robots.examples(50)
 @given(SEEDS)
-def test_lines_touch_where_the_tangents_do_and_faces_with_both_ends(seed):
+def test_corners_touch_where_the_tangents_do_and_faces_join_them(seed):
     generator = np.random.default_rng(seed)
     shape = random_shape(generator)
     for normal in directions(generator):
-        (corner,) = shape.corners_at(complex(normal), -1.0)
+        corner = shape.corner_at(complex(normal))
         wanted = shape.support_points(np.array([normal]))[0]
         assert shape.point_at(corner, complex(normal)) == pytest.approx(wanted, abs=1e-12)
     face = random_polygon(generator, 0.2)
     for k, normal in enumerate(face.normals.tolist()):
-        assert face.corners_at(normal, 1e-9) == (k, (k + 1) % len(face.normals))
+        after = (k + 1) % len(face.normals)
+        assert {face.corner_at(normal * np.exp(1e-9j * side)) for side in (-1, 1)} == {k, after}
+        assert face.faces_at(k)[1].corner == after
 
 
 @robots.examples(20)

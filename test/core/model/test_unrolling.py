@@ -13,8 +13,8 @@ import shapes
 
 def arc(shape, angles):
     """Return the arcs to the points with given normals; of no face."""
-    touched = shape.touch_lines(np.exp(1j * angles).tolist(), -1.0)
-    return shape.unroll(angles, np.array(touched.corners))
+    corners = [shape.corner_at(normal) for normal in np.exp(1j * angles).tolist()]
+    return shape.unroll(angles, np.array(corners))
 
 
 @robots.examples(40)
