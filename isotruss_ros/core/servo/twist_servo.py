@@ -242,20 +242,7 @@ class TwistServo:
 
         A command for the measured configuration, which is older, would have a first-order error.
         """
-<<<<<<< HEAD
         config, grip, last = self._predict(rollers, pose, now, failed)
-=======
-        still = np.array([name in failed for name in self.robot.roller_names])
-        before, travel, last = self._history.expected_travel(
-            rollers, (pose or [rollers])[0].time, now, 0.5 * self.period, still
-        )
-        measured, config = self._tracker.predict(rollers.value.positions, travel)
-        grip = None
-        if pose:
-            # From where it was measured on, the object rolls in its contacts.
-            start = measured.predict(before) if before.any() else measured
-            grip = roll_object(self._touching.moved_to(pose[0].value), start, config)
->>>>>>> main
         watch = None if self.guard is None else self.guard.watch(config, grip)
         limits = self.limits if watch is None else (*self.limits, *watch.limits)
         handling = LimitHandling(self.slide_along_limits, self.period)
@@ -327,7 +314,7 @@ class TwistServo:
             return config, None, last
         # From where it was measured on, the object rolls in its contacts.
         start = measured.predict(before) if before.any() else measured
-        grip = roll_object(self.grip.moved_to(pose[0].value), start, config)
+        grip = roll_object(self._touching.moved_to(pose[0].value), start, config)
         return config, grip, last
 
     def _watch(self, squeeze: SqueezeControl, status: Status, now: float) -> None:
@@ -368,9 +355,8 @@ class TwistServo:
         # A loop that is late holds its commands for longer than its period.
         before, self._regulated = self._regulated, now
         elapsed = 0.0 if before is None else min(now - before, self.timeout)
-<<<<<<< HEAD
         sample = pose.value, now + 0.5 * self.period - pose.time
-        return squeeze.follow(config, grip, elapsed, sample)
+        return squeeze.follow(config, self.grip.moved_to(grip.body.pose), elapsed, sample)
 
     def _regulate(
         self,
@@ -380,9 +366,6 @@ class TwistServo:
         solve: Callable[..., RollerCommand],
     ) -> RollerCommand:
         """Solve for the squeeze as well, with the belief of the held object."""
-=======
-        hold = squeeze.follow(config, self.grip.moved_to(grip.body.pose), elapsed, sample)
->>>>>>> main
         if squeeze.grasp is None or (hold is not HoldStatus.HELD and squeeze.fault is None):
             why = f'the object is not held: {hold.value}'
             raise HaltError(Status.HALT_NOT_HELD, '; '.join(filter(None, (why, squeeze.note()))))
