@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Fig. 5: how stiff the triangle is in three shapes, and what load its tubes bear."""
+"""Fig. 5: stiffness and limit load of the triangle in three shapes."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ FARTHEST = 0.1
 @dataclass(frozen=True)
 class Shape:
     """
-    One of the three triangles, pushed.
+    One of the three triangles under load.
 
     :ivar config: its configuration.
     :ivar edges: the two equal members and the third, pinch to pinch [m].
@@ -93,7 +93,7 @@ def triangle(edges: tuple[float, float]) -> Robot:
 
 def between_joints(edges: tuple[float, float]) -> tuple[float, float]:
     """
-    Return the edges, joint to joint, of a triangle whose members have given lengths [m].
+    Return the edges, joint to joint, of a triangle with given member lengths [m].
 
     :param edges: the two equal members and the third, pinch to pinch [m].
     """
@@ -108,7 +108,7 @@ def between_joints(edges: tuple[float, float]) -> tuple[float, float]:
 
 def pinned_frame(config: Configuration) -> Frame:
     """
-    Return the frame of a triangle as the test holds it, more than a robot file may.
+    Return the frame of a triangle with the supports of the test.
 
     :param config: its configuration.
     """

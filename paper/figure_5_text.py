@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the page says about Fig. 5."""
+"""Text of the page on Fig. 5."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from paper.tables import number, Table
 
 
 def report(shapes: Mapping[str, Shape]) -> Report:
-    """Return the stiffnesses, and why they are in this order."""
+    """Return the stiffnesses with the reason of their order."""
     soft, _, stiff = shapes.values()
     total = sum(float(length) for length in soft.config.member_lengths)
     bars = [shape.truss / shape.stiffness for shape in shapes.values()]

@@ -225,7 +225,7 @@ def test_tube_wrinkles_where_force_times_an_eighth_of_its_length_is_its_moment(r
     assert moments == pytest.approx(3 * [wrinkling_moment(PRESSURE, RADIUS)])
 
 
-def test_in_the_papers_model_stiffness_does_not_see_the_diameter(results):
+def test_in_the_papers_model_stiffness_is_independent_of_the_diameter(results):
     result = results['figure_6']
     differ = figure_6.growth(result.round)
     assert np.abs(differ).max() < 0.05

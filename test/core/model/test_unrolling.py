@@ -19,7 +19,7 @@ def arc(shape, angles):
 
 @robots.examples(40)
 @given(robots.generators())
-def test_arcs_are_the_lengths_of_the_outline_between_the_points(rng):
+def test_unrolled_arcs_agree_with_outline_lengths(rng):
     shape = shapes.random_shape(rng)
     angles = np.sort(rng.uniform(-3.0, 3.0, 2))
     first, last = shape.support_points(np.exp(1j * angles))
