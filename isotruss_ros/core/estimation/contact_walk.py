@@ -16,7 +16,7 @@ import numpy as np
 SPANS = (0.2, 0.6, 1.5, 3.0)
 #: A sum of so many standard deviations is longer than its noise, and so is a jump of that length
 #: [m] at once.
-SURE, JUMP_LENGTH = 5.0, 0.02
+MAX_DEVIATIONS, JUMP_LENGTH = 5.0, 0.02
 
 
 class _Sum(NamedTuple):
@@ -45,7 +45,7 @@ class ContactWalk:
     @property
     def slipped(self) -> bool:
         """Return whether the walk is surely longer than its noise."""
-        return self.deviations > SURE
+        return self.deviations > MAX_DEVIATIONS
 
     def spread(self, more: Array) -> None:
         """

@@ -42,8 +42,9 @@ class GripRecord(NamedTuple):
 
         :param grip: in equilibrium without a load.
         """
-        travel, pressures = grip.config.roller_positions, grip.tubes.pressure
-        return cls(travel, grip.contacts, grip.state.unknowns, pressures)
+        own = grip.tubes.pressure is not None
+        pressures = grip.statics.compliance.structure.pressures if own else None
+        return cls(grip.config.roller_positions, grip.contacts, grip.state.unknowns, pressures)
 
     def restore(
         self, config: Configuration, body: ConvexObject, external_wrench: Array | None = None

@@ -16,7 +16,7 @@ from collections.abc import Callable
 from dataclasses import replace
 import math
 
-from isotruss_ros.core.estimation.contact_walk import JUMP_LENGTH
+from isotruss_ros.core.estimation.contact_walk import JUMP_LENGTH, MAX_DEVIATIONS
 from isotruss_ros.core.estimation.grip_belief import attach_model, GripBelief
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, LEFT_MARGIN, NotHeldError
@@ -37,8 +37,6 @@ import numpy as np
 REST_TIME = 1.0
 #: The squeeze changes no quicker than this [N/s].
 MAX_FORCE_RATE = 10.0
-#: What is held at first may take more friction than there is by so many of its deviations [-].
-MAX_DEVIATIONS = 3.0
 #: Stamps of poses that differ by no more are the same [s].
 SAME_STAMP = 1e-3
 KNOWN = EstimatorSettings()

@@ -327,7 +327,7 @@ class TwistServo:
         try:
             if status not in AT_REST or self._joint is not None:
                 raise HaltError(status, 'where the object is is not known')
-            inputs = {'joint_states': self.rollers, 'object_pose': self.pose}
+            inputs: dict[str, Any] = {'joint_states': self.rollers, 'object_pose': self.pose}
             rollers, pose = require_fresh(now, self.timeout, **inputs)
             config, grip, _ = self._predict(rollers, [pose], now, self.failed)
             self._regulated, known = before, squeeze.fault

@@ -13,8 +13,6 @@ from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.statics.deform import deform
 import numpy as np
 
-#: Fewer joints say nothing of a direction in common with the zeros of the rollers.
-LEAST_JOINTS = 4
 #: Weights explain this share of the squared displacements, the largest of which is this long [m].
 #: Zeros that are wrong by 10 mm do so once in a hundred robots.
 EXPLAINED, LEAST_SAG = 0.95, 5e-3
@@ -50,8 +48,8 @@ def find_sag(config: Configuration, joints: Mapping[str, tuple[float, float]]) -
     :param joints: (x, y) by the name of the joint, robot frame [m].
     :raises StructureError: see `deform`.
     """
-    if len(joints) < LEAST_JOINTS:
-        return None
+    if 2 * len(joints) <= len(config.roller_positions):
+        return None  # roller offsets explain as much
     names = config.robot.topology.joint_names
     rows = [names.index(name) for name in joints]
     off = (np.array(list(joints.values())) - config.nodes[rows]).ravel()
