@@ -93,7 +93,7 @@ def opened(shared_domain, tmp_path_factory):
         ('grasp_analysis', {**common, 'rate': 10.0}),
         ('grasp_planner', {'robot': quick_robot()} | PATIENT),
         ('pick_and_place', shown | PATIENT),
-        ('viewer', shown | SERVED | {'rate': 10.0}),
+        ('viewer', shown | SERVED | {'rate': 10.0, 'browser_timeout': 60.0}),
     ]
     with running_nodes(nodes, folder) as processes, sync_playwright() as playwright, world() as w:
         browser = launch(playwright, polite_browser(folder))
@@ -104,6 +104,7 @@ def opened(shared_domain, tmp_path_factory):
         session.until(lambda: w.probe.last('pose') and w.probe.last('status'))
         page.get_by_text('slip margin').wait_for()
         switch_control(page)
+        page.get_by_text('this one has control').wait_for()
         page.get_by_text('assumed by the analysis').click()
         page.get_by_text('external wrench').click()
         yield session
