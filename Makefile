@@ -65,6 +65,7 @@ test: venv
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/python tools/pictures.py --check
 	+$(MAKE) --no-print-directory unit-tests
 	+$(MAKE) --no-print-directory system-tests
 

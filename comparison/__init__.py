@@ -1,4 +1,4 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Our model against MuJoCo's, number by number: `make plant` writes docs/plant.md."""
+"""Comparison of our model with MuJoCo: `make plant` writes docs/plant.md."""

@@ -24,7 +24,7 @@ from rich.console import Console
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """
-    Make all comparisons, side by side on all cores.
+    Make all comparisons in parallel on all cores.
 
     :param arguments: of the command line; those of the process if None.
     :return: 0 where all bounds are kept, else 1.

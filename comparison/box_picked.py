@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A free box that two sides close on, carry, turn and put down, in MuJoCo."""
+"""A free box grasped by two sides, carried, turned and released, in MuJoCo."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ PHASES = (
 
 @dataclass(frozen=True)
 class Stage:
-    """The robot and the box at one time."""
+    """State of the robot and the box at one time."""
 
     name: str  #: what was done
     config: Configuration  #: of the rollers
@@ -68,7 +68,7 @@ class Stage:
 @dataclass(frozen=True)
 class Picked:
     """
-    What became of the box.
+    Result of picking the box.
 
     :ivar carried: while the sides close, wait, carry it with its squeeze regulated, and open.
     """
@@ -79,7 +79,7 @@ class Picked:
 
     def shift(self, name: str) -> float:
         """
-        Return how far the box moved in a stage [m].
+        Return the displacement of the box in a stage [m].
 
         :param name: of the stage, not the first.
         """
@@ -90,7 +90,7 @@ class Picked:
 
 def pick(phases: Sequence[Phase] = PHASES) -> Picked:
     """
-    Close on the box where it lies, carry it, and put it down.
+    Grasp the box in place, carry it, and release it.
 
     :param phases: of the path on which it is carried.
     """
@@ -137,7 +137,7 @@ def pick(phases: Sequence[Phase] = PHASES) -> Picked:
 
 def draw(picked: Picked) -> Figure:
     """
-    Draw the stages side by side.
+    Draw the stages as panels.
 
     :param picked: what became of the box.
     """

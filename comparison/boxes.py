@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A box, a disc and an ellipse between two sides that meet at no module: forces, and carried."""
+"""Box, disc and ellipse between two sides that do not meet: forces, and a carry."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ LAG = 'the tubes are elastic, and the robot lags'
 
 @dataclass(frozen=True)
 class Case:
-    """What lies between the two sides."""
+    """An object between the two sides."""
 
     name: str  #: of the object
     shape: Shape  #: of the object
@@ -42,7 +42,7 @@ class Case:
 
     def grip(self, config: Configuration) -> Grip:
         """
-        Return the object in its place.
+        Return the grip of the object at its pose.
 
         :param config: where the robot is.
         """
@@ -71,7 +71,7 @@ class Compared:
 
 def compare(cases: Sequence[Case] = CASES, phases: Sequence[Phase] = PHASES) -> Section:
     """
-    Compare forces, and carry the box.
+    Compare forces, and a carry of the box.
 
     :param cases: objects between the two sides.
     :param phases: of the path of the box.
@@ -145,7 +145,7 @@ def _force_checks(found: Sequence[Compared]) -> tuple[Check, ...]:
 
 
 def _off(forces: Array) -> float:
-    """Return the largest difference of forces as a share of ours."""
+    """Return the largest relative difference of forces."""
     return float(np.abs(forces[0] / forces[1] - 1.0).max())
 
 

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Fig. 9 carried open loop, with feedback, and with the squeeze regulated."""
+"""Fig. 9 carried in open loop, with feedback, and with a regulated squeeze."""
 
 from __future__ import annotations
 
@@ -25,6 +25,8 @@ from paper.tables import number, Table
 CASE, FRICTION = PressedCase(60.0, 0.02), 0.8
 OPEN, FEEDBACK, REGULATED = 'open loop', 'feedback', 'squeeze regulated'
 COLORS = {OPEN: ORANGE, FEEDBACK: BLUE, REGULATED: GREEN}
+#: For readers who see no colours.
+DASHES = {OPEN: '-', FEEDBACK: '--', REGULATED: '-.'}
 #: Bounds on position [mm] and orientation [degrees].
 BOUNDS = {OPEN: (12.0, 1.5), FEEDBACK: (4.0, 0.5), REGULATED: (2.0, 0.3)}
 REASONS = {
@@ -36,7 +38,7 @@ REASONS = {
 
 def compare(phases: Sequence[Phase] = figure_9()) -> Section:
     """
-    Carry an object in three ways.
+    Compare three controllers on a carried object.
 
     :param phases: of the path.
     """
@@ -95,7 +97,7 @@ def compare(phases: Sequence[Phase] = figure_9()) -> Section:
 
 def run(name: str, phases: Sequence[Phase]) -> Carried:
     """
-    Carry the object in one way.
+    Carry the object with one controller.
 
     :param name: of the way.
     :param phases: of the path.
@@ -118,17 +120,17 @@ def run(name: str, phases: Sequence[Phase]) -> Carried:
 
 
 def _draw(carried: dict[str, Carried], phases: Sequence[Phase]) -> Figure:
-    """Draw the paths, and the errors over time."""
+    """Draw the paths and the errors over time."""
     with rc_context(SETTINGS):
         figure = Figure(figsize=(PAGE, 2.6), layout='constrained')
         where, when = figure.subplots(1, 2, width_ratios=(1.0, 1.6))
         for name, result in carried.items():
             x, y = result.poses[:, :2].T
-            where.plot(x, y, color=COLORS[name], label=name)
+            where.plot(x, y, DASHES[name], color=COLORS[name], label=name)
             off = 1e3 * np.hypot(*(result.poses - result.goals)[:, :2].T)
-            when.plot(result.times, off, color=COLORS[name], label=name)
+            when.plot(result.times, off, DASHES[name], color=COLORS[name], label=name)
         goal = carried[OPEN].goals
-        where.plot(goal[:, 0], goal[:, 1], color=GREY, linestyle='--', label='path', zorder=0)
+        where.plot(goal[:, 0], goal[:, 1], color=GREY, linestyle=':', label='path', zorder=0)
         where.set(xlabel='x [m]', ylabel='y [m]', aspect='equal')
         when.set(xlabel='time [s]', ylabel='distance from the path [mm]', ylim=(0.0, None))
         end = 0.0

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""An object carried along a path of twists, by three ways to command the rollers."""
+"""An object carried along a path of twists, with three controllers of the rollers."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class Steering(Protocol):
 
 class OpenLoop:
     """
-    The paper's program for rigid tubes: nobody looks where the object is.
+    The paper's program for rigid tubes, without feedback.
 
     :param plant: holds the object.
     :param config: where the robot is at first.
@@ -73,7 +73,7 @@ class OpenLoop:
 
 class Feedback:
     """
-    The same program, for the measured pose, which is brought back to the path.
+    The same program with feedback of the measured pose.
 
     :param plant: holds the object, or closes on it.
     :param config: where the robot is at first.
@@ -98,7 +98,7 @@ class Feedback:
 
 class Regulated:
     """
-    The servo of the node `manipulation`, with the model of the held object in its loop.
+    The servo of the node `manipulation`, with the model of the held object.
 
     :ivar servo: that of the node.
     :ivar control: has the model.
@@ -136,13 +136,13 @@ class Regulated:
         self.servo.squeeze = self.control
 
     def measure(self) -> tuple[RollerState, Pose]:
-        """Return what sensors measure now of rollers and object."""
+        """Return the current measurements of rollers and object."""
         noise = self.deviations * self.rng.standard_normal(3)
         pose = Pose(*(self.plant.object_pose() + noise).tolist())
         return RollerState(self.plant.travel, self.plant.speeds), pose
 
     def command(self, twist: Array, error: Array) -> Array:
-        """Return roller velocities, see `Steering`; zero where the servo halts."""
+        """Return roller velocities, see `Steering`; zero in a halt."""
         servo, time = self.servo, self.plant.time
         rollers, pose = self.measure()
         self._seen.append(StampedInput(pose, time))
@@ -157,7 +157,7 @@ class Regulated:
 
     def step(self, twist: Array) -> None:
         """
-        Carry for one cycle.
+        Simulate one cycle.
 
         :param twist: (3,) of the object [m/s, rad/s].
         """
@@ -176,7 +176,7 @@ class Regulated:
 
 def rates(duration: float) -> Array:
     """
-    Return the speed in each cycle of a motion from rest to rest, (n,), 1 on average.
+    Return the relative speed in each cycle of a motion from rest to rest, (n,), 1 on average.
 
     :param duration: of the motion [s].
     """
@@ -186,7 +186,7 @@ def rates(duration: float) -> Array:
 
 def squeeze_in(plant: MujocoPlant) -> float:
     """
-    Return the mean normal force on the object [N], zero where fewer than two members press.
+    Return the mean normal force on the object [N], zero with fewer than two contacts.
 
     :param plant: holds the object.
     """
@@ -197,7 +197,7 @@ def squeeze_in(plant: MujocoPlant) -> float:
 
 @dataclass(frozen=True)
 class Carried:
-    """What became of an object on its path."""
+    """Result of a carry."""
 
     times: Array  #: (n,) [s]
     poses: Array  #: (n, 3) of the object [m, rad]
@@ -223,7 +223,7 @@ class Carried:
 
 def carry(steering: Steering, phases: Sequence[Phase]) -> Carried:
     """
-    Carry the object along a path; where it is lost, it ends.
+    Carry the object along the path, or up to its loss.
 
     :param steering: commands the rollers of the plant that holds it.
     :param phases: of the path, one after the other.

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Random grasps, loads and motions: nothing is dropped whose slip margin exceeds the load."""
+"""Random grasps, loads and motions: an object whose slip margin exceeds the load is not lost."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a case."""
+    """Result of a case."""
 
     margin: float  #: smallest slip margin on the path, without the load, by our model [N]
     load: float  #: its size, moments over the radius [N]
@@ -66,7 +66,7 @@ class Outcome:
 
 def compare(cases: int = CASES) -> Section:
     """
-    Try random cases.
+    Simulate random cases.
 
     :param cases: how many.
     """
@@ -154,7 +154,7 @@ def draw(random: np.random.Generator, weakest: bool) -> Case:
 
 def attempt(case: Case) -> Outcome | None:
     """
-    Try a case in MuJoCo; return None where our model does not hold the object to begin with.
+    Simulate a case in MuJoCo; return None if the model does not hold the object initially.
 
     :param case: to be tried.
     """
@@ -189,7 +189,7 @@ def attempt(case: Case) -> Outcome | None:
 
 
 def _is_worth(case: Case) -> bool:
-    """Return whether the grasp seems to bear a load, which costs less than to simulate it."""
+    """Return whether a grasp may bear a load, as a cheap filter before the simulation."""
     try:
         config, cylinder = place(case.grip)
         model = attach_grip(config, cylinder)
@@ -202,7 +202,7 @@ def _is_worth(case: Case) -> bool:
 
 
 def _travels(config: Configuration, case: Case, body: ConvexObject) -> list[Array] | None:
-    """Return roller travels along the motion, at even times; None where it leads nowhere."""
+    """Return roller travels along the motion at uniform times; None if unreachable."""
     held = RollingGrip.attach(config, Grip.at_module(config.robot, MODULE, body))
     travels, lengths = [], 1.0 - np.cos(2.0 * np.pi * (np.arange(WAYPOINTS) + 0.5) / WAYPOINTS)
     for length in lengths * DURATION / WAYPOINTS:
@@ -215,7 +215,7 @@ def _travels(config: Configuration, case: Case, body: ConvexObject) -> list[Arra
 
 
 def _least_margin(model: HeldGrip, travels: Sequence[Array], friction: float) -> float:
-    """Return the smallest slip margin without a load, zero where the object is not held [N]."""
+    """Return the smallest slip margin without a load, zero if not held [N]."""
     least, there = model.slip_margin(friction), model
     for travel in travels:
         moved = roll_grip(there, there.config.moved_to(travel))
@@ -226,7 +226,7 @@ def _least_margin(model: HeldGrip, travels: Sequence[Array], friction: float) ->
 
 
 def _follow(model: HeldGrip, travels: Sequence[Array], wrench: Array) -> HeldGrip | None:
-    """Return our model of the grasp at the end of the motion, under the load."""
+    """Return the model of the grasp at the end of the motion, under the load."""
     there = roll_grip(model, model.config, wrench)
     for travel in travels:
         if there is None:
@@ -236,7 +236,7 @@ def _follow(model: HeldGrip, travels: Sequence[Array], wrench: Array) -> HeldGri
 
 
 def _drive(plant: MujocoPlant, travels: Sequence[Array], wrench: Array) -> None:
-    """Load the object, then carry it, and come to rest."""
+    """Apply the load, carry the object, and stop."""
     steps = round(RISE * RATE)
     for k in range(steps):
         plant.pull((k + 1) / steps * wrench)

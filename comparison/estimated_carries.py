@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Objects carried in MuJoCo by a robot whose zeros are off and whose rollers slip.
+Objects carried in MuJoCo by a robot with roller offsets and slip.
 
 `python -m comparison.estimated_carries` prints what the state estimator makes of it, in some
 minutes; with `--discs 20 --boxes 10 --others 20` in half an hour.
@@ -56,7 +56,7 @@ CASES = (
 
 @dataclass(frozen=True)
 class Carried:
-    """What became of one object."""
+    """Result of one object."""
 
     squeeze: float  #: of MuJoCo against the target, a second after the path [-]
     worst: float  #: the same where it was farthest off on the path [-]
@@ -73,7 +73,7 @@ def carry(
     fed: bool = True,
 ) -> Carried:
     """
-    Carry one object along a random path; one that leaves as it is released is drawn anew.
+    Carry one object along a random path; objects lost at the release are drawn again.
 
     :param kind: of the object.
     :param seed: of everything that is drawn.
@@ -105,7 +105,7 @@ def carry(
 
 
 def _draw_task(robot: Robot, kind: str, rng: np.random.Generator) -> tuple[Grip, float, Array]:
-    """Return a grip, its squeeze [N] and legs (n, 3) on which the model loses nothing."""
+    """Return a grip, its squeeze [N] and legs (n, 3) without a loss in the model."""
     while True:
         grip, held = draw_grip(robot, kind, rng)
         legs = rng.uniform(-1.0, 1.0, (LEGS, 3)) * REACH
@@ -116,7 +116,7 @@ def _draw_task(robot: Robot, kind: str, rng: np.random.Generator) -> tuple[Grip,
 
 
 class _Loop(Regulated):
-    """The servo and the estimator, and what is measured for them."""
+    """The servo and the estimator with their measurements."""
 
     names: Sequence[str] = THREE
     fed = moving = False
@@ -132,13 +132,13 @@ class _Loop(Regulated):
         self._measured = -1.0
 
     def step(self, twist: Array) -> None:
-        """Carry for one cycle."""
+        """Simulate one cycle."""
         super().step(twist)
         if self.moving:
             self.squeezes.append(squeeze_in(self.plant))
 
     def command(self, twist: Array, error: Array) -> Array:
-        """Return the velocities of the tubes, which slip at the rollers."""
+        """Return the velocities of the tubes with slip at the rollers."""
         return (1.0 - SLIP) * super().command(twist, error)
 
     def measure(self) -> tuple[RollerState, Pose]:
@@ -159,7 +159,7 @@ class _Loop(Regulated):
         return RollerState(readings + self.offsets, state.velocities, self.offsets), pose
 
     def _measure_seldom(self, now: float, pose: Pose) -> None:
-        """Tell the estimator pose and markers."""
+        """Pass pose and markers to the estimator at their rates."""
         joints = self.plant.nodes[: len(self.joints)]
         self.estimator.take_pose(now, pose, self.deviations)
         if self.names and self.rng.random() > LOST:
@@ -170,7 +170,7 @@ class _Loop(Regulated):
             self.estimator.take_markers(now, seen, MARKER)
 
     def judge(self) -> Carried:
-        """Return how far everything is off."""
+        """Return the errors of all estimates."""
         found, truth, count = self.estimator.estimate(), squeeze_in(self.plant), len(self.joints)
         target = self.control.settings.force
         joints = self.plant.nodes[:count]
@@ -189,7 +189,7 @@ class _Loop(Regulated):
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """
-    Print what becomes of random objects.
+    Print the results of random objects.
 
     :param arguments: of the command line; those of the process if None.
     :return: 0.

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Objects carried in MuJoCo by a loop that halts, with several faults of a laboratory at once.
+Objects carried in MuJoCo by a loop with halts, under several simultaneous faults.
 
 `python -m comparison.faulty_carries` prints a line for each carry and the figures of all, in some
 ten minutes; with `--draws 60 --clean 10 --lost 20 --nothing 10` in an hour or two.
@@ -51,7 +51,7 @@ DRAWN, CLEAN, LOST, NOTHING = 'drawn', 'clean', 'lost', 'nothing'
 
 
 class Sensors(NamedTuple):
-    """How poses are measured."""
+    """Quality of the pose measurements."""
 
     noise: tuple[float, float]  #: standard deviations [m, rad]
     period: float  #: [s]
@@ -64,7 +64,7 @@ POOR = Sensors((1e-3, math.radians(0.5)), 0.05, 0.03)
 
 @dataclass(frozen=True)
 class Draw:
-    """What is wrong with a robot and its sensors."""
+    """Faults of a robot and its sensors."""
 
     names: tuple[str, ...]
     zeros: float | Array
@@ -77,7 +77,7 @@ class Draw:
     @classmethod
     def of(cls, kind: str, rollers: int, rng: np.random.Generator) -> Draw:
         """
-        Return what a seed draws.
+        Return the faults of a seed.
 
         :param kind: of the carry; only `DRAWN` has several faults.
         :param rollers: number of them.
@@ -100,7 +100,7 @@ class Draw:
 
 @dataclass
 class Carry:
-    """What became of one object."""
+    """Result of one object."""
 
     kind: str
     shape: str
@@ -121,7 +121,7 @@ class Carry:
 
     @property
     def end(self) -> str:
-        """Return what happened, in words."""
+        """Return the result in words."""
         if self.lost < math.inf:
             late = self.halted - self.lost
             return f'lost, told {late:+.2f} s' if late < math.inf else 'lost in silence'
@@ -147,7 +147,7 @@ class Carry:
 
 class Loop(Regulated):
     """
-    The servo of `manipulation` with what is drawn.
+    The servo of `manipulation` with drawn faults.
 
     :param plant: holds the object.
     :param robot: as the loop has it.
@@ -173,7 +173,7 @@ class Loop(Regulated):
         self.times: list[float] = []
 
     def command(self, twist: Array, error: Array) -> Array:
-        """Return the velocities of the tubes, which slip at the rollers."""
+        """Return the velocities of the tubes with slip at the rollers."""
         servo, now, slip = self.servo, self.plant.time, self._draw.slip
         servo.rollers = StampedInput(
             RollerState(self.plant.travel / (1.0 - slip), self.plant.speeds / (1.0 - slip)), now
@@ -187,7 +187,7 @@ class Loop(Regulated):
         return (1.0 - slip) * decision.command.roller_velocities
 
     def _measure(self, now: float) -> None:
-        """Measure the pose now and then; it comes late, stamped when it comes."""
+        """Measure the pose at its rate, delayed and stamped on arrival."""
         (along, turned), period, late = self._draw.sensors
         if now >= self._next - 1e-9:
             self._next = now + period
@@ -198,12 +198,12 @@ class Loop(Regulated):
             self.servo.pose = StampedInput(Pose(*pose.tolist()), when)
 
     def place(self) -> Array:
-        """Return where the object is (3,)."""
+        """Return the pose of the object (3,)."""
         return np.array(self.plant.object_pose())
 
 
 class _Nothing(Loop):
-    """A loop that is shown an object where it was, though it grips nothing."""
+    """A loop with the initial pose of an object that is not gripped."""
 
     def __init__(self, *arguments: object) -> None:
         super().__init__(*arguments)
@@ -211,7 +211,7 @@ class _Nothing(Loop):
         self.plant.hold_object((5.0, 5.0, 0.0))
 
     def place(self) -> Array:
-        """Return where the object lies."""
+        """Return the initial pose of the object."""
         return self._lies
 
 
@@ -245,7 +245,7 @@ def carry(kind: str, shape: str, seed: int) -> Carry:
 
 
 def _hold(true: Robot, grip: Grip, draw: Draw) -> tuple[MujocoPlant, object]:
-    """Return the plant that holds an object as deep as it was drawn, and the object."""
+    """Return the plant with the object at its drawn indentation."""
     body, angle = grip.body, grip.body.pose.angle
     body = place_between(true.home, grip.members, body.shape, angle, 0.01).body
     body = replace(body, mass=0.5, friction=FRICTION)
@@ -253,7 +253,7 @@ def _hold(true: Robot, grip: Grip, draw: Draw) -> tuple[MujocoPlant, object]:
 
 
 def _follow(loop: Loop, legs: Array, held: HeldGrip, found: Carry) -> None:
-    """Carry along the path, and take note of what happens."""
+    """Follow the path and record events."""
     plant, draw = loop.plant, found.draw
     direction = loop.rng.uniform(0.0, 2.0 * math.pi)
     size = draw.pull * held.slip_margin(FRICTION)
@@ -293,7 +293,7 @@ def _follow(loop: Loop, legs: Array, held: HeldGrip, found: Carry) -> None:
 
 def summarise(carries: Sequence[Carry]) -> list[str]:
     """
-    Return the figures of all carries in words.
+    Return the statistics of all carries in words.
 
     :param carries: what became of each.
     """
@@ -331,7 +331,7 @@ def summarise(carries: Sequence[Carry]) -> list[str]:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """
-    Print what becomes of random objects.
+    Print the results of random objects.
 
     :param arguments: of the command line; those of the process if None.
     :return: 0.

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Friction lowered until an object is lost, predicted and found."""
+"""Friction at the loss of an object, predicted and simulated."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ MOVED = 2e-3
 
 def compare(grips: Sequence[PressedCase] = GRIPS) -> Section:
     """
-    Compare the friction at which objects are lost.
+    Compare the friction at the loss of objects.
 
     :param grips: what presses on them.
     """
@@ -77,7 +77,7 @@ def compare(grips: Sequence[PressedCase] = GRIPS) -> Section:
 
 def lost_at(plant: MujocoPlant, start: float) -> float:
     """
-    Return the friction at which the object was lost, zero where it never is.
+    Return the friction at the loss of the object, zero without a loss.
 
     :param plant: holds the object.
     :param start: friction at first.

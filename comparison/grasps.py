@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Grasps over wedge and indentation: forces, friction and stiffness, held fast and then free."""
+"""Grasps over wedge and indentation: forces, friction and stiffness, fixed and free."""
 
 from __future__ import annotations
 
@@ -114,14 +114,14 @@ def compare_one(grip: PressedCase) -> Compared:
 
 
 def _place(config: Configuration, name: str, analysis: GraspAnalysis) -> complex:
-    """Return where a member's resultant acts in the analysis, x + iy [m]."""
+    """Return the centre of pressure of a member in the analysis, x + iy [m]."""
     mine = analysis.members == config.robot.member_names.index(name)
     x, y = np.average(analysis.points[mine], axis=0, weights=analysis.normal_forces[mine])
     return complex(x, y)
 
 
 def _stiffness(plant: MujocoPlant, start: Array) -> Array:
-    """Return the grasp stiffness by small pulls (3, 3)."""
+    """Return the grasp stiffness from small pulls (3, 3)."""
     gives = []
     for wrench in PULLS:
         ends = []
@@ -150,7 +150,7 @@ def _checks(found: Sequence[Compared]) -> tuple[Check, ...]:
 def _checks_of(
     grasps: Sequence[Compared], which: str, bounds: Sequence[float], why: str
 ) -> tuple[Check, ...]:
-    """Return the checks of some grasps, with their bounds [%, mm, %, %, %, %]."""
+    """Return the checks of grasps, with their bounds [%, mm, %, %, %, %]."""
 
     def worst(share: Callable[[Compared], Array | float]) -> float:
         return max(float(np.max(share(grasp))) for grasp in grasps)
@@ -170,14 +170,14 @@ def _checks_of(
 
 
 def _give_error(grasp: Compared) -> float:
-    """Return the difference of the give as a share of it, turns over the radius."""
+    """Return the relative difference of the displacement on release, rotations at the radius."""
     even = np.array([1.0, 1.0, 0.5 * grasp.grip.diameter])
     gives = grasp.gives * even
     return float(np.linalg.norm(gives[0] - gives[1]) / np.linalg.norm(gives[1]))
 
 
 def _stiffness_error(grasp: Compared) -> float:
-    """Return the largest difference of the compliance, as a share of its size."""
+    """Return the largest relative difference of the compliance."""
     even = np.array([1.0, 1.0, 0.5 * grasp.grip.diameter])
     give = np.linalg.inv(grasp.stiffness) * np.outer(even, even)
     return float(np.linalg.norm(give[0] - give[1], 2) / np.linalg.norm(give[1], 2))

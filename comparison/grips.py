@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Plants in MuJoCo that hold an object in a wedge of the nine-member robot."""
+"""MuJoCo plants with an object in a wedge of the nine-member robot."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ NEAR, COARSE = 8, 4
 
 @dataclass(frozen=True)
 class PressedCase:
-    """What presses on an object."""
+    """An indented object in a wedge."""
 
     degrees: float  #: angle of the wedge at `MODULE`
     indentation: float  #: of each member by the object, tubes unbent [m]
@@ -42,7 +42,7 @@ class PressedCase:
 @functools.cache
 def round_robot() -> Robot:
     """
-    Return the nine-member robot with tubes that stay round where they are touched, as MuJoCo's do.
+    Return the nine-member robot without flattening, as in MuJoCo.
 
     Its file says that a section resists flattening far more than by theory.
     """
@@ -52,7 +52,7 @@ def round_robot() -> Robot:
 
 def soften(robot: Robot, stiffness: float) -> Robot:
     """
-    Return a robot whose tubes are as many times as stiff, the sections' flattening alike.
+    Return a robot with scaled tube stiffness and unchanged flattening.
 
     :param robot: the robot.
     :param stiffness: against its own.
@@ -79,7 +79,7 @@ def mesh(robot: Robot, members: Sequence[str], segments: int = NEAR) -> Indices:
 
 def move_to(plant: MujocoPlant, travel: Sequence[float] | Array) -> None:
     """
-    Drive the rollers to a travel at even speeds, and let the robot come to rest.
+    Move the rollers to a travel at constant speeds, and settle.
 
     :param plant: the robot.
     :param travel: (r,) travel since home [m].
@@ -105,7 +105,7 @@ def press(
     case: PressedCase, options: PlantOptions = STILL, segments: int = NEAR
 ) -> tuple[MujocoPlant, Configuration, ConvexObject]:
     """
-    Return a plant that presses on an object held fast, its configuration, and the object.
+    Return a plant in contact with a fixed object, its configuration, and the object.
 
     :param case: what presses.
     :param options: of the plant.
@@ -124,7 +124,7 @@ def press_on(
     segments: int = NEAR,
 ) -> MujocoPlant:
     """
-    Return a plant that presses on an object held fast, without friction.
+    Return a plant in contact with a fixed object, without friction.
 
     :param config: where the robot is when it presses.
     :param held: the object, in its place.
@@ -162,7 +162,7 @@ def hold_at_home(
 
 def release(plant: MujocoPlant, friction: float, duration: float = 3.0) -> None:
     """
-    Let go of the object: friction holds it from now on.
+    Release the object, which is held by friction from now on.
 
     :param plant: presses on an object held fast.
     :param friction: coefficient between tube and object.

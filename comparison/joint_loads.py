@@ -23,7 +23,7 @@ REST = 4.0
 
 def compare(soft: int = 2) -> Section:
     """
-    Compare displacements at home and in soft shapes.
+    Compare displacements at home and in soft configurations.
 
     :param soft: how many of them.
     """
@@ -80,7 +80,7 @@ def compare(soft: int = 2) -> Section:
 
 
 def _soft_shapes(count: int) -> list[tuple[str, Configuration]]:
-    """Return the softest of some random shapes that the robot can take."""
+    """Return the softest of random configurations of the robot."""
     robot, random = round_robot(), np.random.default_rng(0)
     found = []
     for _ in range(TRIALS):
@@ -100,7 +100,7 @@ def _difference(
     load: tuple[float, float],
     before: np.ndarray,
 ) -> tuple[float, float]:
-    """Return the difference as a share of the largest displacement, and that [m]."""
+    """Return the relative difference of displacements, and the largest displacement [m]."""
     plant.load_joint(joint, load)
     plant.settle(REST)
     expected = deform(config, {joint: load})

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The page that shows all comparisons: docs/plant.md."""
+"""Page of all comparisons: docs/plant.md."""
 
 from __future__ import annotations
 

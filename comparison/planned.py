@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Planned grasps: from the free object to the squeeze, and on to the end of Fig. 9's arc."""
+"""Planned grasps: from the free object to the squeeze, and to the end of Fig. 9's arc."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ GROUND = 0.5
 
 @dataclass(frozen=True)
 class Wanted:
-    """A grasp to be planned."""
+    """Requirements of a planned grasp."""
 
     center: tuple[float, float]  #: where the object lies [m]
     diameter: float  #: of it [m]
@@ -53,7 +53,7 @@ class Wanted:
 
 
 class Closed(NamedTuple):
-    """An object between members that have closed on it."""
+    """Result of closing members on an object."""
 
     squeeze: float  #: mean normal force of the members [N]
     planned: float  #: the same as planned [N]
@@ -159,7 +159,7 @@ def _measure(plant: MujocoPlant, grasp: PlannedGrasp) -> Closed:
 def _checks(
     how: str, closed: Sequence[Closed], bounds: tuple[float, float], why: str
 ) -> Iterator[Check]:
-    """Return the checks of squeeze and place, with their bounds [%, mm]."""
+    """Return the checks of squeeze and position, with their bounds [%, mm]."""
     off = max(abs(each.squeeze / each.planned - 1.0) for each in closed)
     away = max(each.away for each in closed)
     yield Check(f'squeeze after closing in place, {how}', 100.0 * off, bounds[0], '%', why)
@@ -178,7 +178,7 @@ def _plan(wanted: Wanted) -> PlannedGrasp:
 
 def follow(wanted: Wanted, grasp: PlannedGrasp) -> MujocoPlant:
     """
-    Return a plant whose rollers have followed the path to a grasp.
+    Return a plant after the path of the rollers to a grasp.
 
     :param wanted: what was planned.
     :param grasp: the plan.
@@ -197,7 +197,7 @@ def follow(wanted: Wanted, grasp: PlannedGrasp) -> MujocoPlant:
 
 def bring_back(steering: Regulated, center: tuple[float, float]) -> PathPhase:
     """
-    Bring a held object to where it lay, as `pick_object` does; return how it ended.
+    Move a held object back to its initial pose, like `pick_object`; return the result.
 
     :param steering: servo that regulates the squeeze.
     :param center: where the object lay [m].

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Slip margins under pulls in eight directions, predicted and found."""
+"""Slip margins under pulls in eight directions, predicted and simulated."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def compare(
     grips: Sequence[PressedCase] = GRIPS, directions: Sequence[float] = DIRECTIONS
 ) -> Section:
     """
-    Compare the pulls at which a contact slips or lets go.
+    Compare the pulls at which a contact slips or opens.
 
     :param grips: what presses on the object.
     :param directions: of the pulls, from x counter-clockwise [rad].
@@ -86,7 +86,7 @@ def compare(
 
 def predicted(model: HeldGrip, along: Array) -> float:
     """
-    Return the pull at which the equilibrium slips, lets go or ends [N].
+    Return the pull at which the equilibrium slips, opens or vanishes [N].
 
     :param model: how the object is held.
     :param along: (3,) the wrench of a unit pull.
@@ -103,7 +103,7 @@ def predicted(model: HeldGrip, along: Array) -> float:
 
 def found(plant: MujocoPlant, along: Array, sure: float) -> float:
     """
-    Return the pull at which a contact slips or lets go in MuJoCo [N].
+    Return the pull at which a contact slips or opens in MuJoCo [N].
 
     :param plant: holds the object.
     :param along: (3,) the wrench of a unit pull.

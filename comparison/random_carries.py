@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Random discs and boxes on random paths, by the package's own loop from its own estimates."""
+"""Random discs and boxes on random paths, by the package's own loop and estimates."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ PULLED = 'pulled'
 
 
 def _in_mujoco(**options: float) -> Callable[[Robot, ConvexObject], MujocoPlant]:
-    """Return what makes the MuJoCo plant with an object in the grip, at rest."""
+    """Return a function that makes the MuJoCo plant with an object in the grip, at rest."""
 
     def make(robot: Robot, body: ConvexObject) -> MujocoPlant:
         settings = PlantOptions(friction=FRICTION, **options)
@@ -71,7 +71,7 @@ ENDS = ('arrived', 'stands held', 'refused', 'lost and said', 'lost in silence')
 @dataclass(frozen=True)
 class Outcome:
     """
-    What became of an object.
+    Result of one object.
 
     :ivar error: from where its twists lead, a second after the path; nan if it was not moved [m].
     """
@@ -160,7 +160,7 @@ def run(robot: Robot, kind: str, seed: int, name: str) -> Outcome:
 
 def draw_grip(robot: Robot, kind: str, rng: np.random.Generator) -> tuple[Grip, HeldGrip]:
     """
-    Return a grip that holds an object at home, and how.
+    Return a grip of an object at home, with its equilibrium.
 
     :param robot: with round tubes, at home.
     :param kind: of the object.
@@ -187,7 +187,7 @@ def draw_grip(robot: Robot, kind: str, rng: np.random.Generator) -> tuple[Grip, 
 
 
 def _carry(steering: Regulated, legs: Sequence[Array], pull: Array) -> Array:
-    """Carry along legs from rest to rest; return where the twists carried out lead (3,)."""
+    """Carry along legs from rest to rest; return the pose of the executed twists (3,)."""
     goal = np.array(steering.plant.object_pose())
     for number_of_leg, leg in enumerate(legs):
         duration = LEG_TIME if leg.any() else 1.0
@@ -202,7 +202,7 @@ def _carry(steering: Regulated, legs: Sequence[Array], pull: Array) -> Array:
 
 
 def _judge(steering: Regulated, goal: Array, target: float) -> Outcome:
-    """Return what became of an object."""
+    """Return the result of an object."""
     error = float(np.hypot(*(goal - np.array(steering.plant.object_pose()))[:2]))
     squeeze = squeeze_in(steering.plant) / target
     halted = max(steering.statuses) >= Status.HALT_NO_TWIST

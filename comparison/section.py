@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a comparison consists of: bounds, tables and words."""
+"""Parts of a comparison: bounds, tables and words."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from paper.tables import number, Table
 
 @dataclass(frozen=True)
 class Check:
-    """A difference between the two models, and what it may be."""
+    """A difference between the two models, with its bound."""
 
     what: str  #: that is compared
     found: float  #: the largest difference

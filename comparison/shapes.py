@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Normal forces on objects that are no discs, pressed into a corner."""
+"""Normal forces on discs, ellipses and boxes pressed into a corner."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ WEDGE, ANGLE, DEPTHS = 40.0, 0.5, (0.005, 0.01)
 
 def compare(shapes: Mapping[str, Shape] = SHAPES, depths: Sequence[float] = DEPTHS) -> Section:
     """
-    Compare the normal forces on objects of several shapes, held fast without friction.
+    Compare the normal forces on fixed objects of several shapes, without friction.
 
     :param shapes: by name.
     :param depths: of the object in each member, tubes unbent [m].

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Unloaded nodes, against forward kinematics (3), (12), (13)."""
+"""Unloaded nodes compared with forward kinematics (3), (12), (13)."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ MICROMETRE = 1e-6
 
 def compare(shapes: int = 3) -> Section:
     """
-    Compare the nodes of two presets in random shapes.
+    Compare the nodes of two presets in random configurations.
 
     :param shapes: of each.
     """

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Configurations whose grip is open by a given angle."""
+"""Configurations with a given opening angle of the grip."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def opening(config: Configuration, module: str = MODULE) -> float:
 
 def sides(config: Configuration, module: str = MODULE) -> tuple[Points, Points]:
     """
-    Return the two members that meet at a module: where they leave it, and their vectors, (2,) [m].
+    Return start and vector of the two members that meet at a module, (2,) [m].
 
     :param config: configuration of the robot.
     :param module: name `t/j` of the module.
@@ -47,7 +47,7 @@ def closed_to(
     config: Configuration, degrees: float, diameter: float, module: str = MODULE
 ) -> Configuration:
     """
-    Return a configuration whose wedge at a module has a given angle, at least roller travel.
+    Return a configuration with a given wedge angle at a module, with the least roller travel.
 
     :param config: where the search begins.
     :param degrees: the angle [degrees].
@@ -76,7 +76,7 @@ def pressed_into(
     config: Configuration, module: str, shape: Shape, angle: float, depth: float
 ) -> ConvexObject:
     """
-    Return an object in the wedge at a module, this deep in both members.
+    Return an object in the wedge at a module, at a given depth in both members.
 
     :param config: configuration of the robot.
     :param module: name `t/j` of the module.

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Press a box with two of its corners into the corner of the robot, and analyse the grasp."""
+"""Press two corners of a box into a corner of the robot, and analyse the grasp."""
 
 from isotruss_ros import core
 

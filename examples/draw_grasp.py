@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Draw a robot that presses an object, and the forces on it: writes drawing.png."""
+"""Draw a robot with the forces on its object: writes drawing.png."""
 
 from isotruss_ros import core, plotting
 from matplotlib.figure import Figure

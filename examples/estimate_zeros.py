@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Find where the encoders read zero from markers on three joints."""
+"""Estimate the roller offsets from markers on three joints."""
 
 from isotruss_ros import core
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Move the object with a roller that does not work, and list the motions that are left."""
+"""Move the object with a failed roller, and list the reachable motions."""
 
 from isotruss_ros import core
 

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Turn a twist of the held object into roller velocities, and follow it for half a second."""
+"""Compute roller velocities for a twist of the held object, and apply them for half a second."""
 
 from isotruss_ros import core
 

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Carry a held object along a path, closed loop over its measured pose."""
+"""Carry a held object along a path, with feedback of its measured pose."""
 
 from isotruss_ros import core
 from isotruss_ros.core.paths.path_tracking import PathPhase, TrackingSettings

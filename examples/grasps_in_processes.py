@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Settle many grasps in processes: which of 200 shapes of the robot carries a disc best?"""
+"""Settle many grasps in processes: select the best of 200 configurations for a disc."""
 
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial

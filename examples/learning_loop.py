@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A simulated robot in a loop of reset and step, as libraries of learning have it."""
+"""A simulated robot with reset and step, for reinforcement learning."""
 
 from isotruss_ros import core
 import numpy as np
@@ -10,10 +10,10 @@ PERIOD, MEMBERS = 0.05, ('north/P-Z', 'north/Z-R')  # [s]
 
 
 class CarryingTask:
-    """Bring a held disc to a goal: the action is its twist, the reward minus its distance [m]."""
+    """Move a held disc to a goal: the action is its twist, the reward minus its distance [m]."""
 
     def reset(self, seed: int) -> np.ndarray:
-        """Hold the disc anew, with rollers that lose up to 2 % of their travel; choose a goal."""
+        """Reset the grip of the disc, with up to 2 % of slip of the rollers; choose a goal."""
         self.random = np.random.default_rng(seed)
         home = core.load_robot('nine_member').home
         self.grip = core.place_between(home, MEMBERS, core.Disc(0.3), indentation=0.01)
@@ -30,7 +30,7 @@ class CarryingTask:
         return np.array([pose.x, pose.y, pose.angle])
 
     def step(self, twist: np.ndarray) -> tuple[np.ndarray, float, bool]:
-        """Go on for one period; return observation, reward and whether the disc is lost."""
+        """Simulate one period; return observation, reward and whether the disc is lost."""
         body = self.grip.body.moved_to(self.robot.object_pose)
         grip = core.Grip(MEMBERS, body, 0.8)
         command = core.solve_twist(self.robot.config, grip, twist)

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Ask for more than the rollers can do, and see how the command is scaled or projected."""
+"""Command a twist beyond the limits of the rollers: scaled or projected."""
 
 from isotruss_ros import core
 

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Find shape and pressures of a grasp that carries most: writes optimised.png."""
+"""Optimise configuration and pressures of a grasp for its slip margin: writes optimised.png."""
 
 from isotruss_ros import core, plotting
 from matplotlib.figure import Figure
@@ -17,7 +17,7 @@ start, bounds = np.repeat([0.0, 1.0], [6, 3]), [(-0.05, 0.05)] * 6 + [(0.7, 1.3)
 
 
 def solve(values: np.ndarray) -> tuple:
-    """Return minus the slip margin, what utilisation and way are left, slopes, and the grasp."""
+    """Return minus the slip margin, the constraints, gradients, and the grasp."""
     travel, pressures = np.split(unit * values, [6])
     config = robot.configuration(travel)
     grasp = core.settle_grasp(config, body, 0.8, load, pressures, members)

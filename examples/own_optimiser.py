@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Move the rollers until a grasp bears most: exact gradients, constraints, SI units."""
+"""Maximise the slip margin of a grasp over the rollers, with exact gradients and constraints."""
 
 from isotruss_ros import core
 from isotruss_ros.core.holding.grasp_gradient import GraspGradient
@@ -26,7 +26,7 @@ def cost(travel: np.ndarray) -> tuple[float, np.ndarray]:
 
 
 def reserves(travel: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return what is left of a utilisation of 0.6 and of a way of the object of 2 cm; slopes."""
+    """Return the constraints (utilisation 0.6, displacement 2 cm) and their gradients."""
     found = solve(travel)
     own, way = found.parameters.rollers, found.settled.displacement[:2]
     left = np.append(0.6 - np.array([*found.settled.utilisation.values()]), 0.02**2 - way @ way)

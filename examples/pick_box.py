@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Pick up a box between two sides that meet at no module, turn it, and put it down."""
+"""Pick up a box between two sides that do not meet, turn it, and release it."""
 
 from isotruss_ros import core
 import numpy as np
@@ -15,7 +15,7 @@ plant = core.SimulatedRobot(robot.home, box, core.RollerFaults())
 
 
 def drive(twist: object, seconds: float, opening_rate: float = 0.0) -> None:
-    """Move the box, or open and close the sides on it, for some time."""
+    """Move the box, or open and close the sides, for some time."""
     for _ in range(round(seconds * RATE)):
         body = lying.body.moved_to(plant.object_pose)
         grip = core.Grip(SIDES, body, 0.9)
@@ -25,7 +25,7 @@ def drive(twist: object, seconds: float, opening_rate: float = 0.0) -> None:
 
 
 def report(when: str) -> None:
-    """Say where the box is and whether it is held."""
+    """Print the pose of the box and whether it is held."""
     x, y, angle = plant.object_pose
     held = f'held, slip margin {box.slip_margin:.1f} N' if box.grasp else 'lies'
     print(f'{when:10} ({x:.3f}, {y:.3f}) m, {np.degrees(angle):6.1f} degrees: {held}')

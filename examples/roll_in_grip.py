@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Carry and turn a box between two sides that meet at no module, and bring it back."""
+"""Carry and turn a box between two sides that do not meet, and return it."""
 
 from isotruss_ros import core
 import numpy as np

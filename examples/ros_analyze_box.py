@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Ask how a box would be held between two sides that meet at no module.
+"""Request the analysis of a box between two sides that do not meet.
 
 First: `ros2 launch isotruss_ros simulation.launch.py`, or your robot and `grasp_analysis`.
 """

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Print what holds the object: one message of `grasp/state`.
+"""Print the state of the grasp: one message of `grasp/state`.
 
 First: `ros2 launch isotruss_ros simulation.launch.py indentation:=0.01`, or your robot and
 `grasp_analysis`.

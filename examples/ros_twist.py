@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Move the held object up by 2 cm: publish twists until its pose says so.
+"""Move the held object up by 2 cm by twists, until the measured pose is reached.
 
 First: `ros2 launch isotruss_ros simulation.launch.py`, or your robot and `manipulation`.
 """

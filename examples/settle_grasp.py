@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Find whether friction holds a grasped object, and how much more it withstands."""
+"""Compute whether friction holds a grasped object, and its slip margin."""
 
 from isotruss_ros import core
 

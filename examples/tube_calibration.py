@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Fit a tube to measured points, here to points that an assumed tube made."""
+"""Fit a tube to synthetic measurements of an assumed tube."""
 
 from pathlib import Path
 import tempfile

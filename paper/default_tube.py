@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The tube of the paper's tests, with the theory that is the package's default."""
+"""The tube of the paper's tests, with the default theory of the package."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Table I and Fig. 4: stiffness of the default tube, and a fit that finds it again."""
+"""Table I and Fig. 4: stiffness of the default tube, and its recovery by a fit."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ SEED, REPEATS = 0, 50
 @dataclass(frozen=True)
 class TubeFit:
     """
-    What Table I and Fig. 4 show.
+    Data of Table I and Fig. 4.
 
     :ivar theory: end stiffnesses (3 pressures, 3 lengths) of the default tube by mode.
     :ivar laws: power laws that come nearest to the theory, by mode.
@@ -66,7 +66,7 @@ def compute(advance: Advance, repeats: int = REPEATS) -> TubeFit:
 
 def fit_points(seed: int) -> Analysis:
     """
-    Return what `fit_tube_stiffness` makes of a file of synthetic points of the default tube.
+    Return the result of `fit_tube_stiffness` for synthetic points of the default tube.
 
     :param seed: of their noise.
     """
@@ -78,7 +78,7 @@ def fit_points(seed: int) -> Analysis:
 
 def inside(analysis: Analysis) -> list[bool]:
     """
-    Return for each constant of the tube whether its interval holds the true one.
+    Return, for each constant, whether its interval contains the true value.
 
     :param analysis: of synthetic points.
     """
@@ -91,7 +91,7 @@ def inside(analysis: Analysis) -> list[bool]:
 
 def report(result: TubeFit) -> Report:
     """
-    Return Table I, and how well the fit finds the tube again.
+    Return Table I and the accuracy of the fit.
 
     :param result: of `compute`.
     """
@@ -118,7 +118,7 @@ def report(result: TubeFit) -> Report:
 
 
 def _limit(result: TubeFit) -> str:
-    """Return beyond which length the power laws are those of no beam."""
+    """Return the length beyond which the power laws are inconsistent with any beam."""
     transverse, rotary = (result.laws[mode].law for mode in ('transverse', 'rotary'))
     # 12 k_rotary / (k_transverse L^2), a power law too, is at least 4 for a beam.
     at_one_metre = 12.0 * float(
@@ -130,7 +130,7 @@ def _limit(result: TubeFit) -> str:
 
 
 def _misfit(result: TubeFit) -> float:
-    """Return by how much a law misses the theory, at most."""
+    """Return the largest misfit of a law against the theory."""
     pressures, lengths = np.meshgrid(PRESSURES, LENGTHS, indexing='ij')
     return max(
         float(np.abs(result.laws[mode].law.stiffness(lengths, pressures) / k - 1.0).max())

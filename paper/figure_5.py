@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Fig. 5: how stiff the triangle is in three shapes, and what load its tubes bear."""
+"""Fig. 5: stiffness and limit load of the triangle in three shapes."""
 
 from __future__ import annotations
 
@@ -12,14 +12,15 @@ import math
 from isotruss_ros.core import Configuration, load_robot, Robot
 from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.statics.frame import Frame
-from isotruss_ros.core.statics.load_path import follow_loads
-from isotruss_ros.core.statics.structure import structure_of
+from isotruss_ros.core.statics.frame import Frame, Tangent
+from isotruss_ros.core.statics.load_path import follow_loads, LoadPath
+from isotruss_ros.core.statics.structure import Structure, structure_of
 from isotruss_ros.core.statics.tube_stiffness import tube_stiffness
 from isotruss_ros.core.statics.wrinkling import find_utilisation
 import numpy as np
 from paper.item import Advance
 from paper.parameters import EDGES, PRESSURE
+import scipy
 
 #: What is held: both base modules at A, and the top on its track; what is pushed, down.
 PINNED, PUSHED = (('L', 0), ('L', 1), ('R', 0), ('R', 1), ('T', 0)), 'T'
@@ -34,7 +35,7 @@ FARTHEST = 0.1
 @dataclass(frozen=True)
 class Shape:
     """
-    One of the three triangles, pushed.
+    One of the three triangles under load.
 
     :ivar config: its configuration.
     :ivar edges: the two equal members and the third, pinch to pinch [m].
@@ -61,6 +62,12 @@ class Shape:
     forces: Array
     onset: tuple[float, float]
 
+    @property
+    def excess(self) -> float:
+        """Return by which share the linear model's force is larger at the onset [-]."""
+        displacement, force = self.onset
+        return self.stiffness * displacement / force - 1.0
+
 
 def compute(advance: Advance) -> Mapping[str, Shape]:
     """Return all three shapes by name."""
@@ -86,7 +93,7 @@ def triangle(edges: tuple[float, float]) -> Robot:
 
 def between_joints(edges: tuple[float, float]) -> tuple[float, float]:
     """
-    Return the edges, joint to joint, of a triangle whose members have given lengths [m].
+    Return the edges, joint to joint, of a triangle with given member lengths [m].
 
     :param edges: the two equal members and the third, pinch to pinch [m].
     """
@@ -101,7 +108,7 @@ def between_joints(edges: tuple[float, float]) -> tuple[float, float]:
 
 def pinned_frame(config: Configuration) -> Frame:
     """
-    Return the frame of a triangle as the test holds it, more than a robot file may.
+    Return the frame of a triangle with the supports of the test.
 
     :param config: its configuration.
     """
@@ -111,6 +118,32 @@ def pinned_frame(config: Configuration) -> Frame:
         held[structure.node(joint), axis] = True
     free = structure.frame
     return Frame(free.points, free.members, held, structure.node_names, free.rows)
+
+
+def find_onset(
+    structure: Structure, frame: Frame, loads: Array, path: LoadPath
+) -> tuple[Tangent, float]:
+    """
+    Return the state in which a tube begins to wrinkle, and the factor of the loads there.
+
+    :param structure: the robot's.
+    :param frame: as it is held in the test.
+    :param loads: (n, 3) that grow [N, N m].
+    :param path: equilibria on both sides of that state.
+    """
+
+    def bend(factor: float) -> Tangent:
+        before = path.tangents[max(np.searchsorted(path.factors, factor) - 1, 0)]
+        found = frame.bend(factor * loads, before)
+        assert found is not None
+        return found
+
+    def reserve(factor: float) -> float:
+        state = frame.state(bend(factor), factor * loads)
+        return 1.0 - float(find_utilisation(structure, frame, state)[0].max())
+
+    factor = scipy.optimize.brentq(reserve, 0.0, path.factors[-1])
+    return bend(factor), factor
 
 
 def shape(edges: tuple[float, float]) -> Shape:
@@ -135,11 +168,8 @@ def shape(edges: tuple[float, float]) -> Shape:
     path = follow_loads(frame, loads, MOST, FARTHEST)
     sunk = np.array([-each.displacements[top, 1] for each in path.tangents])
     forces = np.array(path.factors)
-    used = [
-        find_utilisation(structure, frame, frame.state(tangent, force * loads))[0].max()
-        for tangent, force in zip(path.tangents, path.factors, strict=True)
-    ]
-    onset = float(np.interp(1.0, used, sunk)), float(np.interp(1.0, used, forces))
+    wrinkling, force = find_onset(structure, frame, loads, path)
+    onset = -float(wrinkling.displacements[top, 1]), force
     return Shape(
         config,
         edges,

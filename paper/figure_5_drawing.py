@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 COLORS = (BLUE, ORANGE, GREEN)
 #: Space beside a robot [m].
 MARGIN = 0.2
-#: Where the names of the curves are, seen from their ends.
-BESIDE = ('left', 'right', 'right')
 
 
 def draw(shapes: Mapping[str, Shape]) -> Figure:
@@ -72,9 +70,7 @@ def _draw_shape(axes: Axes, shape: Shape, color: str) -> None:
 
 
 def _draw_curves(axes: Axes, shapes: Mapping[str, Shape]) -> None:
-    for (name, shape), color, marker, side in zip(
-        shapes.items(), COLORS, MARKERS, BESIDE, strict=True
-    ):
+    for (name, shape), color, marker in zip(shapes.items(), COLORS, MARKERS, strict=True):
         x, y = 1e3 * shape.displacements, shape.forces
         wrinkles, force = shape.onset
         axes.plot(x, y, '-', color=color)
@@ -83,9 +79,9 @@ def _draw_curves(axes: Axes, shapes: Mapping[str, Shape]) -> None:
         axes.annotate(
             name,
             (x[-1], y[-1]),
-            (5 if side == 'left' else -5, 0),
+            (5, 0),
             textcoords='offset points',
-            ha=side,
+            ha='left',
             va='center',
             color=color,
             fontsize=7.0,

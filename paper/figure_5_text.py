@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the page says about Fig. 5."""
+"""Text of the page on Fig. 5."""
 
 from __future__ import annotations
 
@@ -14,12 +14,13 @@ from paper.tables import number, Table
 
 
 def report(shapes: Mapping[str, Shape]) -> Report:
-    """Return the stiffnesses, and why they are in this order."""
+    """Return the stiffnesses with the reason of their order."""
     soft, _, stiff = shapes.values()
     total = sum(float(length) for length in soft.config.member_lengths)
     bars = [shape.truss / shape.stiffness for shape in shapes.values()]
     axial = [shape.stretching for shape in shapes.values()]
     sunk = [1e3 * shape.onset[0] for shape in shapes.values()]
+    excess = [100 * shape.excess for shape in shapes.values()]
     largest = [float(shape.forces[-1]) for shape in shapes.values()]
     return Report(
         heading='Fig. 5: stiffness of a triangle in three shapes',
@@ -33,9 +34,10 @@ def report(shapes: Mapping[str, Shape]) -> Report:
         'is axial. Two bars with the legs’ axial stiffness k, 2 k sin²α, would be '
         f'{number(100 * (min(bars) - 1), 2)} to {number(100 * (max(bars) - 1), 2)} % stiffer: '
         'modules turn about the joints, which bends the tubes. A tube wrinkles at '
-        f'{number(min(sunk), 2)} to {number(max(sunk), 2)} mm. If it did not, the triangle would '
-        f'bear at most {" / ".join(number(force) for force in largest)} N until its tubes have '
-        'moved by 10 cm: the curves are nearly level there.',
+        f'{number(min(sunk), 2)} to {number(max(sunk), 2)} mm, where the linear model bears '
+        f'{" / ".join(number(share, 2) for share in excess)} % more. If it did not, the triangle '
+        f'would bear at most {" / ".join(number(force) for force in largest)} N until its tubes '
+        'have moved by 10 cm: the curves are nearly level there.',
         difference='The text does not say which shape is the stiffest.',
         assumption='Edges are pinch to pinch, so all shapes have '
         f'{number(100 * total)} cm of tube. The base modules are pinned at A. A tube wrinkles at '

@@ -25,7 +25,7 @@ MIDDLE = 0.5 * TUBE_LENGTH
 @dataclass(frozen=True)
 class Interference:
     """
-    What Fig. 6 shows; the axis of the arrays that is 3 long: the three cylinders.
+    Data of Fig. 6; the axis of length 3 is that of the cylinders.
 
     :ivar positions: along the tube [m].
     :ivar stiffness: (3, positions) with flattening, at DEPTH [N/m].
@@ -82,7 +82,7 @@ def compute(advance: Advance) -> Interference:
 
 
 def growth(stiffness: Array) -> Array:
-    """Return by which share the largest cylinder meets more than the smallest one."""
+    """Return the relative increase of stiffness from the smallest to the largest cylinder."""
     return stiffness[-1] / stiffness[0] - 1.0
 
 

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Fig. 7: three configurations that grasp one object, found by the program."""
+"""Fig. 7: three configurations that grasp one object, found by the planner."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ FRICTION = 0.5
 @dataclass(frozen=True)
 class Held:
     """
-    One way of holding the object.
+    One grasp of the object.
 
     :ivar plan: what the search found.
     :ivar deflection: of the tubes, largest, across them [m].
@@ -77,7 +77,7 @@ def _hold(plan: PlannedGrasp) -> Held:
 
 
 def report(held: Sequence[Held]) -> Report:
-    """Return what differs between the three."""
+    """Return the differences between the three grasps."""
     stiffness = np.array([np.diag(each.analysis.stiffness)[:2] for each in held])
     ratios = stiffness.max(axis=0) / stiffness.min(axis=0)
     forces = [float(each.analysis.normal_forces.sum()) for each in held]

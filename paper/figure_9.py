@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Fig. 9: the robot moves an object along a path, and how large the errors are."""
+"""Fig. 9: motion of an object along a path, with its errors."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class Part:
 @dataclass(frozen=True)
 class Moved:
     """
-    The object's motion along the path, computed twice.
+    Motion of the object along the path, computed twice.
 
     :ivar parts: start and parts of the path; each command is computed for the configuration in
         the middle of its interval.
@@ -94,7 +94,7 @@ def compute(advance: Advance, rate: float = RATE) -> Moved:
 
 def follow_path(lead: float, rate: float, advance: Advance) -> list[Part]:
     """
-    Command the twists of the path one after the other, and integrate the roller commands.
+    Command the twists of the path in sequence, and integrate the roller commands.
 
     :param lead: the commands are computed for the configuration this much later [s].
     :param rate: of the commands [Hz].
@@ -176,7 +176,7 @@ def report(result: Moved) -> Report:
 
 
 def _motion(parts: Sequence[Part], i: int) -> Array:
-    """Return (dx, dy, dangle) that part i + 1 was commanded [m, rad]."""
+    """Return the commanded (dx, dy, dangle) of part i + 1 [m, rad]."""
     return parts[i + 1].exact[-1] - parts[i].exact[-1]
 
 

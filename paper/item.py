@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What an item of the paper consists of: numbers, a figure and a report."""
+"""Parts of an item of the paper: numbers, a figure and a report."""
 
 from __future__ import annotations
 

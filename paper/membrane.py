@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Membrane finite elements of the tube of Fig. 6, to compare with.
+Reference results of membrane finite elements for the tube of Fig. 6.
 
 The reviewers of this package computed them, by a program of their own that is not part of it.
 Nonlinear membrane (St. Venant-Kirchhoff about the inflated state), follower pressure, frictionless

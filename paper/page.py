@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The page that shows all items: docs/paper.md."""
+"""Page of all items: docs/paper.md."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Section III-A and what else the paper states in numbers: all values in one table."""
+"""Parameters stated by the paper, in one table."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ CENTIMETRE, KILOPASCAL = 0.01, 1e3
 
 
 def compute(advance: Advance) -> Robot:
-    """Return the robot whose file holds what the paper does not state."""
+    """Return the robot with the parameters that the paper does not state."""
     robot = load_robot('triangle')
     advance(1.0)
     return robot

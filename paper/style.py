@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How the figures look: sizes of a printed page, colours that all can tell apart."""
+"""Style of the figures: sizes of a printed page, accessible colours."""
 
 from __future__ import annotations
 
@@ -39,5 +39,5 @@ DOTS_PER_INCH = 200
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a figure; the same figure gives the same file, for it says not what wrote it."""
+    """Write a figure reproducibly, without metadata of its creator."""
     figure.savefig(path, dpi=DOTS_PER_INCH, metadata={'Software': None})

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Points that a known tube and a generator of noise make, as a file of measurements."""
+"""Synthetic measurements of a known tube with noise."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ PUSH = 0.1
 
 def write_points(tube: TubeStiffness, path: Path, seed: int) -> None:
     """
-    Write all pressures and lengths of the paper, five trials each, as `fit_tube_stiffness` reads.
+    Write all pressures and lengths of the paper, five trials each, for `fit_tube_stiffness`.
 
     A trial has a stiffness and an offset of the load of its own, and every load noise.
 
@@ -59,7 +59,7 @@ def _trials(
 
 
 def largest_load(mode: str, pressure: float, length: float) -> float:
-    """Return the load of the last point [N], rotary [N m]: where theory has the tube wrinkle."""
+    """Return the load at wrinkling [N], rotary [N m], the last point of a trial."""
     radius = 0.5 * TUBE_DIAMETER
     if mode == 'axial':
         return PUSH * pressure * np.pi * radius**2

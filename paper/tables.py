@@ -33,7 +33,7 @@ class Table:
 
 
 def number(value: float, digits: int = 3) -> str:
-    """Return a number to so many significant digits, without an exponent."""
+    """Return a number with a given number of significant digits, without an exponent."""
     if value == 0.0:
         return '0'
     return np.format_float_positional(
@@ -42,7 +42,7 @@ def number(value: float, digits: int = 3) -> str:
 
 
 def markdown(table: Table) -> str:
-    """Return the table as GitHub shows it, columns of numbers to the right."""
+    """Return the table as Markdown, with numeric columns right-aligned."""
     columns = zip(*table.rows, strict=True)
     rule = ['---:' if all(map(_is_number, column)) else '---' for column in columns]
     lines = [table.headings, rule, *table.rows]

@@ -37,4 +37,7 @@ colcon test-result --test-result-base ../clone_build --verbose
 # A plugin can turn one skip into that of the whole run, which would pass.
 ran=$(sed -n 's/.*<testsuite [^>]*tests="\([0-9]*\)".*/\1/p' ../clone_build/isotruss_ros/pytest.xml)
 [ "$ran" -ge "$expected" ] || { echo "only $ran of $expected tests ran" >&2; exit 1; }
+# The last step of the Dockerfile, as far as that the installed demonstration starts.
+ln -s ../clone_install install
+tools/workspace.sh demo --help > /dev/null || failed=1
 exit "${failed:-0}"

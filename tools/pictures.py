@@ -2,23 +2,27 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Make the pictures and films of README and site anew where what draws them has changed.
+Make the pictures and films of README and site anew where they are out of date.
 
-    python tools/pictures.py          makes those that are out of date
-    python tools/pictures.py --check    fails where one is
+    python tools/pictures.py                makes those that are
+    python tools/pictures.py --check        fails where one is
+    python tools/pictures.py --keep NAME    keeps one that a change of its inputs does not alter
 
-docs/images/inputs.json keeps a hash of the inputs of each as it was made: the code that draws,
-without comments, and the robot; not the core, whose numbers tests compare.
+docs/images/inputs.json has a hash of what draws each, comments and docstrings left out, and the
+words that drawings show: those are computed again, and their numbers may differ by a twentieth.
 """
 
 from __future__ import annotations
 
+import argparse
 import ast
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 import hashlib
 import json
+import math
 from pathlib import Path
+import re
 import subprocess
 import sys
 
@@ -27,6 +31,33 @@ HASHES = TOP / 'docs' / 'images' / 'inputs.json'
 #: Where the demonstration writes.
 OUTPUT = TOP / '.venv' / 'pictures'
 ROBOT = 'config/nine_member.yaml'
+PANELS = 'docs/images/demo.png'
+#: Of numbers in words, which are rounded to their last digit.
+TOLERANCE = 0.05
+NUMBER = re.compile(r'\d+(?:\.\d+)?')
+
+
+def _words_of_drawings() -> list[str]:
+    sys.path.insert(0, str(TOP / 'docs' / '_ext'))
+    import drawings
+
+    return drawings.list_words()
+
+
+def _words_of_panels() -> list[str]:
+    """Return the words of the panels of the demonstration, for the states that they show."""
+    from isotruss_ros.core import ConvexObject, load_robot
+    from isotruss_ros.demo.figures import describe_grasp
+    from PIL import Image
+
+    with Image.open(TOP / PANELS) as picture:
+        shown = json.loads(picture.info['Description'])
+    robot, words = load_robot(shown['robot']), []
+    for panel in shown['panels']:
+        body = ConvexObject.disc(panel['pose'][:2], shown['diameter'])
+        config = robot.configuration(panel['rollers'])
+        words.append(describe_grasp(config, body, panel['pull'])[1])
+    return words
 
 
 @dataclass(frozen=True)
@@ -35,48 +66,61 @@ class Picture:
 
     files: tuple[str, ...]  #: what is committed
     command: tuple[str, ...]  #: arguments of Python
-    inputs: tuple[str, ...]  #: files and folders whose content decides how it looks
+    inputs: tuple[str, ...]  #: files and folders that draw it, and what they draw
     made: tuple[str, ...] = ()  #: where the command writes `files`, if elsewhere
+    words: Callable[[], list[str]] | None = None  #: returns words that it would show today
 
 
-DEMO = ('isotruss_ros/demo', 'isotruss_ros/plotting', ROBOT)
+DRAWING = ('isotruss_ros/plotting/grasp_drawing.py', 'isotruss_ros/plotting/robot_drawing.py')
+PATH = 'isotruss_ros/demo/path.py'
+VIEW = ('browser_panel', 'camera', 'controls', 'meshes', 'panels', 'scene')
 PICTURES = {
     'drawings': Picture(
-        (
-            'docs/images/robot.svg',
-            'docs/images/robot.png',
-            'docs/images/held_object.svg',
-            'docs/images/closure.svg',
+        tuple(
+            f'docs/images/{name}'
+            for name in ('robot.svg', 'robot.png', 'held_object.svg', 'closure.svg')
         ),
         ('docs/_ext/drawings.py',),
-        ('docs/_ext/drawings.py', 'isotruss_ros/plotting', ROBOT, 'config/triangle.yaml'),
+        ('docs/_ext/drawings.py', *DRAWING, ROBOT, 'config/triangle.yaml'),
+        words=_words_of_drawings,
     ),
     'panels': Picture(
-        ('docs/images/demo.png',),
+        (PANELS,),
         ('-m', 'isotruss_ros.demo', '--output', f'{OUTPUT}'),
-        DEMO,
+        ('isotruss_ros/demo/figures.py', PATH, *DRAWING, ROBOT),
         (f'{OUTPUT}/demo.png',),
+        _words_of_panels,
     ),
     'film': Picture(
         ('docs/images/demo.gif',),
         ('-m', 'isotruss_ros.demo', '--plant', 'mujoco', '--output', f'{OUTPUT}-mujoco'),
-        (*DEMO, 'isotruss_ros/mujoco_plant/rendering.py', 'isotruss_ros/mujoco_plant/scenery.py'),
+        (
+            'isotruss_ros/demo/film.py',
+            PATH,
+            'isotruss_ros/mujoco_plant/rendering.py',
+            'isotruss_ros/mujoco_plant/scenery.py',
+            ROBOT,
+        ),
         (f'{OUTPUT}-mujoco/demo.gif',),
     ),
     'viewer': Picture(
         ('docs/images/viewer.gif',),
         ('tools/film_viewer.py', 'docs/images/viewer.gif'),
-        ('tools/film_viewer.py', 'isotruss_ros/viewer', ROBOT),
+        ('tools/film_viewer.py', *(f'isotruss_ros/viewer/{name}.py' for name in VIEW), ROBOT),
     ),
     'paper': Picture(
         tuple(f'docs/paper/figure_{number}.png' for number in (4, 5, 6, 7, 9)),
         ('-m', 'paper'),
-        ('paper', 'isotruss_ros/plotting'),
+        (
+            *(f'paper/figure_{number}_drawing.py' for number in (4, 5, 6, 7, 9)),
+            'paper/style.py',
+            'isotruss_ros/plotting/robot_drawing.py',
+        ),
     ),
     'plant': Picture(
         ('docs/plant/boxes.png', 'docs/plant/carried.png'),
         ('-m', 'comparison'),
-        ('comparison', 'isotruss_ros/plotting'),
+        ('comparison/box_picked.py', 'comparison/carried.py', 'paper/style.py', *DRAWING),
     ),
 }
 
@@ -109,20 +153,39 @@ def _read(file: Path) -> bytes:
     return ast.unparse(tree).encode()
 
 
-def find_stale() -> list[str]:
-    """Return the names of the pictures that were made of other inputs, or are not there."""
-    known = json.loads(HASHES.read_text()) if HASHES.exists() else {}
-    return [
-        name
-        for name, picture in PICTURES.items()
-        if known.get(name) != hash_inputs(picture.inputs)
-        or not all((TOP / file).exists() for file in picture.files)
-    ]
+def find_stale() -> dict[str, str]:
+    """Return the names of the pictures that are out of date, and why, in words."""
+    known, stale = _read_known(), {}
+    for name, picture in PICTURES.items():
+        if not all((TOP / file).exists() for file in picture.files):
+            stale[name] = 'not there'
+        elif known.get(name, {}).get('inputs') != hash_inputs(picture.inputs):
+            stale[name] = 'older than what draws it'
+        elif picture.words and (words := _changed(known[name]['words'], picture.words())):
+            stale[name] = f'shows {words}'
+    return stale
+
+
+def _changed(was: Sequence[str], now: Sequence[str]) -> str:
+    """Return the first words that are others now; empty if there are none."""
+    if len(was) != len(now):
+        return f'{len(was)} words, today there are {len(now)}'
+    for old, new in zip(was, now, strict=True):
+        same = NUMBER.split(old) == NUMBER.split(new)
+        pairs = zip(NUMBER.findall(old), NUMBER.findall(new), strict=True) if same else ()
+        if not same or not all(_is_close(*pair) for pair in pairs):
+            return f'{old!r}, today it is {new!r}'
+    return ''
+
+
+def _is_close(old: str, new: str) -> bool:
+    last = 10.0 ** -len(old.partition('.')[2])
+    return math.isclose(float(old), float(new), rel_tol=TOLERANCE, abs_tol=1.01 * last)
 
 
 def make(name: str) -> None:
     """
-    Make a picture, and keep the hash of its inputs.
+    Make a picture, and keep what it was made of.
 
     :param name: one of `PICTURES`.
     """
@@ -136,33 +199,45 @@ def make(name: str) -> None:
 
 def note(name: str) -> None:
     """
-    Keep the hash of the inputs of a picture that was made just now.
+    Keep the hash of the inputs of a picture, and its words.
 
     :param name: one of `PICTURES`.
     """
-    known = json.loads(HASHES.read_text()) if HASHES.exists() else {}
-    known[name] = hash_inputs(PICTURES[name].inputs)
-    HASHES.write_text(json.dumps(known, indent=2, sort_keys=True) + '\n')
+    known, picture = _read_known(), PICTURES[name]
+    known[name] = {'inputs': hash_inputs(picture.inputs)}
+    if picture.words is not None:
+        known[name]['words'] = picture.words()
+    HASHES.write_text(json.dumps(known, indent=2, sort_keys=True, ensure_ascii=False) + '\n')
+
+
+def _read_known() -> dict[str, dict]:
+    return json.loads(HASHES.read_text()) if HASHES.exists() else {}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """
-    Make or check the pictures.
+    Make, check or keep the pictures.
 
     :param arguments: of the command line; those of the process if None.
     :return: 1 where `--check` finds one that is out of date.
     """
-    arguments = sys.argv[1:] if arguments is None else arguments
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[1])
+    parser.add_argument('--check', action='store_true', help='only fail where one is out of date')
+    parser.add_argument('--keep', nargs='+', default=[], choices=PICTURES, help='as they are')
+    options = parser.parse_args(arguments)
+    for name in options.keep:
+        note(name)
+    if options.keep:
+        return 0
     stale = find_stale()
-    if '--check' in arguments:
-        for name in stale:
+    for name, why in stale.items():
+        if options.check:
             files = ', '.join(PICTURES[name].files)
-            print(f'{files}: older than what draws it: make pictures', file=sys.stderr)
-        return int(bool(stale))
-    for name in stale:
-        print(f'== {name}', flush=True)
-        make(name)
-    return 0
+            print(f'{files}: {why}: make pictures', file=sys.stderr)
+        else:
+            print(f'== {name}: {why}', flush=True)
+            make(name)
+    return int(options.check and bool(stale))
 
 
 if __name__ == '__main__':

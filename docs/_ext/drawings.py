@@ -13,6 +13,7 @@ import matplotlib as mpl
 from matplotlib import patheffects
 from matplotlib.axes import Axes
 import matplotlib.pyplot as plt
+from matplotlib.text import Text
 import numpy as np
 
 IMAGES = Path(__file__).parents[1] / 'images'
@@ -37,6 +38,14 @@ def main() -> None:
     robot.savefig(IMAGES / 'robot.png', dpi=110)
     draw_forces().savefig(IMAGES / 'held_object.svg', metadata={'Date': None})
     draw_closure().savefig(IMAGES / 'closure.svg', metadata={'Date': None})
+
+
+def list_words() -> list[str]:
+    """Return the words of the drawings whose numbers are computed."""
+    with mpl.rc_context():
+        figures = draw_forces(), draw_closure()
+    texts = [text.get_text() for figure in figures for text in figure.findobj(Text)]
+    return [text for text in texts if text]
 
 
 def draw_parts() -> plt.Figure:

@@ -136,7 +136,7 @@ def _require_plausible(fitted: FittedBeam) -> None:
         if known and not low <= value <= high:
             raise MeasurementError(
                 f'{name} = {value:.3g}: must be from {low:g} to {high:g} in a tube of cloth; are '
-                'displacements in m and rad, loads in N and N m, pressures in Pa?'
+                'lengths in m, displacements in m and rad, loads in N and N m, pressures in Pa?'
             )
 
 

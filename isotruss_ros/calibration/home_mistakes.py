@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 import itertools
+import math
 
 from isotruss_ros.calibration.home_fit import fit_home, Posture
 from isotruss_ros.core.errors import ConfigurationError
@@ -92,7 +93,8 @@ def _moved_frame(robot: Robot, postures: Sequence[Posture], deviation: float) ->
     if not _tells(fit.jacobian) or fit.worst(deviation) is not None:
         return ''
     x, y, angle = fit.motion
+    x, y, degrees = (round(value, 3) + 0.0 for value in (x, y, math.degrees(angle)))
     return (
         f'the frame of the tracker is not that of the robot: its origin is there at ({x:.3f}, '
-        f'{y:.3f}) m, turned by {np.degrees(angle):.1f} degrees: publish that transform'
+        f'{y:.3f}) m, turned by {degrees:.1f} degrees: publish that transform'
     )

@@ -26,11 +26,11 @@ DIAMETER = 'diameter'
 NUMBER_COLUMNS = ('pressure', 'length', 'displacement', 'load')
 COLUMNS = ('mode', *NUMBER_COLUMNS)
 TRIAL = 'trial'
-#: Ranges of the numbers of a row: pressures as in a robot file [Pa], tubes from a hand to a hall
+#: Ranges of the numbers of a row: pressures as in a robot file [Pa], tubes from a hand to a house
 #: [m], and bars [m].
 RANGES = {
     'pressure': (1e3, 3e5, 'Pa'),
-    'length': (0.02, 100.0, 'm'),
+    'length': (0.02, 10.0, 'm'),
     DIAMETER: (1e-3, 1.0, 'm'),
 }
 #: Largest angle of the rotary mode [rad]; in other modes the length bounds the displacement.

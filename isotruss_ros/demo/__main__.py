@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Executable `demo`: see the robot plan a grasp, grip an object, carry and hold it."""
+"""Executable `demo`: plan a grasp, grip an object, carry and hold it."""
 
 from __future__ import annotations
 

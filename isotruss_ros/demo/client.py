@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The demonstration's own node: publishes twists and records what the others publish."""
+"""Node of the demonstration: publishes twists and records messages of the other nodes."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ ALONE = ('joint_states', 'object_pose')
 
 
 class DemoError(IsotrussError, RuntimeError):
-    """The nodes did not do what was requested."""
+    """The nodes did not execute a request."""
 
 
 class DemoClient(Node):
@@ -163,13 +163,13 @@ class DemoClient(Node):
         self._record.grasps.append(message)
 
     def destroy_node(self) -> None:
-        """End the executor too, which outlives the context otherwise and complains."""
+        """Shut down the executor as well, which would outlive the context."""
         self._own_executor.shutdown()
         super().destroy_node()
 
     def begin(self, name: str) -> PhaseRecord:
         """
-        Begin a phase: messages received from now on belong to its record.
+        Start a phase: later messages belong to its record.
 
         :param name: of the phase.
         """
@@ -213,17 +213,17 @@ class DemoClient(Node):
                 self._own_executor.spin_once(timeout_sec=WAIT)
 
     def _seconds(self) -> float:
-        """Return the time by which phases go: that of `/clock`, or the machine's [s]."""
+        """Return the time of phases: that of `/clock`, or of the machine [s]."""
         if self._sim_time:
             return 1e-9 * self.get_clock().now().nanoseconds
         return time.monotonic()
 
     def at_rest(self) -> bool:
-        """Return whether the object and the rollers have not moved for `REST_TIME`."""
+        """Return whether object and rollers have been at rest for `REST_TIME`."""
         return self._rest is not None and self._stamp - self._moved > REST_TIME
 
     def _idle(self) -> bool:
-        """Return whether the manipulation follows a twist of zero, and nothing moves."""
+        """Return whether the manipulation follows a zero twist, at rest."""
         last = self._last_status
         if last is None or last.code not in (Status.OK, Status.IDLE):
             return False
@@ -233,7 +233,7 @@ class DemoClient(Node):
 
     def require_alone(self) -> None:
         """
-        Check that no other robot is in this ROS domain.
+        Raise if another robot is in this ROS domain.
 
         :raises DemoError: two nodes publish a topic that one node publishes.
         """
@@ -253,7 +253,7 @@ class DemoClient(Node):
         self, phase: Phase, check: Callable[[], None], progress: Callable[[float], None]
     ) -> PhaseRecord:
         """
-        Publish the twists of a phase, then wait until the object is at rest.
+        Publish the twists of a phase, then wait for rest.
 
         :param phase: twists by time.
         :param check: raises when a node has ended.
@@ -292,7 +292,7 @@ class DemoClient(Node):
         return record
 
     def _pull(self, wrench: Wrench) -> None:
-        """Publish what pulls at the object, and note from when to when it does."""
+        """Publish the external wrench, and record its interval."""
         now, pulls, record = self.get_clock().now(), any(wrench), self._record
         self._pulls = self._pulls or pulls
         if not self._pulls:
@@ -306,7 +306,7 @@ class DemoClient(Node):
 
     def wait_for_rest(self, check: Callable[[], None], what: str) -> None:
         """
-        Publish zero twists until the manipulation follows them, and the object is at rest.
+        Publish zero twists until the manipulation follows them and the object is at rest.
 
         :param check: raises when a node has ended.
         :param what: that is waited for, for the error.

@@ -23,7 +23,7 @@ class DomainError(IsotrussError, RuntimeError):
 
 @dataclass(frozen=True)
 class DomainLock:
-    """A ROS domain that no other run on this machine gets while this is open."""
+    """A lock of a ROS domain against other runs on this machine."""
 
     number: int  #: the domain id
     _socket: socket.socket

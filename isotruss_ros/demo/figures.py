@@ -1,15 +1,24 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The picture of the demonstration, like the paper's Fig. 9, and its animation."""
+"""Picture of the demonstration, like the paper's Fig. 9, and its animation."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+import json
 from pathlib import Path
 from typing import Any
 
-from isotruss_ros.core import analyze_grasp, Configuration, ConvexObject, Pose, Robot, settle_grasp
+from isotruss_ros.core import (
+    analyze_grasp,
+    Configuration,
+    ConvexObject,
+    Pose,
+    Robot,
+    settle_grasp,
+)
+from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.demo.path import Wrench
@@ -27,8 +36,9 @@ SPEED_UP = 5.0
 
 #: Length of an arrow for its force [m/N]; in the magnified view, too.
 ARROW_SCALE = 0.004
-#: Width and height of the magnified view of a grasp, as shares of its panel.
-VIEW = 0.33
+#: Width and height of the magnified view of a grasp, as shares of its panel, and its distance from
+#: the robot.
+VIEW, VIEW_ROOM = 0.33, 0.04
 
 #: Of what pulls at the object; its arrow is larger than those of the contacts [m/N].
 PULL_COLOR, PULL_SCALE = '#d9480f', 0.08
@@ -44,7 +54,9 @@ def draw_panels(
     flattening: bool = True,
 ) -> None:
     """
-    Write a picture of all phases; the grasp magnified in a corner where there is one.
+    Write a picture of all phases, with magnified grasps in a corner.
+
+    The file has a description: the state of each panel, whose words `tools/pictures.py` compares.
 
     :param robot: the robot.
     :param diameter: of the object [m].
@@ -68,7 +80,9 @@ def draw_panels(
     count = len(stops)
     columns = -(-count // 2)
     figure = Figure(figsize=(3.4 * columns, 8.2), layout='constrained')
+    figure.get_layout_engine().set(h_pad=0.12)  # type: ignore[union-attr]
     panels = figure.subplots(2, columns, sharex=True, sharey=True).ravel()
+    shown: list[dict[str, Any]] = []
     for axes in panels[count:]:
         axes.set_axis_off()
     for i, (title, snapshot, pull) in enumerate(stops):
@@ -77,29 +91,46 @@ def draw_panels(
         _draw_path(axes, [snap for snap in travelled if snap.time <= snapshot.time])
         draw_object(axes, pose, diameter)
         cylinder = ConvexObject.disc(pose[:2], diameter)
-        analysis = analyze_grasp(configs[i], cylinder, flattening=flattening)
+        analysis, words = describe_grasp(configs[i], cylinder, pull, flattening)
         draw_forces(axes, cylinder, analysis, ARROW_SCALE)
         if pull is not None:
             _draw_pull(axes, pose, pull)
         frame(axes, *box)
         axes.label_outer()
-        held, forces = '', None
         if analysis.contact_lengths:
             inset = axes.inset_axes(_free_corner(configs[i], box))
             view = plot_grasp(configs[i], cylinder, analysis, inset, ARROW_SCALE)
             view.set_title('')
-            grasped = len(analysis.contact_lengths) > 1
-            settled = settle_grasp(configs[i], cylinder, external_wrench=pull or (0.0, 0.0, 0.0))
-            if grasped and settled.held:
-                # The forces that hold it, as the tables have them.
-                held, forces = ', held', settled.normal_forces
-        words = describe_contacts(analysis, forces)
-        axes.set_title(f'({"abcdefgh"[i]}) {title}{held}\n{words}', loc='left')
-    figure.savefig(path, dpi=110, bbox_inches='tight')
+        axes.set_title(f'({"abcdefgh"[i]}) {title}{words}', loc='left')
+        rollers = np.asarray(snapshot.rollers).tolist()
+        shown.append({'rollers': rollers, 'pose': [*pose], 'pull': pull})
+    text = json.dumps({'robot': robot.name, 'diameter': diameter, 'panels': shown})
+    figure.savefig(path, dpi=110, bbox_inches='tight', metadata={'Description': text})
+
+
+def describe_grasp(
+    config: Configuration, body: ConvexObject, pull: Wrench | None, flattening: bool = True
+) -> tuple[GraspAnalysis, str]:
+    """
+    Return the analysis of a grasp, and whether and how it holds, in words.
+
+    :param config: of the robot.
+    :param body: the object.
+    :param pull: external wrench on it [N, N, N m]; None without.
+    :param flattening: whether the tubes flatten where they are touched.
+    """
+    analysis = analyze_grasp(config, body, flattening=flattening)
+    held, forces = '', None
+    if len(analysis.contact_lengths) > 1:
+        settled = settle_grasp(config, body, external_wrench=pull or (0.0, 0.0, 0.0))
+        if settled.held:
+            # The forces that hold it, as the tables have them.
+            held, forces = ', held', settled.normal_forces
+    return analysis, f'{held}\n{describe_contacts(analysis, forces)}'
 
 
 def _free_corner(config: Configuration, box: Box) -> tuple[float, ...]:
-    """Return the corner of axes (x, y, width, height) that hides the least of the robot [-]."""
+    """Return the corner (x, y, width, height) of axes that hides the least of the robot [-]."""
     share = np.linspace(0.0, 1.0, 20)
     begin, end = member_lines(config).T[..., None]
     line = (begin + share * (end - begin)).ravel()
@@ -107,7 +138,8 @@ def _free_corner(config: Configuration, box: Box) -> tuple[float, ...]:
     places = (parts - box[0]) / (box[1] - box[0])
     corners = [(x, y) for y in (1.0 - VIEW, 0.0) for x in (1.0 - VIEW, 0.0)]
     hidden = [
-        np.all((places > low) & (places < np.add(low, VIEW)), axis=1).sum() for low in corners
+        np.all(np.abs(places - low - 0.5 * VIEW) < 0.5 * VIEW + VIEW_ROOM, axis=1).sum()
+        for low in corners
     ]
     return (*corners[int(np.argmin(hidden))], VIEW, VIEW)
 
@@ -161,7 +193,7 @@ def _draw_path(axes: Any, snapshots: Sequence[Snapshot]) -> None:
 
 
 def _draw_pull(axes: Any, pose: Pose, pull: Wrench) -> None:
-    """Draw what pulls at the object as an arrow with its size."""
+    """Draw the external force as an arrow with its magnitude."""
     place = np.array(pose[:2])
     tip = place + PULL_SCALE * np.array(pull[:2])
     arrow = {'arrowstyle': '-|>', 'color': PULL_COLOR, 'lw': 2.5, 'shrinkA': 0.0}

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The animation of the demonstration in MuJoCo, drawn from the states of the plant."""
+"""Animation of the demonstration in MuJoCo, rendered from the states of the plant."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def film(recording: Path, records: Sequence[PhaseRecord], path: Path) -> None:
 
 
 def _palette(frames: Sequence[Image.Image]) -> Image.Image:
-    """Return a picture with the colours of the whole animation, which not all frames have."""
+    """Return a picture with all colours of the animation."""
     chosen = frames[:: max(1, len(frames) // SAMPLES)]
     together = np.concatenate([np.asarray(frame) for frame in chosen])
     # The quantizer leaves out what is thin: path and arrow, in light and in shade.
@@ -77,7 +77,7 @@ def _period(times: NDArray[np.float64]) -> float:
 
 
 def _label(picture: NDArray[np.uint8], record: PhaseRecord, pulled: bool) -> Image.Image:
-    """Write onto a frame what happens, and what pulls at the object."""
+    """Write the phase and the external force onto a frame."""
     frame = Image.fromarray(picture)
     draw, font = ImageDraw.Draw(frame), ImageFont.load_default(LETTERS)
     words = record.name

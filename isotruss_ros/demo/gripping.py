@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The first half of the demonstration: plan a grasp, approach it, and check that it holds."""
+"""First half of the demonstration: plan a grasp, approach it, and confirm the hold."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ SURE = 1e-3
 
 def slow_down(grasp: PlannedGrasp, factor: float) -> None:
     """
-    Let the path to a grasp take longer.
+    Slow down the path to a grasp.
 
     :param grasp: of the planner; changed in place.
     :param factor: on all times.
@@ -49,7 +49,7 @@ def slow_down(grasp: PlannedGrasp, factor: float) -> None:
 
 def is_sure(estimates: Sequence[StateEstimate]) -> bool:
     """
-    Return whether the zeros of the rollers are known.
+    Return whether the roller offsets are known.
 
     :param estimates: of the state, in time order.
     """
@@ -61,7 +61,7 @@ def is_sure(estimates: Sequence[StateEstimate]) -> bool:
 
 class Gripping:
     """
-    Client of the planner, and of the manipulation for the path to the grasp.
+    Client of the planner and of the manipulation, for the path to the grasp.
 
     :param client: the demonstration's node.
     :param check: raises when a node has ended.
@@ -76,7 +76,7 @@ class Gripping:
 
     def wait_until_ready(self, estimated: bool = False) -> PhaseRecord:
         """
-        Wait until all nodes publish and nothing moves.
+        Wait until all nodes publish, at rest.
 
         :param estimated: a node estimates the state.
         :raises DemoError: not in time.
@@ -123,7 +123,7 @@ class Gripping:
         return result.grasps[0], result
 
     def _planned_blindly(self, result: PlanGrasp.Result) -> bool:
-        """Return whether a path does not begin where the rollers are, or nobody knows where."""
+        """Return whether a path starts away from the true rollers, or without a known state."""
         if result.code != PlanGrasp.Result.FOUND:
             return result.code == PlanGrasp.Result.NO_JOINT_STATES
         begin = np.array(result.grasps[0].path.points[0].positions)
@@ -143,7 +143,7 @@ class Gripping:
         self, grasp: PlannedGrasp, progress: Callable[[float], None]
     ) -> tuple[PhaseRecord, PhaseRecord]:
         """
-        Follow the path to a grasp, and wait until the analysis reports that the object is held.
+        Follow the path to a grasp, and wait until the analysis reports the object as held.
 
         :param grasp: of the planner.
         :param progress: called with the share that is done.

@@ -29,7 +29,7 @@ class Phase:
 
     def wrench(self, time: float) -> Wrench:
         """
-        Return what pulls at the object: `pull` from 0.4 to 0.6 of the phase, nothing else.
+        Return the external wrench: `pull` from 0.4 to 0.6 of the phase, else zero.
 
         :param time: since the phase began [s].
         """
@@ -39,7 +39,7 @@ class Phase:
 
 
 def _progress(time: float, duration: float) -> tuple[float, float]:
-    """Return the share of a motion that is done, and its rate [1/s]; both ends are at rest."""
+    """Return the completed share of a motion and its rate [1/s], at rest at both ends."""
     phase = 2.0 * math.pi * min(max(time / duration, 0.0), 1.0)
     return (phase - math.sin(phase)) / (2.0 * math.pi), (1.0 - math.cos(phase)) / duration
 
@@ -65,7 +65,7 @@ def rotation(name: str, duration: float, angle: float) -> Phase:
 
 def arc(name: str, duration: float, radius: float, heading: float, angle: float) -> Phase:
     """
-    Return a circular arc on which the orientation turns with the path.
+    Return a circular arc with the orientation along the path.
 
     :param radius: positive [m].
     :param heading: direction of motion at the start [rad].

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Start the nodes as processes of their own, and stop them as a user would: with Ctrl-C."""
+"""Start and stop of the nodes as processes, by Ctrl-C."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class NodeProcess:
 
     def require_running(self) -> None:
         """
-        Check that the node is running.
+        Raise if the node is not running.
 
         :raises NodeError: it has ended; with the last lines that it printed.
         """
@@ -82,7 +82,7 @@ class NodeProcess:
         return self.wait()
 
     def wait(self) -> int:
-        """Wait for the end, not for long, and return the exit code (-9 if it had to be killed)."""
+        """Wait for the end with a timeout, and return the exit code (-9 after a kill)."""
         try:
             return self.process.wait(STOP_TIMEOUT)
         except subprocess.TimeoutExpired:
@@ -92,7 +92,7 @@ class NodeProcess:
 
 @contextlib.contextmanager
 def _held_signals() -> Iterator[list[int]]:
-    """Collect signals during a block, in whose middle they would leave nodes behind."""
+    """Defer signals during a block, in which they would leave nodes running."""
     received: list[int] = []
 
     def keep(which: int, _frame: FrameType | None) -> None:
@@ -135,7 +135,7 @@ def running_nodes(
 
 def keep_to_this_machine() -> int:
     """
-    Cut this process and its children off from every robot on the network.
+    Restrict this process and its children to this machine.
 
     :return: the domain id that they use: that of the environment if set, else one locked until
         this process ends.

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Messages received while a part of the demonstration ran."""
+"""Messages received during a phase of the demonstration."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ import numpy as np
 
 
 class Snapshot(NamedTuple):
-    """The measured state at one time: roller travel [m] and the object's pose."""
+    """Measured state at one time: roller travel [m] and the object's pose."""
 
     time: float
     rollers: np.ndarray
@@ -84,7 +84,7 @@ class PhaseRecord:
 
     @property
     def delay(self) -> float:
-        """Return how far the object may be off because commands were held longer [m]."""
+        """Return the largest error by commands held longer [m]."""
         return 2.0 * self.max_speed * self.longest_cycle
 
     @property
@@ -94,11 +94,11 @@ class PhaseRecord:
 
     @property
     def held(self) -> float:
-        """Return the share of the analyses by which the object is held; 0 without any."""
+        """Return the share of analyses with a held object; 0 without any."""
         return float(np.mean([grasp.held for grasp in self.analyses])) if self.analyses else 0.0
 
     def parts(self) -> list[PhaseRecord]:
-        """Return this record and, of its analyses, those while the object was pulled at."""
+        """Return this record, and its part under the external force."""
         if self.pull is None:
             return [self]
         begin, end = self.pulled
@@ -107,7 +107,7 @@ class PhaseRecord:
 
     def split(self, name: str, rollers: np.ndarray) -> tuple[PhaseRecord, PhaseRecord]:
         """
-        Return the parts before and after the rollers came nearest to some positions.
+        Return the parts before and after the closest approach to roller positions.
 
         :param name: of the second part.
         :param rollers: (r,) [m].

@@ -201,7 +201,7 @@ def _play(
 
 
 def _write_round_robot(output: Path) -> Path:
-    """Write the robot's file with tubes that stay round, as MuJoCo's; return its path."""
+    """Write the robot's file without flattening, as in MuJoCo; return its path."""
     yaml = YAML(typ='safe', pure=True)
     # The order of tubes is that of the rollers.
     yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
@@ -214,7 +214,7 @@ def _write_round_robot(output: Path) -> Path:
 
 
 def _verdict(records: Sequence[PhaseRecord], real: bool, console: Console) -> int:
-    """Return 0 where the object was held and came to its places, and say where not."""
+    """Return 0 if the object was held and reached its targets; print failures."""
     code, limit = 0, MAX_REAL_ERROR if real else MAX_POSITION_ERROR
     for record in records:
         if not real:
@@ -240,7 +240,7 @@ def _verdict(records: Sequence[PhaseRecord], real: bool, console: Console) -> in
 
 
 def _tell_odd(record: PhaseRecord, console: Console) -> None:
-    """Say which states were odd, and what a pull did."""
+    """Print unusual states and the effect of a pull."""
     odd = {
         str(status) for status in record.statuses - {Status.OK, Status.IDLE, Status.ACCELERATING}
     }

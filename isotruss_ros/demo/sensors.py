@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The demonstration with the faults of real sensors: which, and what they make of it."""
+"""Sensor faults of the demonstration, and the errors that they cause."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ REAL_SENSORS = {
 
 def truth_table(records: Sequence[PhaseRecord], robot: Robot, squeeze: float) -> Table:
     """
-    Return how far squeeze, joints and pose are off what is true.
+    Return the errors of squeeze, joints and pose against the truth.
 
     :param records: of the phases, with the truth.
     :param robot: as its file has it.

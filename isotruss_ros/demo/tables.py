@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The tables of the demonstration: planned grasps, motion, how the object is held, its contact."""
+"""Tables of the demonstration: planned grasps, motion, holds, contacts."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def plan_table(plan: PlanGrasp.Result) -> Table:
 
 
 def motion_table(records: Sequence[PhaseRecord]) -> Table:
-    """Return how far the object moved, and the errors."""
+    """Return the displacement of the object, and the errors."""
     table = make_table(
         'Object: dx, dy in mm and rotation in degrees; roller: largest speed of any',
         ('phase',),
@@ -82,7 +82,7 @@ def _numbers(values: np.ndarray) -> str:
 
 def grasp_table(records: Sequence[PhaseRecord]) -> Table:
     """
-    Return how the object is held over each phase: from the least to the most of all analyses.
+    Return the hold of the object in each phase: range over all analyses.
 
     :param records: of the phases.
     """
@@ -125,7 +125,7 @@ def grasp_table(records: Sequence[PhaseRecord]) -> Table:
 
 def contact_table(records: Sequence[PhaseRecord]) -> Table:
     """
-    Return the regions of contact at the end of each phase.
+    Return the contact regions at the end of each phase.
 
     :param records: of the phases.
     """

@@ -15,7 +15,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 #: Distinct for colour-blind readers and in grey: orange, blue, grey, yellow, violet.
-TUBE_COLORS = ('#e08a3c', '#3f78b5', '#a8a8a8', '#ecd06f', '#6b4f8f')
+TUBE_COLORS = ('#e08a3c', '#3f78b5', '#c4c4c4', '#ecd06f', '#6b4f8f')
 SUPPORT_COLOR = '#7a5230'
 MODULE_COLOR = '#3b3b3b'
 OBJECT_COLOR = '#d9d9d9'

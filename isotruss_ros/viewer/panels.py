@@ -24,7 +24,7 @@ A truss robot of inflated tubes, seen from above; roller modules at its corners 
 - tubes: blue, grey, orange from 0.8 of the moment at which they wrinkle, red where they do
 - object: green held, red not held, grey unknown
 - arrows: forces of the tubes on it; yellow stripes: where they touch
-- slip margin: the smallest further wrench at which a tube slips, along the arrow; ↺ ↻ are moments
+- margin of the hold: the least further force at which a tube slips, along its arrow; ↺ ↻: moments
 - brown: supports; a box cannot move, a ball slides
 - with *control* on: drag the blue ball, and what it is on follows; the orange one turns the object
 - *stop* works always; *release the stop* only with *control* on

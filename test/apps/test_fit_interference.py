@@ -141,7 +141,7 @@ def test_without_a_beam_there_is_no_local_stiffness(tmp_path):
         (['interference', 3e4, 0.5, 0.01, 1.0, ''], "diameter '': must be a number"),
     ],
 )
-def test_rows_that_cannot_be_are_named(row, complaint, tmp_path):
+def test_invalid_rows_are_named(row, complaint, tmp_path):
     found = read_measurements(write(tmp_path, [[*HEADER, 'diameter'], row]))
     assert len(found.presses.loads) == 0
     (reason,) = found.unused

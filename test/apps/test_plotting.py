@@ -59,7 +59,7 @@ def test_a_grasp_is_drawn_with_what_was_measured(axes):
         ((), (), 'no contact'),
     ],
 )
-def test_what_touches_is_described_by_forces_and_lengths(forces, lengths, words):
+def test_contacts_are_described_by_forces_and_lengths(forces, lengths, words):
     analysis = replace(
         analyze_grasp(ROBOT.home, BODY, 0.5),
         contact_forces=dict(enumerate(forces)),

@@ -141,7 +141,7 @@ def test_a_viser_that_serves_otherwise_is_refused(monkeypatch):
         View(Picture(ROBOT, 0.3), '127.0.0.1', 0)
 
 
-def test_bytes_that_are_no_http_print_nothing(local, capfd):
+def test_invalid_http_prints_nothing(local, capfd):
     with socket.create_connection(('127.0.0.1', local.server.get_port())) as client:
         client.sendall(b'\x16\x03\x01\r\n\r\n')
         while client.recv(1000):

@@ -158,7 +158,7 @@ def test_a_drag_that_was_given_up_comes_back_only_with_a_new_one():
     assert control.drag.target == (2.0, 0.0)
 
 
-def test_what_is_old_is_not_shown_as_held():
+def test_stale_state_is_not_shown_as_held():
     picture = Picture(ROBOT, 0.3)
     assert picture.is_held(0.0) is None
     picture.receive_state(GraspState(code=0, held=True, utilisation=[0.1] * 9), 1.0)
@@ -207,7 +207,7 @@ def tell(picture, code, now=0.0, **values):
     picture.receive_status(ManipulationStatus(code=code, squeeze=math.nan, **values), now)
 
 
-def test_a_robot_that_nobody_commands_is_said_to_be_at_rest():
+def test_an_idle_robot_is_described_as_at_rest():
     picture = Picture(ROBOT, 0.3)
     tell(picture, Status.HALT_NO_TWIST, message='twist: 203.6 s old; set it higher')
     assert picture.describe_manipulation(0.0) == 'manipulation: at rest, nothing is commanded'

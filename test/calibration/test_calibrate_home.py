@@ -102,7 +102,7 @@ def test_a_marker_that_lies_is_named():
         ({'W': (0.0, 0.0)}, GraspError, "joint 'W'"),
     ],
 )
-def test_what_is_no_measurement_is_refused(joints, kind, words):
+def test_invalid_measurements_are_refused(joints, kind, words):
     with pytest.raises(kind, match=words):
         calibrate_home(ROBOT, [Posture(np.zeros(N), joints)])
 

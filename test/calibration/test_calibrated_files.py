@@ -83,6 +83,6 @@ def test_tables_that_cannot_be_read_are_refused(tmp_path, text, words):
         read_postures(path, ROBOT)
 
 
-def test_a_file_that_is_not_there_ends_with_an_error(capsys):
+def test_a_missing_file_ends_with_an_error(capsys):
     assert calibrate.home([str(Path('no_such.csv'))]) == 1
     assert 'calibrate_home: no_such.csv: cannot be read' in capsys.readouterr().err

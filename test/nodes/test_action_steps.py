@@ -469,7 +469,7 @@ def test_a_lost_object_and_a_late_analysis_are_told_apart(held, age, words, outc
     assert fault.outcome is outcome
 
 
-def test_late_inputs_are_waited_for_before_anything_moves():
+def test_motion_starts_after_late_inputs():
     sequences = sequences_at(0.3)
     steps = sequences.move(MoveObject.Goal())
     assert [next(steps) for _ in range(3)] == [0.0] * 3
@@ -502,7 +502,7 @@ def test_the_code_of_a_result_is_that_of_the_error(error, outcome):
 
 
 @pytest.mark.parametrize(('age', 'outcome'), [(0.0, Outcome.NOT_HELD), (100.0, Outcome.NOT_READY)])
-def test_a_grasp_that_nobody_analysed_is_not_one_that_does_not_hold(age, outcome):
+def test_a_missing_analysis_is_distinct_from_an_object_not_held(age, outcome):
     sequences, times = sequences_at(age, held=False), iter([10.0, 20.0])
     sequences._node = SimpleNamespace(now=lambda: next(times))
     sequences.grasp = sequences.grasp._replace(time=20.0 - age)
@@ -522,7 +522,7 @@ def test_an_analysis_from_before_the_end_of_the_motion_confirms_nothing():
 
 
 @pytest.mark.parametrize('pose_age', [0.0, 0.3])
-def test_the_distance_left_is_told_where_the_object_is_known(pose_age):
+def test_the_remaining_distance_requires_a_known_pose(pose_age):
     end = PoseStamped(pose=to_pose_message(Pose(0.6, 0.38, 0.3)))
     left = sequences_at(0.0, pose_age=pose_age).distance_left(Path(poses=[end]))
     assert left == pytest.approx((0.08, 0.2) if pose_age == 0.0 else (nan, nan), nan_ok=True)

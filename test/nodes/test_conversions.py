@@ -82,7 +82,7 @@ def joint_states(**changes):
         ({'position': [0.0] * MANY}, f'{MANY} positions for 6 names'),
     ],
 )
-def test_joint_states_that_cannot_be_are_rejected(changes, words):
+def test_invalid_joint_states_are_rejected(changes, words):
     with pytest.raises(MessageError, match=words) as error:
         read_roller_state(joint_states(**changes), NAMES)
     assert len(str(error.value)) < 1000
@@ -134,14 +134,14 @@ def object_pose(frame=FRAME, **changes):
         ({'frame': ''}, "in frame '': must be 'truss'"),
     ],
 )
-def test_poses_that_cannot_be_are_rejected(changes, words):
+def test_invalid_poses_are_rejected(changes, words):
     with pytest.raises(MessageError, match=words) as error:
         RobotFrame(ROBOT).read_pose(object_pose(**changes))
     assert len(str(error.value)) < 1000
 
 
 @given(numbers, numbers, st.floats(-3.0, 3.0))
-def test_poses_there_and_back(x, y, angle):
+def test_poses_survive_a_round_trip(x, y, angle):
     message = PoseStamped(header=Header(frame_id=FRAME), pose=to_pose_message(Pose(x, y, angle)))
     assert RobotFrame(ROBOT).read_pose(message) == pytest.approx((x, y, angle), abs=1e-12)
 
@@ -157,7 +157,7 @@ def test_poses_there_and_back(x, y, angle):
         ({'P': (0.0, -1e7)}, r'joint marker P at .*: must be finite, at most 1e\+06 m'),
     ],
 )
-def test_markers_that_cannot_be_are_rejected(joints, words):
+def test_invalid_markers_are_rejected(joints, words):
     with pytest.raises(MessageError, match=words):
         read_joint_markers(to_joint_markers(joints), ROBOT)
 
@@ -185,13 +185,13 @@ def test_names_without_places_and_twice_are_rejected():
         *((Twist(angular=Vector3(y=v)), 'planar') for v in (*BAD, *HUGE)),
     ],
 )
-def test_twists_that_cannot_be_are_rejected(twist, words):
+def test_invalid_twists_are_rejected(twist, words):
     with pytest.raises(MessageError, match=words):
         read_twist(twist)
 
 
 @given(st.tuples(*[st.floats(allow_nan=False, allow_infinity=False)] * 3))
-def test_twists_there_and_back(twist):
+def test_twists_survive_a_round_trip(twist):
     assert read_twist(to_twist_message(twist)) == twist
     assert read_twist(to_twist_message(np.array(twist))) == twist
 
@@ -207,7 +207,7 @@ def wrench(frame=f'{FRAME}_object_aligned', **components):
 
 @pytest.mark.parametrize('name', ['fx', 'fy', 'm'])
 @pytest.mark.parametrize('value', [*BAD, *HUGE, 1.01 * MAX_WRENCH, -1.01 * MAX_WRENCH])
-def test_wrenches_that_cannot_be_are_rejected(name, value):
+def test_invalid_wrenches_are_rejected(name, value):
     with pytest.raises(MessageError, match='must be finite, at most'):
         read_external_wrench(wrench(**{name: value}), FRAME)
 
@@ -248,7 +248,7 @@ def test_grasps_survive_serialization():
 
 
 @given(st.integers(0, 2**31 - 1), st.integers(0, 10**9 - 1))
-def test_stamps_there_and_back(sec, nanosec):
+def test_stamps_survive_a_round_trip(sec, nanosec):
     when = read_stamp(Header(stamp=Time(sec=sec, nanosec=nanosec)))
     assert read_stamp(make_header(when)) == pytest.approx(when, abs=3e-7)
     assert read_stamp(make_header(-when)) == 0.0
@@ -286,6 +286,6 @@ def test_absolute_pressures_are_read_against_those_around():
         ('west', 3e4, "frame_id 'west': must be one of"),
     ],
 )
-def test_pressures_that_cannot_be_are_refused_by_name(tube, value, words):
+def test_invalid_pressures_are_refused_by_tube(tube, value, words):
     with pytest.raises(MessageError, match=words):
         read_tube_pressure(pressure(tube, value), ROBOT, 0.0)

@@ -77,7 +77,7 @@ def test_joints_of_a_robot_with_wrong_zeros_are_found():
     assert not found.held
 
 
-def test_what_is_known_of_the_robot_is_what_the_parameters_say(monkeypatch):
+def test_prior_of_the_robot_is_that_of_the_parameters(monkeypatch):
     made = []
 
     def make(robot, settings):
@@ -90,7 +90,7 @@ def test_what_is_known_of_the_robot_is_what_the_parameters_say(monkeypatch):
         assert made[-1] == expected
 
 
-def test_late_swapped_and_missing_markers_do_not_spoil_it():
+def test_estimate_is_robust_to_late_swapped_and_missing_markers():
     places = dict(zip(NAMES, ROBOT.home.nodes[: len(NAMES)].tolist(), strict=True))
     with world(estimator()) as w:
         markers = listen(w)
@@ -112,7 +112,7 @@ def test_late_swapped_and_missing_markers_do_not_spoil_it():
 @pytest.mark.parametrize(
     ('joints', 'frame'), [({'W': (0.0, 0.0)}, 'truss'), ({'P': (0.0, 0.0)}, 'elsewhere')]
 )
-def test_markers_that_are_not_usable_are_left(joints, frame):
+def test_invalid_markers_are_ignored(joints, frame):
     with world(estimator()) as w:
         markers = listen(w)
 
@@ -159,7 +159,7 @@ def test_markers_and_poses_are_taken_from_any_frame_that_is_connected(monkeypatc
     assert deviations == (1e-3, 1e-3, 0.009)
 
 
-def test_pressures_that_are_old_are_told_and_the_estimate_goes_on():
+def test_stale_pressures_give_a_warning_and_the_estimate_continues():
     with world(estimator(pressure_timeout=0.3)) as w:
         listen(w)
         w.spin(0.1, lambda: (w.probe.send_joints(), w.probe.send_pressures([3e4] * 3)))
@@ -209,7 +209,7 @@ def test_nodes_add_the_offsets_to_the_encoders(make, holder):
     assert rollers.offsets == pytest.approx([5e-3] * N)
 
 
-def test_an_estimate_there_and_back():
+def test_an_estimate_survives_a_round_trip():
     random, count = np.random.default_rng(2), 2 * len(NAMES)
     estimate = state_estimate.StateEstimate(
         time=2.5,
@@ -257,7 +257,7 @@ def test_an_estimate_there_and_back():
         {'offset_covariance': [float('inf')] * N**2},
     ],
 )
-def test_estimates_that_are_not_usable_are_refused(changes):
+def test_invalid_estimates_are_refused(changes):
     good = {
         'roller_names': list(ROBOT.roller_names),
         'offsets': [0.0] * N,

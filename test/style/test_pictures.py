@@ -22,7 +22,10 @@ def pictures(monkeypatch, tmp_path):
     SPEC.loader.exec_module(module)
     monkeypatch.setattr(module, 'TOP', tmp_path)
     monkeypatch.setattr(module, 'HASHES', tmp_path / 'inputs.json')
-    own = module.Picture(('one.png',), ('draw.py',), ('draw.py', 'robot.yaml'))
+    own = module.Picture(
+        ('one.png',), ('draw.py',), ('draw.py', 'robot.yaml'), words=lambda: list(module.today)
+    )
+    module.today = ['21 N, held']
     monkeypatch.setattr(module, 'PICTURES', {'one': own})
     (tmp_path / 'robot.yaml').write_text('name: one\n')
     (tmp_path / 'draw.py').write_text('"""Draw."""\nopen("one.png", "w").write("1")\n')
@@ -31,7 +34,7 @@ def pictures(monkeypatch, tmp_path):
 
 def test_a_picture_is_made_once(pictures, capsys):
     assert pictures.main(['--check']) == 1
-    assert capsys.readouterr().err == 'one.png: older than what draws it: make pictures\n'
+    assert capsys.readouterr().err == 'one.png: not there: make pictures\n'
     assert pictures.main([]) == 0
     assert pictures.main(['--check']) == 0
 
@@ -50,6 +53,30 @@ def test_a_picture_is_out_of_date_where_what_draws_it_changed(
     pictures.main([])
     (tmp_path / name).write_text(text)
     assert pictures.main(['--check']) == stale
+
+
+@pytest.mark.parametrize(
+    ('today', 'stale'),
+    [
+        (['21 N, held'], False),
+        (['22 N, held'], False),
+        (['23 N, held'], True),
+        (['21 N'], True),
+        ([], True),
+    ],
+)
+def test_a_picture_is_out_of_date_where_it_would_show_other_words(pictures, today, stale):
+    pictures.main([])
+    pictures.today = today
+    assert pictures.main(['--check']) == stale
+
+
+def test_a_picture_that_a_change_does_not_alter_is_kept(pictures, tmp_path):
+    pictures.main([])
+    (tmp_path / 'draw.py').write_text('open("one.png", "w").write("2")\n')
+    pictures.main(['--keep', 'one'])
+    assert pictures.main(['--check']) == 0
+    assert (tmp_path / 'one.png').read_text() == '1'
 
 
 def test_every_picture_of_readme_and_pages_is_made_by_a_command():

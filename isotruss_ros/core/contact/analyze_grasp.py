@@ -26,6 +26,7 @@ from isotruss_ros.core.contact.sliding_contact import solve_sliding_contact, tur
 from isotruss_ros.core.contact.surfaces import Surface, surface_of
 from isotruss_ros.core.errors import GraspError, SolverError
 from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
@@ -37,6 +38,8 @@ from scipy.linalg import lapack
 
 #: Contact points closer than this are one point to the tube, further apart they miss the object.
 SPACINGS = (1e-4, 0.1)
+#: Members that are overlapped by less than this need not press [m].
+LEAST_OVERLAP = 1e-6
 #: Contact points that are spent in any case on an object that is no disc.
 BUDGET = 80
 
@@ -75,7 +78,8 @@ def analyze_grasp(
     :raises GraspError: an argument is not usable.
     :raises StructureError: the robot is a mechanism, a pressure is not usable, or its stiffness
         laws are contradictory.
-    :raises SolverError: the contact problem was not solved.
+    :raises SolverError: the contact problem was not solved, or the object is in a member where
+        contact is not modelled.
     """
     mu, wrench = check_load(body, friction, external_wrench)
     (gap,) = finite_array([spacing], 1, 'spacing [m]', GraspError).tolist()
@@ -96,6 +100,7 @@ def analyze_grasp(
     else:
         solved = _solve_straight(structure, surface, gap, solver, previous)
     contact_points, found, *_, kept = solved
+    _require_touch(structure, body, contact_points, found)
     # Of corners, which sliding tubes fold over.
     contact = turn_at_corners(contact_points, found, surface) if sliding else found
     solved = solved._replace(contact=contact)
@@ -124,6 +129,23 @@ def analyze_grasp(
         solved=solved,
         **assess_members(structure, solved),
     )
+
+
+def _require_touch(
+    structure: Structure, body: ConvexObject, contact_points: ContactPoints, contact: ContactState
+) -> None:
+    """Raise SolverError if a member that the object overlaps neither presses nor has moved off."""
+    depths = member_depths(structure.config, body)
+    moved = max(float(np.abs(contact.displacements).max(initial=0.0)), LEAST_OVERLAP)
+    pressing = np.bincount(contact_points.member, contact.forces, len(depths)) > 0.0
+    missed = np.flatnonzero(~pressing & (depths > moved))
+    if len(missed):
+        deepest = int(missed[depths[missed].argmax()])
+        raise SolverError(
+            f'member {structure.config.robot.member_names[deepest]}: the object is '
+            f'{1e3 * depths[deepest]:.3g} mm deep in it, beyond an end of its tube or behind its '
+            'skin, where contact is not modelled; place the object elsewhere'
+        )
 
 
 def _solve_straight(

@@ -19,7 +19,6 @@ import math
 from typing import NamedTuple
 
 from isotruss_ros.core.estimation.contact_walk import ContactWalk
-from isotruss_ros.core.estimation.laid_grip import laid_grip
 from isotruss_ros.core.estimation.pose_noise import PoseNoise, PRIOR_DEVIATIONS
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings, MAX_KNOWN_DEVIATION
 from isotruss_ros.core.holding.attach_grip import attach_grip
@@ -76,7 +75,7 @@ class GripBelief:
     The equilibrium of a held object, and what measured poses correct of it.
 
     :ivar grasp: the equilibrium without a load, where the robot is.
-    :ivar grip: whose rows tell how the object moves, see `laid_grip`.
+    :ivar grip: whose rows tell how the object moves, see `HeldGrip.touching`.
     :ivar load: estimated wrench (fx, fy, m / arm) [N].
     :ivar bias: (3,) pose that the model leaves unexplained, turns times the arm [m].
     :ivar delay: of the measured poses beyond their stamps [s].
@@ -374,7 +373,7 @@ class GripBelief:
 
     def _take(self, grasp: HeldGrip) -> None:
         """Go on with an equilibrium."""
-        self.grasp, self.grip = grasp, laid_grip(grasp, self._friction)
+        self.grasp, self.grip = grasp, grasp.touching(self._friction)
         # Corrections of the contacts since, with which the equilibrium is not solved yet.
         self._anchors = grasp.anchors
         self._pending = np.zeros(4)

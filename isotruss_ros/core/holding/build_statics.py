@@ -22,7 +22,7 @@ from isotruss_ros.core.holding.contact_forces import PressedContacts
 from isotruss_ros.core.holding.contact_statics import ContactStatics, TubeModel
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_lines
-from isotruss_ros.core.model.contact_patch import contact_patch, LEAST_DEPTH, LEAST_FACE
+from isotruss_ros.core.model.contact_patch import contact_patch, PLANNED_DEPTH
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
@@ -47,11 +47,10 @@ def find_pressed(config: Configuration, body: ConvexObject, members: Indices) ->
     starts, normals = facing_lines(config, body, members)
     own = normals * body.turn.conjugate()
     radius = 0.5 * config.robot.description.tube_diameter
-    depths = body.shape.support(own) + radius - ((starts - body.center) * normals.conj()).real
-    depths = np.maximum(depths, LEAST_DEPTH * body.arm)
+    skins = ((starts - body.center) * normals.conj()).real - radius
     found: list[tuple[int, int, float, float]] = []
-    for member, normal, depth in zip(members.tolist(), own.tolist(), depths.tolist(), strict=True):
-        first, *others = contact_patch(body.shape, normal, depth, LEAST_FACE * radius)
+    for member, normal, skin in zip(members.tolist(), own.tolist(), skins.tolist(), strict=True):
+        first, *others = contact_patch(body.shape, normal, radius, skin)
         half = 0.5 * (others[0].along - first.along) if others else np.inf
         found.append((member, first.corner, np.inf, half))
         found += [(member, other.corner, half, np.inf) for other in others]
@@ -128,7 +127,7 @@ def start_at(statics: ContactStatics, body: ConvexObject) -> Array:
     local = compliance.axis.conj() * (touched - compliance.start)
     start[places.feet] = np.clip(local.real, 0.0, compliance.length)
     depths = statics.tube_radius + statics.sides * local.imag
-    depths = np.maximum(depths, LEAST_DEPTH * statics.body.arm)
+    depths = np.maximum(depths, PLANNED_DEPTH * statics.tube_radius)
     own = np.einsum('iaia->ia', compliance.at(start[places.feet]).matrix)[:, 1]
     _, dent = statics.indentation(depths / own)
     start[places.normal] = depths / (own + dent)

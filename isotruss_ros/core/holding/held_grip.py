@@ -19,6 +19,7 @@ from isotruss_ros.core.holding.contact_forces import (
 )
 from isotruss_ros.core.holding.contact_statics import ContactStatics, TubeModel
 from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
@@ -114,6 +115,15 @@ class HeldGrip:
     def member_names(self) -> tuple[str, ...]:
         """Return the names of the grasping members."""
         return tuple(self.config.robot.member_names[i] for i in self.members)
+
+    def touching(self, friction: float) -> Grip:
+        """
+        Return members and object, with the contacts of this equilibrium on straight members.
+
+        :param friction: coefficient between tubes and object.
+        """
+        grip = Grip(self.member_names, self.body.moved_to(self.pose), friction)
+        return grip.touching(self.contacts.owners, self.contacts.corners)
 
     @functools.cached_property
     def normal_forces(self) -> Array:

@@ -2,11 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-An object held between any two members, or three: these members, and where they touch it.
+Grip of an object between any two or three members, with its contacts.
 
 Each member is its undeformed centre line, from pinch point to pinch point. The object's surface is
-farthest toward the member. A face of a polygon that lies on the member is touched at its two ends;
-so it can neither lift nor turn. Points of the plane are complex numbers, as in `constraints`.
+farthest toward the member. A face of a polygon that lies on the member, see `contact_patch`, is
+touched at its two ends; so it can neither lift nor turn. Points of the plane are complex numbers,
+as in `constraints`.
 """
 
 from __future__ import annotations
@@ -20,33 +21,35 @@ from isotruss_ros.core.errors import GraspError, quote
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.model.contact_patch import contact_body, contact_patch
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Indices
 import numpy as np
 from numpy.typing import ArrayLike
 
 #: Number of members that hold an object.
-FEWEST, MOST = 2, 3
-#: A face lies on a member that is inclined against it by at most this [rad].
-FACE_ANGLE = 1e-3
-SIN_FACE_ANGLE = math.sin(FACE_ANGLE)
+MIN_MEMBERS, MAX_MEMBERS = 2, 3
 
 
 @dataclass(frozen=True)
 class Grip:
     """
-    An object and the members that hold it, wherever these are.
+    An object with its grasping members, in any configuration.
 
     :ivar members: names `t/j-k` of two members, or three.
     :ivar body: the object in its place in the robot frame.
     :ivar friction: coefficient between tubes and object; if left out the object's own, or
         `DEFAULT_FRICTION` where it has none.
+    :ivar corners: numbers of the corners that touch each member, one or both ends of a face, where
+        a model of the held object has them; None for those of the planned indentation, see
+        `contact_patch`.
     :raises GraspError: not two or three different names, no such object, or no such coefficient.
     """
 
     members: tuple[str, ...]
     body: ConvexObject
     friction: float = None  # type: ignore[assignment]  # a number from the start on
+    corners: tuple[tuple[int, ...], ...] | None = None
 
     def __post_init__(self) -> None:
         """Check the number of members; their names are checked against a robot when used."""
@@ -56,7 +59,7 @@ class Grip:
             raise GraspError(f'object {self.body!r}: must be a ConvexObject') from None
         names = (self.members,) if isinstance(self.members, str) else tuple(self.members)
         fits = all(isinstance(name, str) for name in names) and len(names) == len(set(names))
-        if not (fits and FEWEST <= len(names) <= MOST):
+        if not (fits and MIN_MEMBERS <= len(names) <= MAX_MEMBERS):
             raise GraspError(
                 f'members {quote(", ".join(map(str, names)))}: a grip has two or three different '
                 'members'
@@ -73,7 +76,7 @@ class Grip:
 
     def moved_to(self, pose: ArrayLike) -> Grip:
         """
-        Return the grip with the object in another place.
+        Return the grip with the object at another pose.
 
         :param pose: of the object's frame in the robot frame (x, y, angle) [m, rad].
         :raises GraspError: the pose is not three finite numbers within range.
@@ -83,12 +86,24 @@ class Grip:
         moved.__dict__.update(self.__dict__, body=self.body.moved_to(pose))
         return moved
 
+    def touching(self, owners: Indices, corners: Indices) -> Grip:
+        """
+        Return the grip with known contacts.
+
+        :param owners: (k,) which member each contact is of, rising.
+        :param corners: (k,) numbers of the corners that touch there.
+        """
+        touched = [tuple(corners[owners == i].tolist()) for i in range(len(self.members))]
+        found = object.__new__(Grip)
+        found.__dict__.update(self.__dict__, corners=tuple(touched))
+        return found
+
     @classmethod
     def at_module(
         cls, robot: Robot, module: str, body: ConvexObject, friction: float | None = None
     ) -> Grip:
         """
-        Return the grip by the two members that meet at a module, as the paper's.
+        Return the grip by the two members that meet at a module, as in the paper.
 
         :param robot: the robot.
         :param module: name `t/j` of the module.
@@ -101,7 +116,7 @@ class Grip:
 
 def members_at(robot: Mechanism, module: str) -> tuple[str, str]:
     """
-    Return the names of the two members that meet at a module: the one ahead, the one behind.
+    Return the names of the two members that meet at a module: next and previous.
 
     :param robot: the robot.
     :param module: name `t/j` of the module.
@@ -117,7 +132,7 @@ def members_at(robot: Mechanism, module: str) -> tuple[str, str]:
 
 
 class MemberNodes(NamedTuple):
-    """Members and the nodes at their ends."""
+    """Indices of members, their end nodes and rollers."""
 
     members: Indices  #: (k,) numbers of the members: those of the modules that they leave
     lines: Indices  #: (k, 2) nodes B at which they start, and C at which they end
@@ -129,7 +144,7 @@ class MemberNodes(NamedTuple):
 @functools.lru_cache(maxsize=256)
 def find_members(robot: Robot, names: tuple[str, ...]) -> MemberNodes:
     """
-    Return the numbers of members and of their nodes, which are not to be written to.
+    Return the indices of members and of their nodes, read-only.
 
     :param robot: the robot.
     :param names: (k,) names `t/j-k`.
@@ -159,19 +174,20 @@ def find_members(robot: Robot, names: tuple[str, ...]) -> MemberNodes:
 
 
 class GripContact(NamedTuple):
-    """One contact of a grip, in Python's numbers: a few of them are quicker than arrays."""
+    """One contact of a grip, in Python numbers for speed."""
 
     owner: int  #: which member of the grip it is
     start: complex  #: of the member, robot frame [m]
     normal: complex  #: unit vector out of the object into the member
     point: complex  #: of the object's surface, robot frame [m]
+    corner: int  #: number of the corner that touches, see `Shape.corner_at`
     side: float  #: +1 where the object is left of the member, -1 where it is right
 
 
 @functools.lru_cache(maxsize=8)
 def find_contacts(config: Configuration, grip: Grip) -> list[GripContact]:
     """
-    Find where the members touch the object; the last few results are kept.
+    Return the contacts of the members with the object; the last few results are cached.
 
     :param config: configuration of the robot.
     :param grip: the grip.
@@ -179,37 +195,41 @@ def find_contacts(config: Configuration, grip: Grip) -> list[GripContact]:
     :raises GraspError: no such member; or a member does not touch the object between its ends:
         it is off by more than a tube is thick.
     """
-    body, nodes = grip.body, find_members(config.robot, grip.members)
-    inside, turned = body.middle, body.turn.conjugate()
-    members: list[tuple[complex, complex, complex, float]] = []
-    for start, end in config.points.take(nodes.lines).tolist():
-        span = end - start
-        axis = span / abs(span)
-        side = math.copysign(1.0, (axis.conjugate() * (inside - start)).imag)
-        members.append((start, span, -1j * side * axis, side))
-    touched = body.shape.touch_lines([turned * member[2] for member in members], SIN_FACE_ANGLE)
+    nodes = find_members(config.robot, grip.members)
     tube = config.robot.description.tube_diameter
+    body = contact_body(grip.body, 0.5 * tube)
+    inside, back = body.middle, body.turn.conjugate()
     found: list[GripContact] = []
     places: list[tuple[float, float]] = []
     fits = True
-    for owner, own_point in zip(touched.owners, touched.points, strict=True):
-        start, span, normal, side = members[owner]
-        point = body.center + body.turn * own_point
-        found.append(GripContact(owner, start, normal, point, side))
-        away = start - point
-        gap = (normal.conjugate() * away).real - 0.5 * tube
-        share = -(span.conjugate() * away).real / abs(span) ** 2
-        places.append((gap, share))
-        fits = fits and -tube <= gap <= tube and 0.0 <= share <= 1.0
+    for owner, (start, end) in enumerate(config.points.take(nodes.lines).tolist()):
+        span = end - start
+        axis = span / abs(span)
+        side = math.copysign(1.0, (axis.conjugate() * (inside - start)).imag)
+        normal = -1j * side * axis
+        if grip.corners is None:
+            patch = contact_patch(body.shape, normal * back, 0.5 * tube)
+            corners = tuple(end.corner for end in patch)
+        else:
+            corners = grip.corners[owner]
+        for corner in corners:
+            own_point = body.shape.point_at(corner, normal * back)
+            point = body.center + body.turn * own_point
+            found.append(GripContact(owner, start, normal, point, corner, side))
+            away = start - point
+            gap = (normal.conjugate() * away).real - 0.5 * tube
+            share = -(span.conjugate() * away).real / abs(span) ** 2
+            places.append((gap, share))
+            fits = fits and -tube <= gap <= tube and 0.0 <= share <= 1.0
     if not fits:
-        _check_touch(grip, touched.owners, places, tube)
+        _check_touch(grip, [contact.owner for contact in found], places, tube)
     return found
 
 
 def _check_touch(
     grip: Grip, owners: list[int], places: list[tuple[float, float]], tube: float
 ) -> None:
-    """Refuse a member that does not touch the object; a face may reach beyond its end."""
+    """Raise for a member without contact; a face may extend beyond its end."""
     for number, name in enumerate(grip.members):
         own = [place for owner, place in zip(owners, places, strict=True) if owner == number]
         gap = min((gap for gap, _ in own), key=abs)

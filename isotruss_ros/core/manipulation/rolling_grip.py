@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-An object that rolls in a grip: its pose is a function of the configuration, so nothing drifts.
+Rolling of an object in a grip: its pose is a function of the configuration, without drift.
 
 A contact that rolls keeps the distance of the object from the member, and the place of the tube's
 material that it touches less the arc of the object that has been unrolled on it:
@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import cmath
 from dataclasses import dataclass, replace
+import functools
 import itertools
 import math
 from typing import NamedTuple
@@ -25,33 +26,34 @@ from typing import NamedTuple
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import find_contacts, find_members, Grip
+from isotruss_ros.core.model.contact_patch import contact_body
 from isotruss_ros.core.model.pose import Pose
+from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
 
-#: A face lies on a member that is inclined against it by at most this [rad]: less than what
-#: `find_contacts` takes for one, so that a face that comes to lie on a member does not snap.
-FLAT = 1e-6
-MAX_STEPS = 50
-#: After so many steps the contacts stay those that they are: rounding may not decide on one.
-FREE_STEPS = 10
-#: Singular values less than this share of the largest are zero.
-RANK = 1e-9
-#: Contacts fit to this [m].
-MISFIT = 1e-9
-#: Poses are exact to this, in surface speeds [m].
-TOLERANCE = 1e-13
+MAX_ITERATIONS = 50
+#: Iterations with a changing set of contacts [-]; fixed afterwards, against cycling by rounding.
+FREE_ITERATIONS = 10
+#: Relative rank tolerance of singular values [-].
+RANK_TOLERANCE = 1e-9
+#: Largest misfit of kept contacts [m].
+MISFIT_TOLERANCE = 1e-9
+#: Largest last step of a pose, in surface displacement [m].
+STEP_TOLERANCE = 1e-13
 
 
 @dataclass(frozen=True, eq=False)
 class RollingGrip:
     """
-    A grip in one configuration, and what stays as the object rolls.
+    A grip in one configuration, with its rolling invariants.
 
     :ivar config: the configuration.
     :ivar grip: the grip, the object in its place.
     :ivar angles: (m,) of the object's normals toward the members in its frame, not wrapped [rad].
-    :ivar kept: (2, m) gaps of the object from the members' centre lines, and anchors of the
+    :ivar owners: (k,) which member each contact is of: one for each, or both ends of a face.
+    :ivar corners: (k,) which corner of a polygon touches there.
+    :ivar kept: (2, k) gaps of the object from the members' centre lines, and anchors of the
         contacts along the tubes, which stay [m].
     :ivar sides: (m,) +1 where the object is left of the member, -1 where it is right.
     :ivar misfit: the largest deviation from what is kept [m]: by so much members have come
@@ -61,6 +63,8 @@ class RollingGrip:
     config: Configuration
     grip: Grip
     angles: Array
+    owners: Indices
+    corners: Indices
     kept: Array
     sides: Array
     misfit: float = 0.0
@@ -68,21 +72,21 @@ class RollingGrip:
     @classmethod
     def attach(cls, config: Configuration, grip: Grip) -> RollingGrip:
         """
-        Close the grip around an object.
+        Return the grip of an object in contact.
 
         :param config: configuration of the robot.
         :param grip: the grip, with the object in its place.
         :raises GraspError: see `find_contacts`.
         """
-        by_member = {contact.owner: contact for contact in find_contacts(config, grip)}
+        contacts = find_contacts(config, grip)
+        by_member = {contact.owner: contact for contact in contacts}
         sides = np.array([contact.side for contact in by_member.values()])
         normals = np.array([contact.normal for contact in by_member.values()])
         angles = np.angle(normals * grip.body.turn.conjugate())
-        rolling = cls(config, grip, angles, np.zeros((2, len(sides))), sides)
-        touch = rolling._touch()
-        # Of a face both ends have the same gap and anchor.
-        once = np.searchsorted(touch.owners, np.arange(len(sides)))
-        return replace(rolling, kept=touch.values[:, once])
+        owners = np.array([contact.owner for contact in contacts])
+        corners = np.array([contact.corner for contact in contacts])
+        rolling = cls(config, grip, angles, owners, corners, np.zeros((2, len(owners))), sides)
+        return replace(rolling, kept=rolling._touch(rolling._lines(config)).values)
 
     @property
     def pose(self) -> Pose:
@@ -92,7 +96,7 @@ class RollingGrip:
 
     def moved_to(self, config: Configuration) -> RollingGrip:
         """
-        Return the grip in another configuration, the object rolled there.
+        Return the grip rolled to another configuration.
 
         A face that lies on a member may lift at one of its ends. Where the rollers did not keep
         the contacts, the pose is the one with the least squares of what is off, and `misfit` the
@@ -102,63 +106,84 @@ class RollingGrip:
         :raises GraspError: there is no such pose; or a member does not touch the object any more.
         """
         rolled = self._rolled(config)
-        if rolled.misfit <= MISFIT:
+        if rolled.misfit <= MISFIT_TOLERANCE or len(self.owners) == len(self.sides):
             return rolled
-        before = self._touch()
-        if len(before.owners) == len(self.sides):
-            return rolled
-        # A face lay on a member, and may have lifted at one of its ends.
-        ends = [np.flatnonzero(before.owners == i).tolist() for i in range(len(self.sides))]
+        # A face lies on a member, and may have lifted at one of its ends.
+        ends = [np.flatnonzero(self.owners == i).tolist() for i in range(len(self.sides))]
         for chosen in itertools.product(*([own, *([k] for k in own)] for own in ends)):
-            left = np.array([k for own in chosen for k in own])
-            if len(left) == len(before.owners):
+            left = [k for own in chosen for k in own]
+            if len(left) == len(self.owners):
                 continue
-            other = self._rolled(config, (before.owners[left], before.corners[left]))
-            if other.misfit < rolled.misfit and other._clears(before):
+            fewer = replace(
+                self,
+                owners=self.owners[left],
+                corners=self.corners[left],
+                kept=self.kept[:, left],
+            )
+            other = fewer._rolled(config)
+            if other.misfit < rolled.misfit and self._clears(other):
                 rolled = other
         return rolled
 
-    def _clears(self, before: _Touch) -> bool:
-        """Tell whether the corners that touched before do not enter the members now."""
-        gaps = self._touch((before.owners, before.corners)).values[0]
-        return bool((gaps >= self.kept[0, before.owners] - self.misfit - MISFIT).all())
+    def _clears(self, rolled: RollingGrip) -> bool:
+        """Return whether the corners in contact here do not penetrate the members there."""
+        body, lines = rolled.grip.body, rolled._lines(rolled.config)
+        touch = self._touch_there(lines, body.center, body.pose.angle, self.corners)
+        return bool((touch.values[0] >= self.kept[0] - rolled.misfit - MISFIT_TOLERANCE).all())
 
-    def _rolled(
-        self, config: Configuration, fixed: tuple[Indices, Indices] | None = None
-    ) -> RollingGrip:
-        """Return the grip in another configuration, with given corners as contacts if any."""
-        body, chosen, lines = self.grip.body, fixed, self._lines(config)
+    def _rolled(self, config: Configuration) -> RollingGrip:
+        """Return the grip in another configuration, with these contacts."""
+        body, lines, corners = self.grip.body, self._lines(config), self.corners
         center, angle = body.center, body.pose.angle
-        for step in range(MAX_STEPS):
-            touch = self._touch_there(lines, center, angle, chosen)
-            off = (touch.values - self.kept[:, touch.owners]).ravel()
+        for step in range(MAX_ITERATIONS):
+            if step < FREE_ITERATIONS:
+                corners = self._lowest(lines.normals * cmath.rect(1.0, -angle))
+            touch = self._touch_there(lines, center, angle, corners)
+            off = (touch.values - self.kept).ravel()
             rows = touch.rows * (1.0, 1.0, 1.0 / body.arm)
-            x, y, turn = change = np.linalg.lstsq(rows, -off, rcond=RANK)[0]
+            x, y, turn = change = np.linalg.lstsq(rows, -off, rcond=RANK_TOLERANCE)[0]
             center += complex(x, y)
             angle += turn / body.arm
             size = max(abs(x), abs(y), abs(turn))
-            settled = size <= TOLERANCE * max(1.0, abs(center) / body.arm)
+            settled = size <= STEP_TOLERANCE * max(1.0, abs(center) / body.arm)
             if settled or (body.shape.is_round and size <= body.arm):
                 # What rolling keeps is linear for a disc.
                 misfit = float(np.abs(off + rows.dot(change)).max())
                 grip = self.grip.moved_to((center.real, center.imag, angle))
+                if grip.corners is not None:
+                    grip = grip.touching(self.owners, corners)
                 find_contacts(config, grip)  # raises where it left a member
                 angles = self._unwrapped(lines.normals, angle)
-                return replace(self, config=config, grip=grip, angles=angles, misfit=misfit)
+                return replace(
+                    self, config=config, grip=grip, angles=angles, corners=corners, misfit=misfit
+                )
             if not size <= body.arm:
                 break
-            chosen = (touch.owners, touch.corners) if step >= FREE_STEPS else fixed
         raise GraspError(
             'the object does not roll to the new configuration: go there in smaller steps, or '
             'with rollers that keep its contacts'
         )
 
+    def _lowest(self, normals: Points) -> Indices:
+        """Return the corners (k,) in contact: both ends of a face, or the extreme one."""
+        if not self._shape.faces_at(0):
+            return self.corners
+        alone = np.bincount(self.owners) == 1
+        farthest = [self._shape.corner_at(normal) for normal in normals.tolist()]
+        return np.where(alone[self.owners], np.array(farthest)[self.owners], self.corners)
+
+    @functools.cached_property
+    def _shape(self) -> Shape:
+        """Return the shape of the object as tubes meet it."""
+        tube = self.config.robot.description.tube_diameter
+        return contact_body(self.grip.body, 0.5 * tube).shape
+
     def _unwrapped(self, normals: Points, angle: float) -> Array:
-        """Return the angles of normals (m,) in the object, within half a turn of those before."""
+        """Return the angles of normals (m,) in the object, unwrapped to the previous ones."""
         return self.angles + np.angle(normals * np.exp(-1j * (angle + self.angles)))
 
     def _lines(self, config: Configuration) -> _Lines:
-        """Return the members in a configuration."""
+        """Return the lines of the members in a configuration."""
         nodes = find_members(config.robot, self.grip.members)
         starts, ends = config.points[nodes.lines.T]
         spans = ends - starts
@@ -167,23 +192,18 @@ class RollingGrip:
         travel[nodes.driven] = config.roller_positions[nodes.rollers]
         return _Lines(starts, axes, axes * (-1j * self.sides), travel)
 
-    def _touch(self, chosen: tuple[Indices, Indices] | None = None) -> _Touch:
-        """Return what rolling keeps, where the object is."""
+    def _touch(self, lines: _Lines) -> _Touch:
+        """Return the rolling invariants at the pose of the object."""
         body = self.grip.body
-        return self._touch_there(self._lines(self.config), body.center, body.pose.angle, chosen)
+        return self._touch_there(lines, body.center, body.pose.angle, self.corners)
 
     def _touch_there(
-        self, lines: _Lines, center: complex, angle: float, chosen: tuple[Indices, Indices] | None
+        self, lines: _Lines, center: complex, angle: float, corners: Indices
     ) -> _Touch:
-        """Return what rolling keeps of an object in a place, with given corners if any."""
-        shape, turn = self.grip.body.shape, cmath.rect(1.0, angle)
+        """Return the rolling invariants at a pose, with given corners."""
+        shape, turn, owners = self._shape, cmath.rect(1.0, angle), self.owners
         own = lines.normals * turn.conjugate()
-        if chosen is None:
-            touched = shape.touch_lines(own.tolist(), FLAT)
-            owners, corners, points = map(np.array, touched)
-        else:
-            owners, corners = chosen
-            points = shape.surface_at(corners, own[owners])[0]
+        points = shape.surface_at(corners, own[owners])[0]
         axes, sides = lines.axes[owners], self.sides[owners]
         arms = turn * points
         local, turned = axes.conj() * (center + arms - lines.starts[owners]), axes.conj() * arms
@@ -192,14 +212,12 @@ class RollingGrip:
         # Gaps along i side axis, anchors along the axis.
         by_gap = np.stack([-axes.imag, axes.real, turned.real], axis=1) * sides[:, None]
         by_anchor = np.stack([axes.real, axes.imag, -turned.imag], axis=1)
-        return _Touch(owners, corners, values, np.concatenate([by_gap, by_anchor]))
+        return _Touch(values, np.concatenate([by_gap, by_anchor]))
 
 
 class _Touch(NamedTuple):
-    """The k contacts of an object in some place."""
+    """The k contacts of an object at a pose."""
 
-    owners: Indices  #: which member of the grip it is
-    corners: Indices  #: which corner of a polygon
     values: Array  #: (2, k) gaps and anchors, see `RollingGrip.kept` [m]
     rows: Array  #: (2 k, 3) derivatives of gaps and anchors by the object's twist
 
@@ -215,7 +233,7 @@ class _Lines(NamedTuple):
 
 def roll_object(grip: Grip, start: Configuration, end: Configuration) -> Grip:
     """
-    Return a grip in another configuration, the object rolled there; see `RollingGrip`.
+    Return a grip rolled to another configuration; see `RollingGrip`.
 
     :param grip: the grip in the first one.
     :param start: the first configuration.

@@ -5,36 +5,38 @@
 Contact patch of a convex shape and a tube: one corner, or the two ends of a face.
 
 No angle threshold separates a face from a corner: a second corner is a contact if it penetrates
-the straight tube. A face shorter than the tube's radius is one contact.
+the straight tube. A face shorter than the tube's radius is one contact. Twist, rolling, planner,
+guard and the model of a held object take their contacts from here.
 """
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.shapes import Shape
 
-#: Ends of a contact are apart by this many tube radii at least.
-LEAST_FACE = 1.0
-#: Objects that only touch are taken to be this deep, as a share of their size.
-LEAST_DEPTH = 1e-3
-#: Of corners that are equally deep, to this share of the depth, that nearest to the middle counts.
-TIE = 1e-6
+#: Smallest distance of the ends of a face contact, in tube radii [-].
+MIN_FACE_LENGTH = 1.0
+#: Objects that only touch, or are to be pressed in yet, are this many tube radii deep.
+PLANNED_DEPTH = 0.02
+#: Relative difference of equal depths [-]; of such corners the nearest to the middle is used.
+TIE_TOLERANCE = 1e-6
 
 
 def contact_body(body: ConvexObject, tube_radius: float) -> ConvexObject:
     """
-    Return an object as tubes meet it: a polygon of short faces as the outline that it samples.
+    Return the contact shape of an object: the smooth outline sampled by short faces.
 
     :param body: the object.
     :param tube_radius: of the tubes [m].
     """
-    return body.smoothed(LEAST_FACE * tube_radius)
+    return body.smoothed(MIN_FACE_LENGTH * tube_radius)
 
 
 class PatchEnd(NamedTuple):
-    """One end of the contact of a shape with a tube."""
+    """One end of the contact patch of a shape and a tube."""
 
     corner: int  #: number of the corner, see `Shape.corner_at`
     point: complex  #: of the surface, x + iy in the object's frame [m]
@@ -42,19 +44,23 @@ class PatchEnd(NamedTuple):
     along: float  #: length of the faces from the deepest corner, counter-clockwise [m]
 
 
-def contact_patch(shape: Shape, normal: complex, depth: float, short: float) -> list[PatchEnd]:
+def contact_patch(
+    shape: Shape, normal: complex, tube_radius: float, skin: float = math.inf
+) -> list[PatchEnd]:
     """
     Return one or two ends of the contact patch of a shape and a tube, counter-clockwise.
 
-    :param shape: of the object.
+    :param shape: of the object, see `contact_body`.
     :param normal: unit vector from the object toward the straight tube, x + iy in its frame.
-    :param depth: penetration of the object into the tube [m].
-    :param short: minimum distance of two ends [m].
+    :param tube_radius: radius of the tube [m].
+    :param skin: height of the straight tube's skin along the normal, from the origin of the
+        object's frame; infinite before the tube is pressed [m].
     """
     corner, back = shape.corner_at(normal), normal.conjugate()
-    point = shape.point_at(corner, normal)
+    point, short = shape.point_at(corner, normal), MIN_FACE_LENGTH * tube_radius
     near = [PatchEnd(corner, point, (point * back).real, 0.0)]
     far: list[PatchEnd] = []
+    depth = max(near[0].height - skin, PLANNED_DEPTH * tube_radius)
     least = near[0].height - depth
     for side in range(len(shape.faces_at(corner))):
         at, along, short_face = corner, 0.0, True
@@ -67,7 +73,7 @@ def contact_patch(shape: Shape, normal: complex, depth: float, short: float) -> 
             if height < least or at == corner or (short_face and abs(along) >= short):
                 break
             (near if short_face else far).append(PatchEnd(at, point, height, along))
-    tie, middle = TIE * abs(depth), (shape.centroid * back).imag
+    tie, middle = TIE_TOLERANCE * depth, (shape.centroid * back).imag
     ends = near + far
     highest = max(each.height for each in ends) - tie
     first = min(

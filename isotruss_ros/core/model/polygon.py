@@ -162,17 +162,6 @@ class Polygon(Shape):
         at = self._corner_of(normals)
         return self.arc_centers[at] + self.radii[at] * normals
 
-    def corners_at(self, normal: complex, sine: float) -> tuple[int, ...]:
-        """Return the corner in contact with a straight line; see `Shape.corners_at`."""
-        facing, corner = self._numbers[0], self.corner_at(normal)
-        # The faces that end and begin there are the nearest to the line.
-        before, after = (normal * facing[corner - 1], normal * facing[corner])
-        face, turned = (corner, after) if after.real > before.real else (corner - 1, before)
-        if abs(turned.imag) > sine:
-            return (corner,)
-        count = len(facing)
-        return face % count, (face + 1) % count
-
     def corner_at(self, normal: complex) -> int:
         """Return the extreme corner along a normal; see `Shape.corner_at`."""
         facing, directions, _ = self._numbers

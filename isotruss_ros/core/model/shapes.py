@@ -41,14 +41,6 @@ class SurfacePoints(NamedTuple):
     radii: Array
 
 
-class TouchedPoints(NamedTuple):
-    """Contacts of a shape with straight lines."""
-
-    owners: list[int]  #: (k,) indices of the lines: one contact for each, two for a face on it
-    corners: list[int]  #: (k,) indices of the corners in contact, see `Shape.corners_at`
-    points: list[complex]  #: (k,) contact points, x + iy in the object's frame [m]
-
-
 class Face(NamedTuple):
     """A straight face of a shape, as a neighbour of one of its end corners."""
 
@@ -115,15 +107,6 @@ class Shape(ABC):
         :param normals: (c,) outward unit normals of the tangents, x + iy, or one.
         """
 
-    def corners_at(self, normal: complex, sine: float) -> tuple[int, ...]:
-        """
-        Return the indices of corners in contact with a straight line; 0 for a smooth shape.
-
-        :param normal: outward unit normal toward the line, x + iy.
-        :param sine: sine of the largest inclination at which both ends of a face touch a line.
-        """
-        return (0,)
-
     def corner_at(self, normal: complex) -> int:
         """
         Return the index of the extreme corner along a normal; 0 for a smooth shape.
@@ -167,21 +150,6 @@ class Shape(ABC):
         :param normals: (k,) outward unit normals, x + iy.
         """
         return np.zeros(len(normals))
-
-    def touch_lines(self, normals: list[complex], sine: float) -> TouchedPoints:
-        """
-        Return the contacts of the shape with straight lines, in the order of the lines.
-
-        :param normals: (m,) outward unit normals toward the lines, x + iy.
-        :param sine: sine of the largest inclination at which both ends of a face touch a line.
-        """
-        found = TouchedPoints([], [], [])
-        for number, normal in enumerate(normals):
-            for corner in self.corners_at(normal, sine):
-                found.owners.append(number)
-                found.corners.append(corner)
-                found.points.append(self.point_at(corner, normal))
-        return found
 
     @abstractmethod
     def unroll(self, angles: Array, corners: Indices) -> Array:

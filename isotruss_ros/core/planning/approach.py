@@ -68,10 +68,11 @@ def _find_turn(config: Configuration, closing: Closing) -> tuple[float, Closing]
     directions that hold the object.
     """
     normals, angle = closing.normals(config), closing.friction_angle
-    if balances(closing.body, normals, USED_SHARE * angle):
+    radius = 0.5 * config.robot.description.tube_diameter
+    if balances(closing.body, normals, USED_SHARE * angle, radius):
         return 0.0, replace(closing, facing=None)
     if closing.facing is None:
         return math.pi, closing
     missing = float(np.abs(np.angle(closing.facing / normals)).sum())
-    found = find_facing(closing.body, normals, CONE_SHARE * angle)
+    found = find_facing(closing.body, normals, CONE_SHARE * angle, radius)
     return missing, closing if found is None else replace(closing, facing=found)

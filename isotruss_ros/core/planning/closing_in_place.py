@@ -79,9 +79,10 @@ def close_in_place(
 
 def _hold(touch: Configuration, closing: Closing) -> HeldGrip:
     """Return how the object is held first."""
-    one, other = contact_ends(closing.body, closing.normals(touch))
+    diameter = touch.robot.description.tube_diameter
+    one, other = contact_ends(closing.body, closing.normals(touch), 0.5 * diameter)
     depth = FIRST_CONTACT if (one == other).all() else FACE_CONTACT
-    depths = np.full(len(closing.members), depth * touch.robot.description.tube_diameter)
+    depths = np.full(len(closing.members), depth * diameter)
     return hold_between(press(touch, closing, depths), closing)
 
 

@@ -5,8 +5,9 @@
 Toward which directions members are to face an object so that friction holds it between them.
 
 Two forces that balance act along one line. What it takes is the angle between that line and the
-normals, at the best places within the contacts: a face that all but lies on a member is touched
-anywhere on it. Three members that enclose the object balance with forces within their cones.
+normals, at the best places within the contacts: a face that lies on a member is touched anywhere
+on it, see `contact_patch`. Three members that enclose the object balance with forces within their
+cones.
 """
 
 from __future__ import annotations
@@ -14,14 +15,13 @@ from __future__ import annotations
 import functools
 import math
 
-from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.contact_patch import contact_body, contact_patch
+from isotruss_ros.core.model.convex_object import ConvexObject, ORIGIN
 from isotruss_ros.core.model.shapes import Shape
-from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+from isotruss_ros.core.numerics.arrays import Array, Points
 import numpy as np
 import scipy
 
-#: Corners that are within this of the farthest one are touched too: tubes give [m].
-SINK = 0.001
 #: Directions that are tried, and angles between the members [rad].
 DIRECTIONS, WEDGES = 72, np.linspace(-0.8, 0.8, 17)
 #: What is left of a balance of unit forces.
@@ -32,46 +32,57 @@ CONE_SHARE, USED_SHARE = 0.75, 0.85
 TURNING_PRICE = 0.3
 
 
-def contact_ends(body: ConvexObject, normals: Points) -> tuple[Points, Points]:
+def contact_ends(body: ConvexObject, normals: Points, tube_radius: float) -> tuple[Points, Points]:
     """
     Return the ends of the places where straight members touch, first those farther clockwise.
 
     :param body: the object in its place.
     :param normals: (s,) unit vectors out of the object into the members, robot frame.
+    :param tube_radius: of the members [m].
     :return: (s,) each, x + iy from the origin of the object's frame, robot frame [m].
     """
-    facing = (normals * body.turn.conjugate())[:, None]
-    points, _ = body.shape.surface_at(_outline(body.shape)[0], facing)
-    seen = points * facing.conj()
-    touched = seen.real >= seen.real.max(axis=1)[:, None] - SINK
-    first = np.where(touched, seen.imag, np.inf).argmin(axis=1)
-    last = np.where(touched, seen.imag, -np.inf).argmax(axis=1)
-    own = np.arange(len(normals))
-    return body.turn * points[own, first], body.turn * points[own, last]
+    shape, own = contact_body(body, tube_radius).shape, normals * body.turn.conjugate()
+    first, last = _patch_ends(shape, own.tobytes(), tube_radius)
+    return body.turn * first, body.turn * last
+
+
+@functools.lru_cache(maxsize=64)
+def _patch_ends(shape: Shape, facing: bytes, tube_radius: float) -> tuple[Points, Points]:
+    """Return the ends of the contacts with members in some directions, in the object's frame."""
+    normals = np.frombuffer(facing, dtype=np.complex128)
+    if not shape.faces_at(0):
+        points = shape.support_points(normals)
+        return points, points
+    found = [contact_patch(shape, normal, tube_radius) for normal in normals.tolist()]
+    first, last = ([patch[i].point for patch in found] for i in (0, -1))
+    return np.array(first), np.array(last)
 
 
 @functools.lru_cache(maxsize=16)
-def _outline(shape: Shape) -> tuple[Indices, Points]:
-    """Return the corners of a shape and the normals of its faces, counter-clockwise, (k,) each."""
-    corners, normals = [0], []
-    while faces := shape.faces_at(corners[-1]):
+def _face_normals(shape: Shape) -> Points:
+    """Return the normals of the faces of a shape, counter-clockwise, (k,)."""
+    corner, normals = 0, []
+    while faces := shape.faces_at(corner):
         normals.append(faces[-1].normal)
-        if faces[-1].corner == 0:
+        corner = faces[-1].corner
+        if corner == 0:
             break
-        corners.append(faces[-1].corner)
-    return np.array(corners), np.array(normals, dtype=np.complex128)
+    return np.array(normals, dtype=np.complex128)
 
 
-def friction_angles(body: ConvexObject, normals: Points, others: Points) -> Array:
+def friction_angles(
+    body: ConvexObject, normals: Points, others: Points, tube_radius: float
+) -> Array:
     """
     Return the least angle of the friction cones in which two members balance, (s,) [rad].
 
     :param body: the object in its place.
     :param normals: (s,) of the first members, unit vectors out of the object, robot frame.
     :param others: (s,) of the second ones.
+    :param tube_radius: of the members [m].
     """
-    clockwise, counter = contact_ends(body, normals)
-    clockwise_too, counter_too = contact_ends(body, others)
+    clockwise, counter = contact_ends(body, normals, tube_radius)
+    clockwise_too, counter_too = contact_ends(body, others, tube_radius)
     # Directions of the line from the first contact to the second, from that of its normal inward.
     lines = [
         np.angle((end - begin) / -normals)
@@ -84,17 +95,19 @@ def friction_angles(body: ConvexObject, normals: Points, others: Points) -> Arra
     return np.maximum(np.abs(best), np.abs(best - between))
 
 
-def balances(body: ConvexObject, normals: Points, angle: float) -> bool:
+def balances(body: ConvexObject, normals: Points, angle: float, tube_radius: float) -> bool:
     """
     Tell whether members that face an object balance, with forces in friction cones.
 
     :param body: the object in its place.
     :param normals: (s,) unit vectors out of the object into the members, robot frame.
     :param angle: of the cones [rad].
+    :param tube_radius: of the members [m].
     """
     if len(normals) == 2:  # the closed form, in place of the least squares below
-        return bool(friction_angles(body, normals[:1], normals[1:])[0] <= angle)
-    ends = contact_ends(body, normals)
+        used = friction_angles(body, normals[:1], normals[1:], tube_radius)
+        return bool(used[0] <= angle)
+    ends = contact_ends(body, normals, tube_radius)
     arms = np.concatenate([*ends, *ends]) - (body.middle - body.center)
     turned = np.concatenate([-normals * np.exp(1j * sign * angle) for sign in (1, 1, -1, -1)])
     moments = (arms.conj() * turned).imag / body.arm
@@ -104,7 +117,11 @@ def balances(body: ConvexObject, normals: Points, angle: float) -> bool:
 
 
 def find_facing(
-    body: ConvexObject, normals: Points, angle: float, turning: float = TURNING_PRICE
+    body: ConvexObject,
+    normals: Points,
+    angle: float,
+    tube_radius: float,
+    turning: float = TURNING_PRICE,
 ) -> Points | None:
     """
     Return directions in which two members hold an object, the best near to the present ones.
@@ -112,14 +129,17 @@ def find_facing(
     :param body: the object in its place.
     :param normals: (2,) in which they face it now, unit vectors out of the object, robot frame.
     :param angle: of the friction cones that may be used [rad].
+    :param tube_radius: of the members [m].
     :param turning: what a turn of the members counts against an angle of friction [-].
     :return: (2,) such directions; None where there are none.
     """
+    # Directions in the object's frame, so that the contacts of one search serve the next.
     firsts = np.exp(2j * np.pi * np.arange(DIRECTIONS) / DIRECTIONS)
-    firsts = np.concatenate([firsts, _outline(body.shape)[1] * body.turn])
+    firsts = np.concatenate([firsts, _face_normals(contact_body(body, tube_radius).shape)])
     firsts, wedges = (grid.ravel() for grid in np.meshgrid(firsts, WEDGES))
     others = -firsts * np.exp(1j * wedges)
-    used = friction_angles(body, firsts, others)
+    used = friction_angles(body.moved_to(ORIGIN), firsts, others, tube_radius)
+    firsts, others = firsts * body.turn, others * body.turn
     moved = np.abs(np.angle(firsts / normals[0])) + np.abs(np.angle(others / normals[1]))
     price = np.where(used <= angle, used + turning * moved, math.inf)
     best = int(price.argmin())

@@ -13,7 +13,6 @@ from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, LEFT_MARGIN, NotHeldError
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.solve_twist import solve_twist
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import MAX_DISTANCE, Pose, pose_difference
@@ -112,7 +111,7 @@ def _take_step(
     held: HeldGrip, friction: float, force: float, displacement: Array
 ) -> tuple[HeldGrip | None, str]:
     """Return the grip after a displacement (3,) [m, rad], or why there is none."""
-    grip = Grip(held.member_names, held.body.moved_to(held.pose), friction)
+    grip = held.touching(friction)
     opening = (force - held.squeeze) / held.squeeze_stiffness()
     command = solve_twist(held.config, grip, displacement, opening_rate=opening)
     if command.scale < LEAST_SCALE:

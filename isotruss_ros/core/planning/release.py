@@ -105,7 +105,7 @@ def _unload(config: Configuration, closing: Closing) -> tuple[list[Configuration
         grasp = squeeze_in_place(grasp, force, closing)
         path.append(grasp.config)
     # In place: members that merely moved away would roll the object along as they touch it yet.
-    grip, config = Grip(grasp.member_names, grasp.body), grasp.config
+    grip, config = grasp.touching(closing.body.friction_or(None)), grasp.config
     opening = FIRST_OPENING * diameter
     command = solve_twist(config, grip, np.zeros(3), limits=closing.limits, opening_rate=opening)
     if command.scale < MIN_SCALE:

@@ -58,7 +58,7 @@ def find_seeds(
         BOUND_SHARE,
     )
     gaps, length = object_distances(config, body), config.robot.home.member_lengths.mean()
-    rng = np.random.default_rng((seed, number))
+    rng, radius = np.random.default_rng((seed, number)), 0.5 * file.tube_diameter
     found: list[tuple[float, Closing]] = []
     for group in groups:
         turning, cone, posture = TURNING_PRICE, math.atan(needs.friction), None
@@ -70,10 +70,10 @@ def find_seeds(
         closing = Closing(body, group, (limit,), needs.min_rigidity, cone, posture)
         normals = closing.normals(config)
         if len(group) == 2:
-            facing = find_facing(body, normals, CONE_SHARE * cone, turning)
+            facing = find_facing(body, normals, CONE_SHARE * cone, radius, turning)
             closing = replace(closing, facing=facing)
         else:
-            facing = normals if balances(body, normals, CONE_SHARE * cone) else None
+            facing = normals if balances(body, normals, CONE_SHARE * cone, radius) else None
         if facing is not None:
             # How far members are from where they are to be.
             turns = float(np.abs(np.angle(facing / normals)).sum())

@@ -249,7 +249,7 @@ class TwistServo:
         if pose:
             # From where it was measured on, the object rolls in its contacts.
             start = measured.predict(before) if before.any() else measured
-            grip = roll_object(self.grip.moved_to(pose[0].value), start, config)
+            grip = roll_object(self._touching.moved_to(pose[0].value), start, config)
         watch = None if self.guard is None else self.guard.watch(config, grip)
         limits = self.limits if watch is None else (*self.limits, *watch.limits)
         handling = LimitHandling(self.slide_along_limits, self.period)
@@ -275,6 +275,12 @@ class TwistServo:
             missing = asked.achieved_twist - command.achieved_twist
             self.squeeze.advance(twist, asked, missing)
         return command
+
+    @property
+    def _touching(self) -> Grip:
+        """Return the grip, with the contacts of the held object's model where there is one."""
+        belief = None if self.squeeze is None else self.squeeze.belief
+        return self.grip if belief is None else belief.grip
 
     def _largest_change(self, now: float) -> float:
         """Return the largest change of a roller's speed since the last command [m/s]."""
@@ -320,7 +326,7 @@ class TwistServo:
         # A loop that is late holds its commands for longer than its period.
         before, self._regulated = self._regulated, now
         elapsed = 0.0 if before is None else min(now - before, self.timeout)
-        hold = squeeze.follow(config, grip, elapsed, sample)
+        hold = squeeze.follow(config, self.grip.moved_to(grip.body.pose), elapsed, sample)
         if squeeze.grasp is None or (hold is not HoldStatus.HELD and squeeze.fault is None):
             why = f'the object is not held: {hold.value}'
             raise HaltError(Status.HALT_NOT_HELD, '; '.join(filter(None, (why, squeeze.note()))))

@@ -16,6 +16,7 @@ from isotruss_ros.core.contact.flattening import flattening_of
 from isotruss_ros.core.contact.refinement import DIVISIONS, refine_contact, REGION_POINTS
 from isotruss_ros.core.contact.sliding_contact import solve_sliding_contact
 from isotruss_ros.core.contact.surfaces import surface_of
+from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
@@ -90,13 +91,12 @@ def test_an_object_that_is_not_touched_has_points_and_no_forces():
     assert analysis.gaps.min() > 0.0
 
 
-def test_a_small_object_that_the_search_alone_touches_is_not_touched():
+def test_a_small_object_that_the_search_alone_touches_is_refused():
     travel = [0.00236432, 0.09009274, -0.07116808, 0.08972989, -0.03763371, -0.01533471]
     config = ROBOT.configuration(travel)
     small = ConvexObject.disc((1.4295648734228052, -0.19796723469443755), 0.06603594342697769)
-    analysis = analyze_grasp(config, small)
-    assert analysis.contact_forces == {}
-    assert analysis.gaps.min() > 0.001
+    with pytest.raises(SolverError, match='where contact is not modelled'):
+        analyze_grasp(config, small)
 
 
 def test_points_of_a_corner_are_as_close_as_a_budget_allows():

@@ -61,7 +61,7 @@ def residual(robot, travel, points):
 
 @robots.examples(30)
 @given(robots.robots(), robots.generators())
-def test_shape_fulfils_the_constraints_as_written_out_again(robot, rng):
+def test_configuration_fulfils_independently_written_constraints(robot, rng):
     config = robots.random_state(robot, rng)
     rows = residual(robot, config.roller_positions, config.points)
     assert np.abs(rows).max() < 1e-11
@@ -72,7 +72,7 @@ def test_shape_fulfils_the_constraints_as_written_out_again(robot, rng):
 
 @robots.examples(20)
 @given(robots.robots(), robots.generators())
-def test_way_back_leads_home_and_steps_do_not_matter(robot, rng):
+def test_configuration_is_independent_of_path_and_steps(robot, rng):
     config = robots.random_state(robot, rng)
     travel = config.roller_positions
     assert config.moved_to(0.0 * travel).points == pytest.approx(robot.home.points, abs=1e-10)
@@ -89,7 +89,7 @@ def test_way_back_leads_home_and_steps_do_not_matter(robot, rng):
 
 @robots.examples(25)
 @given(robots.robots(), robots.generators())
-def test_node_velocities_are_differences_of_configurations(robot, rng):
+def test_node_jacobian_agrees_with_finite_differences(robot, rng):
     config = robots.random_state(robot, rng)
     rates = rng.standard_normal(len(robot.roller_names))
     step = 1e-5
@@ -108,7 +108,7 @@ def test_node_velocities_are_differences_of_configurations(robot, rng):
 
 @pytest.mark.parametrize('kind', robots.KINDS)
 @pytest.mark.parametrize('up_to', [-1, 10**9])
-def test_dense_and_sparse_lead_to_the_same_shapes(kind, up_to, monkeypatch):
+def test_dense_and_sparse_factors_agree(kind, up_to, monkeypatch):
     document = robots.random_document(5, kind)
     robot = robots.load(document)
     config = robots.random_state(robot, np.random.default_rng(5))
@@ -133,7 +133,7 @@ def test_dense_and_sparse_lead_to_the_same_shapes(kind, up_to, monkeypatch):
         ([0.9, 0.9], r'no shape of the robot beyond \d+(\.\d+)? % of the way'),
     ],
 )
-def test_travel_that_leads_nowhere_is_refused(travel, message):
+def test_unreachable_travel_is_refused(travel, message):
     robot = load_robot('triangle')
     with pytest.raises(ConfigurationError, match=message) as caught:
         robot.configuration(travel)
@@ -142,7 +142,7 @@ def test_travel_that_leads_nowhere_is_refused(travel, message):
 
 @robots.examples(40)
 @given(robots.robots(), robots.generators())
-def test_shapes_end_only_where_the_robot_is_singular(robot, rng):
+def test_branches_end_at_singular_configurations_only(robot, rng):
     travel = rng.standard_normal(len(robot.roller_names))
     travel *= 0.5 * robot.home.member_lengths.min() / np.abs(roller_matrix(robot) @ travel).max()
     try:
@@ -169,7 +169,7 @@ def test_shapes_end_only_where_the_robot_is_singular(robot, rng):
     assert walked.points == pytest.approx(near.points, abs=1e-8)
 
 
-def test_shape_at_a_singular_configuration_has_no_velocities():
+def test_singular_configuration_has_no_node_jacobian():
     robot = load_robot('triangle')
     # All joints in line: nothing in (12) holds them there.
     flat = robot.home.points.real.astype(complex)
@@ -179,14 +179,14 @@ def test_shape_at_a_singular_configuration_has_no_velocities():
 
 
 @pytest.mark.parametrize(('travel', 'exact'), [(2.95e-3, False), (3.05e-3, True)])
-def test_shapes_are_predicted_to_first_order_up_to_3_mm(travel, exact):
+def test_predictions_are_of_first_order_up_to_3_mm(travel, exact):
     home = load_robot('triangle').home
     assert home.predict(np.zeros(2)) is home
     ahead = home.predict(np.array([travel, -0.5 * travel]))
     assert (np.abs(ahead.residual()).max() < 1e-11) == exact
 
 
-def test_tracker_keeps_a_configuration_while_nothing_moves_and_finds_the_way_from_home():
+def test_tracker_reuses_a_configuration_at_unchanged_travel():
     robot = load_robot('triangle')
     tracker = ConfigurationTracker(robot.home)
     assert tracker.configuration(np.zeros(2)) is robot.home
@@ -200,7 +200,7 @@ def test_tracker_keeps_a_configuration_while_nothing_moves_and_finds_the_way_fro
     assert tracker.configuration(np.array([0.1, -0.05])) is moved
 
 
-def test_tracker_starts_again_at_home_where_the_last_configuration_leads_nowhere(monkeypatch):
+def test_tracker_restarts_from_home_if_continuation_fails(monkeypatch):
     robot = load_robot('triangle')
     tracker = ConfigurationTracker(robot.home)
     last = tracker.configuration(np.array([0.1, -0.05]))
@@ -215,7 +215,7 @@ def test_tracker_starts_again_at_home_where_the_last_configuration_leads_nowhere
 
 @robots.examples(20)
 @given(robots.robots(), robots.generators())
-def test_tracker_follows_by_the_factor_of_the_shape_that_was_expected(robot, rng):
+def test_tracker_reuses_the_factor_of_the_prediction(robot, rng):
     config = robots.random_state(robot, rng)
     tracker = ConfigurationTracker(config)
     travel = 1e-3 * rng.uniform(-1.0, 1.0, len(robot.roller_names))
@@ -233,6 +233,6 @@ def test_tracker_follows_by_the_factor_of_the_shape_that_was_expected(robot, rng
     assert 'factor' not in found.__dict__
 
 
-def test_a_way_next_to_a_singular_shape_is_refused_with_the_reason():
+def test_a_path_near_a_singular_configuration_is_refused():
     with pytest.raises(ConfigurationError, match='next to a singular shape, none found in 50'):
         load_robot('triangle').configuration([-0.42376568, 0.5962088])

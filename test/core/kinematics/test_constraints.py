@@ -44,7 +44,7 @@ def test_matrix_is_the_derivative_of_the_residual(robot, rng):
 
 @robots.examples(10)
 @given(robots.robots(), robots.generators())
-def test_second_derivative_is_that_of_weighted_rows_along_motions(robot, rng):
+def test_second_derivative_agrees_with_finite_differences(robot, rng):
     points = shaken(robot.home, rng)
     rows, columns = robot.constraints.matrix(points).shape
     weights, motions = rng.standard_normal((rows, 3)), rng.standard_normal((columns, 3))
@@ -84,11 +84,11 @@ def test_corrections_of_more_than_half_the_predictor_are_refused(sign, length, s
         assert found is None
 
 
-def test_a_step_to_where_there_is_no_matrix_ends():
+def test_a_step_to_a_singular_matrix_fails():
     assert follow_branch(Bar(), np.array([0j]), SimpleNamespace(length=1.0)) is None
 
 
-def test_a_step_beyond_all_numbers_ends():
+def test_an_overflowing_step_fails():
     """Next to the origin the bar hardly gets longer as its end moves."""
     with np.errstate(over='ignore'):
         found = follow_branch(Bar(), np.array([1e-200 + 0j]), SimpleNamespace(length=1.0))

@@ -18,7 +18,7 @@ SIZE = 0.12
 BOX = Polygon([(-0.05, -0.04), (0.05, -0.04), (0.05, 0.04), (-0.05, 0.04)])
 
 
-def test_the_closed_form_for_discs_is_the_search_for_any_shape():
+def test_closed_form_for_discs_agrees_with_the_general_search():
     rng = np.random.default_rng(0)
     for _ in range(200):
         body = ConvexObject.disc(rng.uniform(-1.0, 1.0, 2), rng.uniform(0.05, 0.8))
@@ -59,7 +59,7 @@ def test_two_members_push_out_of_their_wedge():
     assert 0.0 < ((found.center - center) * inward.conjugate()).real < 0.5
 
 
-def test_an_object_that_fits_nowhere_stays_where_it_was_pushed_last():
+def test_an_enclosed_object_has_the_last_position():
     """Three members enclose a disc that is too large for them."""
     triangle = load_robot('triangle').home
     topology = triangle.robot.topology

@@ -48,14 +48,14 @@ def test_supports_that_do_not_hold_the_robot_are_refused(supports, message):
     assert message in refusal(document)
 
 
-def test_members_too_many_are_refused():
+def test_redundant_members_are_refused():
     document = robots.example()
     # Two tubes side by side through the same joints: each member is there twice.
     document['tubes']['double'] = {'joints': ['P', 'Q', 'X'], 'passive': 'P'}
     assert 'tubes: 6 members between 3 joints; must be at most 3' in refusal(document)
 
 
-def test_what_moves_is_named_and_what_stands_is_not():
+def test_only_moving_joints_of_a_mechanism_are_named():
     document = slender_example()
     # A second triangle that hangs on one joint of the first, and turns about it.
     document['joints'].update({'U': [2.0, 0.0], 'V': [1.6, 0.9]})

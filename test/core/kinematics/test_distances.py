@@ -62,7 +62,7 @@ def fixed_to_each_other(one, other):
 
 @robots.examples(25)
 @given(robots.robots(), robots.generators())
-def test_pairs_are_all_that_are_not_fixed_to_each_other(robot, rng):
+def test_pairs_exclude_parts_fixed_to_each_other(robot, rng):
     model = collision_model(robot)
     names = model.names(np.arange(len(model.distances(robot.home))))
     points = [n for n in parts_of(robot, robot.home) if n.startswith(('module', 'joint'))]
@@ -94,7 +94,7 @@ def test_distances_are_those_of_points_along_the_parts(robot, rng):
 
 @robots.examples(25)
 @given(robots.robots(('arch', 'ring')), robots.generators())
-def test_members_and_rods_are_no_nearer_to_each_other_than_the_measured_pairs(robot, rng):
+def test_pairs_bound_the_distances_of_members_and_rods(robot, rng):
     """It is enough to measure their ends."""
     config = robots.far_state(robot, rng, 0.2)
     clearance = collision_model(robot).distances(config).min()
@@ -154,7 +154,7 @@ def test_distances_of_a_free_body_are_the_object_distances(positions, center, di
 
 
 @pytest.mark.parametrize('shape', SHAPES)
-def test_distances_of_the_robot_change_as_differences_say(shape):
+def test_distance_gradients_agree_with_finite_differences(shape):
     body, rng = ConvexObject(shape, (0.72, 0.48, 0.33)), np.random.default_rng(2)
     model, step, home = collision_model(ROBOT), 1e-6, ROBOT.home
     by_rollers = model.body_distances(home, body)[1] @ home.node_jacobian
@@ -168,7 +168,7 @@ def test_distances_of_the_robot_change_as_differences_say(shape):
         assert by_rollers @ move == pytest.approx(change, abs=1e-4)
 
 
-def test_points_on_segments_and_segments_of_next_to_no_length_have_a_direction():
+def test_degenerate_segments_have_a_direction():
     start = np.array([1.0 + 1.0j, 1.0 + 1.0j])
     end = start + np.array([0.3 + 0.4j, 1e-7j])
     _, normals, shares = nearest_on_segment(0.5 * (start + end), start, end)
@@ -180,7 +180,7 @@ def test_points_on_segments_and_segments_of_next_to_no_length_have_a_direction()
     assert distances == pytest.approx([0.4, 1.0])
 
 
-def test_sides_that_do_not_meet_leave_out_themselves_only():
+def test_only_the_grasping_members_are_excluded_if_they_do_not_meet():
     members = ('south/P-Q', 'north/R-P')
     body = ConvexObject.disc((0.5, -0.2), 0.5)
     distances = object_distances(ROBOT.home, body, members, 10.0).reshape(3, -1)

@@ -46,7 +46,7 @@ def signed_angle(a, b):
 
 
 @pytest.mark.parametrize('name', robots.PRESETS)
-def test_presets_are_what_their_files_say(name):
+def test_presets_agree_with_their_files(name):
     path = config_directory() / f'{name}.yaml'
     document = YAML(typ='safe', pure=True).load(path)
     check_names(load_robot(name), document)
@@ -68,7 +68,7 @@ def check_names(robot, document):
 
 @robots.examples(60)
 @given(SEEDS, strategies.sampled_from(robots.KINDS))
-def test_home_is_what_the_file_and_the_paper_say(seed, kind):
+def test_home_fulfils_the_constraints_of_the_paper(seed, kind):
     document = robots.random_document(seed, kind)
     check_names(robots.load(document), document)
     check_home(robots.load(document), document)
@@ -221,7 +221,7 @@ def test_corner_that_is_nearly_straight_is_refused(bend):
     )
 
 
-def test_robot_keeps_what_it_was_made_of():
+def test_robot_arrays_are_read_only():
     robot = load_robot('nine_member')
     for array in (robot.home.points, robot.home.nodes, robot.home.roller_positions):
         with pytest.raises(ValueError, match='read-only'):
@@ -235,7 +235,7 @@ def test_robot_keeps_what_it_was_made_of():
         ('module', 'guide_ring_distance', 0.999, r'must hold two of them; must be less than'),
     ],
 )
-def test_members_are_as_long_as_they_may_be_and_hold_two_rings(block, key, fits, message):
+def test_member_lengths_are_within_limits_and_contain_two_rings(block, key, fits, message):
     """Against the longest member by its bound, and the shortest by the rings that it holds."""
     document = robots.example()
     lengths = robots.load(document).home.member_lengths

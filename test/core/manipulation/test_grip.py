@@ -17,7 +17,7 @@ from isotruss_ros.core import (
     tangent_center,
 )
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.manipulation.grip import find_contacts, find_members, SIN_FACE_ANGLE
+from isotruss_ros.core.manipulation.grip import find_contacts, find_members
 import numpy as np
 import pytest
 import random_grips
@@ -145,20 +145,6 @@ def test_contacts_are_the_points_of_the_surface_farthest_toward_the_members(data
         assert np.abs(outline - contacts.points[k]).min() < 1e-3
         across = -1j * contacts.sides[k] * (end - start) / abs(end - start)
         assert contacts.normals[k] == pytest.approx(across, abs=1e-9)
-
-
-@pytest.mark.parametrize(('inclined', 'corners'), [(0.0, 2), (9e-4, 2), (-9e-4, 2), (2e-3, 1)])
-@pytest.mark.parametrize('radius', [0.0, 0.03])
-def test_a_face_on_a_member_is_touched_at_its_ends(inclined, corners, radius):
-    box = Polygon([(-0.2, -0.1), (0.2, -0.1), (0.2, 0.1), (-0.2, 0.1)], radius)
-    turn = np.exp(-1j * inclined)
-    owners, _, points = box.touch_lines([-1j * turn, turn * np.exp(0.5j)], SIN_FACE_ANGLE)
-    assert owners == [0] * corners + [1]
-    own = np.array(points)
-    wanted = [-0.2 + radius - 0.1j, 0.2 - radius - 0.1j][:corners]
-    assert own[:corners] == pytest.approx(np.array(wanted), abs=3e-3 * radius + 1e-12)
-    rounded = 0.2 - radius + 1j * (0.1 - radius) + radius * np.exp(0.5j - 1j * inclined)
-    assert own[-1] == pytest.approx(rounded, abs=1e-12)
 
 
 def between(*members):

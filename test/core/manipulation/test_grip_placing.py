@@ -35,7 +35,7 @@ def gaps(config, grip):
 
 
 @pytest.mark.parametrize('module', NINE.module_names)
-def test_a_disc_in_a_corner_is_where_it_is_tangent(module):
+def test_placed_disc_agrees_with_the_tangent_center(module):
     wanted = disc_grip(NINE.home, module)
     grip = place_between(NINE.home, wanted.members, Disc(0.3))
     assert grip.center == pytest.approx(wanted.center, abs=1e-9)
@@ -58,7 +58,7 @@ def test_an_object_is_as_deep_in_both_members(robot, rng):
     assert gaps(config, placed) == pytest.approx(-depth, abs=1e-9)
 
 
-def test_three_members_are_touched_as_evenly_as_they_can_be():
+def test_depths_in_three_members_are_as_equal_as_possible():
     members = ('south/P-Q', 'east/Q-R', 'north/R-P')
     grip = place_between(NINE.home, members, Disc(0.82), indentation=0.002)
     found = gaps(NINE.home, grip)
@@ -78,7 +78,7 @@ def test_an_object_between_parallel_members_is_in_their_middle():
     assert grip.center == pytest.approx(ends.mean(), abs=1e-12)
 
 
-def test_what_does_not_fit_is_refused():
+def test_objects_that_do_not_fit_are_refused():
     with pytest.raises(GraspError, match=r'reaches 0\.320156 m fits nowhere between'):
         place_between(NINE.home, ('south/X-P', 'north/Z-R'), BOX)
     with pytest.raises(GraspError, match='angle, indentation'):

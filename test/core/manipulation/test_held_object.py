@@ -42,7 +42,7 @@ def test_command_ahead_is_the_plain_one_for_the_state_ahead():
         (1e3, ConfigurationError, 'nine_member'),
     ],
 )
-def test_leads_that_make_no_sense_or_lead_beyond_all_shapes_are_refused(lead, error, words):
+def test_invalid_leads_are_refused(lead, error, words):
     with pytest.raises(error, match=words):
         solve_twist_ahead(HOME, START.grip, [0.0, 0.05, 0.0], lead)
     assert solve_twist_ahead(HOME, START.grip, np.zeros(3), 0.1).status is Status.IDLE

@@ -38,7 +38,7 @@ def furthest_along(normal, rows, kept):
 
 @robots.examples(40)
 @given(robots.robots(('arch', 'ring')), robots.generators(), strategies.integers(0, 10**6))
-def test_sliding_carries_out_the_nearest_twist_that_limits_allow(robot, rng, number):
+def test_sliding_projects_the_twist_on_the_admissible_ones(robot, rng, number):
     config, grasp, _ = robots.random_grasp(robot, rng, number)
     jacobian = grip_jacobian(config, grasp)
     r = len(robot.roller_names)
@@ -85,7 +85,7 @@ def test_sliding_carries_out_the_nearest_twist_that_limits_allow(robot, rng, num
 
 @robots.examples(20)
 @given(robots.robots(('arch', 'ring')), robots.generators(), strategies.integers(0, 10**6))
-def test_a_twist_that_is_slowed_by_rounding_only_counts_as_whole(robot, rng, number):
+def test_scale_within_rounding_of_one_is_one(robot, rng, number):
     config, grasp, _ = robots.random_grasp(robot, rng, number)
     twist = rng.standard_normal(3)
     assume(solve_twist(config, grasp, twist, limits=()).status is Status.OK)
@@ -100,7 +100,7 @@ def test_a_twist_that_is_slowed_by_rounding_only_counts_as_whole(robot, rng, num
 
 @robots.examples(20)
 @given(robots.robots(('arch', 'ring')), robots.generators(), strategies.integers(0, 10**6))
-def test_speed_alone_never_bends_a_twist(robot, rng, number):
+def test_speed_limits_keep_the_direction_of_a_twist(robot, rng, number):
     config, grasp, _ = robots.random_grasp(robot, rng, number)
     limits = [RollerSpeedLimit(0.1), MemberLengthLimit(0.01, 100.0)]
     twist = 10.0 * rng.standard_normal(3)
@@ -113,7 +113,7 @@ def test_speed_alone_never_bends_a_twist(robot, rng, number):
 
 @robots.examples(30)
 @given(robots.robots(), robots.generators(), strategies.integers(0, 10**6))
-def test_thrift_costs_next_to_nothing_and_never_the_direction(robot, rng, number):
+def test_regularization_keeps_the_direction_and_nearly_the_progress(robot, rng, number):
     config, grasp, _ = robots.random_grasp(robot, rng, number)
     twist = 10.0 ** rng.uniform(-2.0, 1.0) * rng.standard_normal(3)
     exact = solve_twist(config, grasp, twist)
@@ -136,7 +136,7 @@ def test_thrift_costs_next_to_nothing_and_never_the_direction(robot, rng, number
 @pytest.mark.parametrize('first', [1, 16])
 @robots.examples(15)
 @given(robots.robots(('arch', 'ring')), robots.generators(), strategies.integers(0, 10**6))
-def test_few_rows_give_the_solution_of_all(slide, first, robot, rng, number):
+def test_active_rows_give_the_solution_of_all_rows(slide, first, robot, rng, number):
     config, grasp, _ = robots.random_grasp(robot, rng, number)
     lengths = config.member_lengths
     # Some members are at their bounds.
@@ -148,8 +148,7 @@ def test_few_rows_give_the_solution_of_all(slide, first, robot, rng, number):
     twist = 10.0 ** rng.uniform(-2.0, 1.0) * rng.standard_normal(3)
     arguments = (config, grasp, twist, failed, limits, LimitHandling(slide, 0.005))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(limit_handling, 'FIRST', first)
-        patch.setattr(limit_handling, 'ADDED', first)
+        patch.setattr(limit_handling, 'ROW_BATCH', first)
         patch.setattr(limit_handling, 'MAX_ROLLERS_WITH_ALL_ROWS', 0)
         few = solve_twist(*arguments)
         patch.setattr(limit_handling, 'MAX_ROLLERS_WITH_ALL_ROWS', 10**6)

@@ -90,7 +90,7 @@ def test_robot_pushed_against_a_limit_can_always_return(direction):
     assert abs(end.grip.center - held.grip.center) > 0.01
 
 
-def test_corner_of_several_limits_is_never_an_error():
+def test_degenerate_vertices_of_limits_are_solved():
     # Members exactly at their bounds leave the rollers next to nothing, or nothing at all.
     answers = 0
     for seed in [*range(60), 625]:

@@ -51,7 +51,7 @@ def fastest_two(velocities):
 
 
 @pytest.mark.parametrize('slide', [False, True])
-def test_a_twist_is_slowed_and_the_limit_named(slide):
+def test_a_scaled_twist_names_the_limit(slide):
     limits = (*default_limits(ROBOT), SupplyLimit(SPEED))
     handling = LimitHandling(slide_along_limits=slide)
     command = solve_twist(ROBOT.home, GRIP, TWIST, limits=limits, handling=handling)

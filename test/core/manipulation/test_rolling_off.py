@@ -200,14 +200,14 @@ def test_a_polygon_rolls_across_a_face_or_stops_on_it(friction, rolls):
         travel = rolling.config.roller_positions + 0.02 * command.roller_velocities
         rolling = rolling.moved_to(rolling.config.moved_to(travel))
     assert before == pytest.approx(0.01, abs=1e-9)
-    # In the window in which a face counts as lying on a member either end may be the last.
-    assert rolling.misfit < 3e-4
+    # In the planned indentation either end of the face may be the last.
+    assert rolling.misfit < 1.1e-3
     if rolls:
         assert command.status < Status.UNREACHABLE
         assert inclination(rolling) < -0.02
     else:
         assert command.status is Status.UNREACHABLE
-        assert 0.0 < inclination(rolling) < 2e-3
+        assert 0.0 < inclination(rolling) < 4e-3
 
 
 @robots.examples(40)

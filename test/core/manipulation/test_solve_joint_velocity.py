@@ -24,7 +24,7 @@ def moved(config, command, joint):
     return nodes[ROBOT.topology.joint_names.index(joint)]
 
 
-def test_several_joints_move_at_once_and_no_cheaper_command_does_it():
+def test_joint_commands_have_the_least_cost():
     rng = np.random.default_rng(0)
     config = robots.random_state(ROBOT, rng)
     velocities = {'Z': VELOCITY, 'Q': (0.0, 0.01)}
@@ -46,7 +46,7 @@ def test_several_joints_move_at_once_and_no_cheaper_command_does_it():
             assert np.linalg.norm(incidence @ other) >= cost - 1e-12
 
 
-def test_nothing_is_traded_against_roller_speed_where_no_period_is_given():
+def test_no_regularization_without_a_period():
     config = robots.random_state(ROBOT, np.random.default_rng(0))
     velocities = {'Z': VELOCITY, 'Q': (0.0, 0.01)}
     free = solve_joint_velocity(config, velocities, (), []).roller_velocities
@@ -89,6 +89,6 @@ def test_a_grounded_joint_stays_and_failed_rollers_stand_still():
         ({'Z': (np.nan, 0.0)}, 'joint Z'),
     ],
 )
-def test_bad_velocities_are_refused(velocities, words):
+def test_invalid_velocities_are_refused(velocities, words):
     with pytest.raises(GraspError, match=words):
         solve_joint_velocity(HOME, velocities)

@@ -111,7 +111,7 @@ def test_rollers_are_those_of_the_paper(robot, rng, number):
 
 @robots.examples(40)
 @given(robots.robots(), robots.generators(), NUMBERS, strategies.floats(-3.0, 4.0))
-def test_scale_is_the_largest_possible_and_its_cost_the_least(robot, rng, number, decades):
+def test_scale_is_maximal_and_its_cost_minimal(robot, rng, number, decades):
     config, grasp, _ = robots.random_grasp(robot, rng, number)
     jacobian = grip_jacobian(config, grasp)
     assume(well_posed(jacobian))
@@ -164,7 +164,7 @@ def nearly_singular():
     return best
 
 
-def test_small_twist_is_not_slowed_where_rollers_do_little():
+def test_small_twists_are_not_scaled_near_degeneracy():
     gain, config, grasp = nearly_singular()
     assert gain < 1e-2
     jacobian = grip_jacobian(config, grasp)
@@ -198,7 +198,7 @@ def test_commands_grow_with_the_twist_until_limits_bind(robot, rng, number):
         assert np.abs(command.roller_velocities).max() <= robot.description.max_speed + 1e-9
 
 
-def test_smallest_and_largest_numbers_stay_numbers():
+def test_extreme_numbers_do_not_overflow():
     for size in (5e-324, 1e-310, 1.7e308):
         command = solve_twist(HOME, GRIP, [size, -size, size])
         assert np.isfinite(command.roller_velocities).all()
@@ -249,7 +249,7 @@ def test_member_at_its_limit_is_named():
         [0.0, 0.0],
     ],
 )
-def test_twist_that_makes_no_sense_is_refused(twist):
+def test_invalid_twists_are_refused(twist):
     with pytest.raises(GraspError, match=r'the twist \(vx, vy .* must be 3 finite numbers'):
         solve_twist(TRIANGLE.home, SMALL, twist)
 
@@ -290,7 +290,7 @@ def test_the_grip_opens_while_the_object_slides_along_limits():
 
 
 @pytest.mark.parametrize('seed', range(5))
-def test_rollers_stand_still_where_a_limit_leaves_nothing_of_the_twist(seed):
+def test_rollers_stop_if_limits_block_the_twist(seed):
     twist = 0.1 * np.random.default_rng(seed).standard_normal(3)
     along = Wall(-(twist @ grip_jacobian(HOME, GRIP)[:3])[None], np.zeros(1))
     command = solve_twist(HOME, GRIP, twist, limits=(along, RollerSpeedLimit(0.1)))
@@ -300,7 +300,7 @@ def test_rollers_stand_still_where_a_limit_leaves_nothing_of_the_twist(seed):
 
 @robots.examples(30)
 @given(robots.generators())
-def test_any_cost_is_the_least_among_speeds_that_carry_out_the_twist(rng):
+def test_any_cost_is_minimal_for_the_twist(rng):
     root = rng.standard_normal((6, 6))
     cost = 10.0 ** rng.uniform(-6.0, 6.0) * (root.T @ root + 0.1 * np.eye(6))
     twist = rng.standard_normal(3)
@@ -335,11 +335,11 @@ NO_COSTS = {
 
 
 @pytest.mark.parametrize(('cost', 'words'), NO_COSTS.values(), ids=NO_COSTS)
-def test_costs_that_are_not_positive_definite_are_refused(cost, words):
+def test_indefinite_costs_are_refused(cost, words):
     with pytest.raises(GraspError, match=words):
         solve_twist(HOME, GRIP, (0.01, 0.0, 0.0), cost=cost)
 
 
-def test_a_failed_roller_stands_still_whatever_the_cost():
+def test_a_failed_roller_is_at_rest_for_any_cost():
     command = solve_twist(HOME, GRIP, (0.01, 0.0, 0.0), ('north/Z',), cost=np.eye(6))
     assert command.roller_velocities[NINE.roller_names.index('north/Z')] == 0.0

@@ -45,7 +45,7 @@ def test_a_row_of_the_grip_is_kept_from_one_hundred_thousandth_on(size):
 @pytest.mark.parametrize('dependent', [False, True])
 @robots.examples(25)
 @given(robots.generators(), strategies.integers(1, 3), strategies.integers(0, 3))
-def test_tasks_are_twists_of_any_size(opens, dependent, rng, held, more):
+def test_tasks_accept_twists_of_any_magnitude(opens, dependent, rng, held, more):
     """Direction and size are those of the nearest reachable twist, weighted."""
     radius, rows = rng.uniform(0.1, 1.0), rng.standard_normal((3 + held, 3 + held + more))
     if dependent:
@@ -68,7 +68,7 @@ def test_tasks_are_twists_of_any_size(opens, dependent, rng, held, more):
 
 @pytest.mark.parametrize('rollers', range(8))
 @pytest.mark.parametrize('held', [1, 2, 3, 6])
-def test_no_more_rows_are_free_than_rollers_move(held, rollers, capfd):
+def test_rank_is_bounded_by_the_rollers(held, rollers, capfd):
     """By singular values alone, for rows of very different sizes and nearly parallel ones."""
     rng = np.random.default_rng([held, rollers])
     for _ in range(300):
@@ -85,7 +85,7 @@ def test_no_more_rows_are_free_than_rollers_move(held, rollers, capfd):
     assert capfd.readouterr() == ('', '')
 
 
-def test_a_grip_that_no_roller_opens_is_no_task():
+def test_a_grip_without_opening_rollers_has_no_task():
     task = find_task(reach_of(np.zeros((4, 0)), 1.0), np.zeros(3), 1.0)
     assert task.speed == 0.0
 

@@ -23,7 +23,7 @@ def random_qp(rng):
 
 @robots.examples(100)
 @given(robots.generators(), strategies.integers(1, 12), strategies.integers(0, 12))
-def test_least_cost_is_the_shortest_least_squares(rng, k, more):
+def test_least_cost_agrees_with_minimum_norm_least_squares(rng, k, more):
     r = k + more
     even = rng.standard_normal((r, r)) + 2.0 * np.eye(r)
     left, right = (np.linalg.qr(rng.standard_normal((n, n)))[0] for n in (k, r))
@@ -61,7 +61,7 @@ def test_progress_is_the_largest_within_the_bounds_at_the_least_cost(rng):
         assert s == pytest.approx(best.x[-1], rel=1e-4)
 
 
-def test_rows_that_bounds_forbid_to_follow_stay_at_zero():
+def test_rows_blocked_by_bounds_are_zero():
     bound = np.full(2, 0.5)
     for wanted, followed in ((0.4, 0.4), (1.0, 0.0)):
         found = project_target(
@@ -70,7 +70,7 @@ def test_rows_that_bounds_forbid_to_follow_stay_at_zero():
         assert found == pytest.approx([0.3, followed], abs=1e-6)
 
 
-def test_smaller_penalties_are_tried_before_an_error(monkeypatch):
+def test_penalties_decrease_before_an_error(monkeypatch):
     tried = []
 
     def failing(problem):

@@ -59,7 +59,7 @@ def test_reads_objects_from_text():
         ('{shape: &a disc}', 'anchors and aliases are not used in object files'),
     ],
 )
-def test_refuses_what_is_no_object(text, words):
+def test_invalid_object_descriptions_are_refused(text, words):
     with pytest.raises(ObjectFileError, match=words):
         read_object(text)
 

@@ -101,7 +101,7 @@ def grips(angle):
 
 
 @pytest.mark.parametrize('angle', [-2.0, 0.0, 0.7])
-def test_rollers_move_a_cam_as_the_disc_that_it_is(angle):
+def test_rollers_move_a_circular_cam_like_a_disc(angle):
     cam, disc = grips(angle)
     arm = cam.center - disc.center
     twist = np.array([0.01, -0.02, 0.1])
@@ -111,7 +111,7 @@ def test_rollers_move_a_cam_as_the_disc_that_it_is(angle):
     assert found.roller_velocities == pytest.approx(wanted.roller_velocities, abs=1e-12)
 
 
-def test_a_cam_rolls_as_the_disc_that_it_is():
+def test_a_circular_cam_rolls_like_a_disc():
     cam, disc = grips(0.4)
     rollers = solve_twist(ROBOT.home, disc, (0.01, 0.01, 0.5)).roller_velocities
     there = ROBOT.configuration(rollers)
@@ -126,7 +126,7 @@ def test_one_line_lets_object_files_have_the_shape(monkeypatch):
     assert read_object('{shape: cam, radius: 0.15, mass: 2.0}').mass == 2.0
 
 
-def test_what_a_shape_lacks_is_named():
+def test_missing_methods_of_a_shape_are_named():
     class Half(Shape):
         """A shape that is not finished."""
 

@@ -186,7 +186,7 @@ joints.X: [2.0, 0.0] -> module south/P does not fit its corner | between 1 and 1
 
 
 @pytest.mark.parametrize('case', REFUSALS.strip().splitlines())
-def test_refusal_says_where_and_what_would_be_right(case, tmp_path):
+def test_errors_name_the_key_and_the_valid_value(case, tmp_path):
     change, _, wanted = case.partition(' -> ')
     if ':' in change:
         ((path, value),) = YAML(typ='safe', pure=True).load(change).items()
@@ -204,7 +204,7 @@ def test_refusal_says_where_and_what_would_be_right(case, tmp_path):
         assert part in message, message
 
 
-def test_parts_that_overlap_at_home_are_refused(tmp_path):
+def test_overlapping_parts_at_home_are_refused(tmp_path):
     document = robots.preset_document('nine_member')
     document['joints']['Z'] = [0.716, -2.2]
     message = refusal(as_yaml(document), tmp_path)
@@ -212,7 +212,7 @@ def test_parts_that_overlap_at_home_are_refused(tmp_path):
     assert 'their clearance is -0.040 m' in message
 
 
-def test_all_complaints_are_told_at_once(tmp_path):
+def test_all_complaints_are_in_one_error(tmp_path):
     document = robots.example()
     document['rollers']['max_speed'] = -1
     document['colour'] = 'red'
@@ -221,7 +221,7 @@ def test_all_complaints_are_told_at_once(tmp_path):
 
 
 @pytest.mark.parametrize(('mistakes', 'lines'), [(49, 49), (50, 50), (51, 51), (2_000, 51)])
-def test_fifty_mistakes_are_told_and_that_there_are_more(mistakes, lines, tmp_path):
+def test_complaints_are_truncated_after_fifty(mistakes, lines, tmp_path):
     document = robots.example()
     document['joints'] |= {f'J{i}': 'here' for i in range(mistakes)}
     told = refusal(as_yaml(document), tmp_path).splitlines()
@@ -290,7 +290,7 @@ NO_ROBOTS = {
 
 
 @pytest.mark.parametrize('case', NO_ROBOTS)
-def test_text_that_is_no_robot_file_is_refused(case, tmp_path):
+def test_invalid_robot_files_are_refused(case, tmp_path):
     content, wanted = NO_ROBOTS[case]
     assert wanted in refusal(content, tmp_path)
 
@@ -412,7 +412,7 @@ def complaint_about(document):
     return str(caught.value)
 
 
-def test_laws_that_contradict_each_other_are_refused_at_load_with_the_length():
+def test_contradictory_laws_are_refused_with_the_length():
     # 12 k_rotary / (k_transverse l^2) = 7.2 l^-0.5 falls below 4 at l = 3.24 m, ring to ring.
     robot = robots.load(with_laws(laws(), max_length=3.39))
     tube_stiffness(robot.description).section_stiffness([0.25, 1.0, 3.39], 34.5e3)
@@ -421,7 +421,7 @@ def test_laws_that_contradict_each_other_are_refused_at_load_with_the_length():
         assert part in message, message
 
 
-def test_length_of_a_contradiction_is_where_beams_end():
+def test_length_of_a_contradiction_is_the_limit_of_beams():
     """Against the model itself: a beam on one side of the length that is named, none beyond."""
     for block in (laws(c_rotary=0.2), laws(b_rotary=2.5, c_rotary=0.25)):
         message = complaint_about(with_laws(block))
@@ -443,7 +443,7 @@ def test_laws_are_checked_at_the_pressure_of_each_tube():
 @pytest.mark.parametrize(
     ('mode', 'length'), [('axial', 0.25), ('transverse', 0.09), ('rotary', 0.09)]
 )
-def test_laws_of_bending_are_those_of_the_length_between_guide_rings(mode, length):
+def test_bending_laws_use_the_length_between_guide_rings(mode, length):
     block = laws()
     block[mode]['a'] = 40.0
     message = complaint_about(with_laws(block, min_length=0.25))
@@ -451,7 +451,7 @@ def test_laws_of_bending_are_those_of_the_length_between_guide_rings(mode, lengt
     assert f'for a length of {length} m' in message
 
 
-def test_laws_need_members_that_hold_their_guide_rings():
+def test_laws_require_members_longer_than_their_guide_rings():
     message = complaint_about(with_laws(laws(), min_length=0.16))
     assert (
         'members.min_length: 0.16: must be more than twice module.guide_ring_distance' in message
@@ -468,7 +468,7 @@ def test_laws_need_members_that_hold_their_guide_rings():
         ({'south': 2e4, 'west': 2e4}, "tube.pressure: unknown tube 'west'; known are south"),
     ],
 )
-def test_pressures_that_are_not_usable_are_refused(pressure, complaint):
+def test_invalid_pressures_are_refused(pressure, complaint):
     document = robots.example()
     document['tube']['pressure'] = pressure
     assert complaint in complaint_about(document)

@@ -34,7 +34,7 @@ def test_gaps_of_segments_are_those_of_their_points(shape):
 
 
 @pytest.mark.parametrize('shape', SHAPES)
-def test_lines_have_the_middle_of_the_object_behind_them_whichever_way_they_run(shape):
+def test_gap_directions_are_independent_of_the_direction_of_lines(shape):
     rng = np.random.default_rng(2)
     body = ConvexObject(shape, (1.0, -0.5, 2.0))
     starts, turned = body.middle + 0.4 * np.exp(1j * rng.uniform(0.0, 6.0, (2, 200)))

@@ -60,13 +60,13 @@ def test_tiny_polygons_far_away_are_taken_and_run_counter_clockwise():
 
 
 @pytest.mark.parametrize('shape', [Disc(0.3), Ellipse((0.3, 0.1))])
-def test_what_has_no_corners_is_not_rounded(shape):
+def test_shapes_without_corners_are_not_rounded(shape):
     assert shape.rounded(0.05) is shape
 
 
 @pytest.mark.parametrize('number', [float, np.float64])
 @pytest.mark.parametrize('size', SIZES)
-def test_diameters_within_range_are_taken_as_they_are(number, size):
+def test_diameters_within_range_are_accepted(number, size):
     disc = ConvexObject.disc((number(0.0), number(-0.25)), number(size))
     assert disc.pose == (0.0, -0.25, 0.0)
     assert disc.shape.diameter == size
@@ -91,18 +91,18 @@ def test_diameters_within_range_are_taken_as_they_are(number, size):
         ((0.0, 0.0), 10**400, "the object's diameter .* must be 1 finite number"),
     ],
 )
-def test_what_is_out_of_range_is_refused(center, size, words):
+def test_values_out_of_range_are_refused(center, size, words):
     with pytest.raises(GraspError, match=words):
         ConvexObject.disc(center, size)
 
 
-def test_places_up_to_the_largest_distance_are_taken():
+def test_positions_up_to_the_largest_distance_are_accepted():
     for center in ((MAX_DISTANCE, -MAX_DISTANCE), (-MAX_DISTANCE, MAX_DISTANCE)):
         assert ConvexObject.disc(center, 0.1).center == complex(*center)
         assert ConvexObject.disc(np.array(center), 0.1).center == complex(*center)
 
 
-def test_truths_are_no_pose():
+def test_booleans_are_refused_as_a_pose():
     for pose in ((True, False, True), np.array([True, False, True])):
         with pytest.raises(GraspError, match=r'pose .* must be 3 finite numbers'):
             ConvexObject.disc((0.0, 0.0), 0.2).moved_to(pose)

@@ -58,21 +58,23 @@ def test_no_point_of_the_outline_is_beyond_its_tangents(seed):
 
 @robots.examples(50)
 @given(SEEDS)
-def test_lines_touch_where_the_tangents_do_and_faces_with_both_ends(seed):
+def test_corners_touch_where_the_tangents_do_and_faces_join_them(seed):
     generator = np.random.default_rng(seed)
     shape = random_shape(generator)
     for normal in directions(generator):
-        (corner,) = shape.corners_at(complex(normal), -1.0)
+        corner = shape.corner_at(complex(normal))
         wanted = shape.support_points(np.array([normal]))[0]
         assert shape.point_at(corner, complex(normal)) == pytest.approx(wanted, abs=1e-12)
     face = random_polygon(generator, 0.2)
     for k, normal in enumerate(face.normals.tolist()):
-        assert face.corners_at(normal, 1e-9) == (k, (k + 1) % len(face.normals))
+        after = (k + 1) % len(face.normals)
+        assert {face.corner_at(normal * np.exp(1e-9j * side)) for side in (-1, 1)} == {k, after}
+        assert face.faces_at(k)[1].corner == after
 
 
 @robots.examples(20)
 @given(SEEDS)
-def test_round_is_what_stays_the_same_however_it_is_turned(seed):
+def test_round_shapes_are_invariant_under_rotation(seed):
     generator = np.random.default_rng(seed)
     shape = random_shape(generator)
     assert shape.is_round == (np.ptp(shape.support(directions(generator))) < 1e-12)
@@ -80,7 +82,7 @@ def test_round_is_what_stays_the_same_however_it_is_turned(seed):
 
 @robots.examples(100)
 @given(SEEDS)
-def test_gap_and_normal_turn_as_the_radius_of_curvature_says(seed):
+def test_gap_and_normal_rotate_by_the_radius_of_curvature(seed):
     generator = np.random.default_rng(seed)
     shape = random_shape(generator)
     normals = directions(generator)
@@ -99,7 +101,7 @@ def test_gap_and_normal_turn_as_the_radius_of_curvature_says(seed):
 
 @robots.examples(100)
 @given(SEEDS)
-def test_radii_change_as_normals_turn(seed):
+def test_radius_rates_agree_with_finite_differences(seed):
     generator = np.random.default_rng(seed)
     shape = Ellipse(generator.uniform(0.1, 0.3, 2))
     normals, turn = directions(generator), np.exp(1e-5j)
@@ -155,7 +157,7 @@ def test_feet_on_a_flat_ellipse_are_exact():
 
 @robots.examples(100)
 @given(SEEDS)
-def test_vertices_may_run_either_way(seed):
+def test_vertices_may_have_either_orientation(seed):
     generator = np.random.default_rng(seed)
     polygon = random_polygon(generator)
     again = Polygon(polygon.vertices[::-1], tuple(polygon.radii[::-1]))
@@ -168,7 +170,7 @@ def test_vertices_may_run_either_way(seed):
 
 @robots.examples(100)
 @given(SEEDS, strategies.floats(0.001, 0.05))
-def test_rounding_off_stays_within_and_takes_off_as_much_as_pieces_can_tell(seed, length):
+def test_rounded_corners_match_the_resolution_of_segments(seed, length):
     generator = np.random.default_rng(seed)
     sharp = random_polygon(generator, rounded=False)
     blunt = sharp.rounded(length)
@@ -222,7 +224,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize('case', WRONG)
-def test_refuses_what_is_no_convex_polygon_with_the_place(case):
+def test_non_convex_polygons_are_refused_with_the_vertex(case):
     vertices, words = WRONG[case]
     with pytest.raises(GraspError, match=words):
         Polygon(vertices)
@@ -238,7 +240,7 @@ def test_refuses_what_is_no_convex_polygon_with_the_place(case):
         ('thick', 'corner_radius'),
     ],
 )
-def test_refuses_arcs_that_do_not_fit(radius, words):
+def test_arcs_longer_than_their_sides_are_refused(radius, words):
     with pytest.raises(GraspError, match=words):
         Polygon(SQUARE, radius)
 
@@ -266,7 +268,7 @@ def test_arcs_may_take_whole_sides(half, angle):
         (lambda: ConvexObject(Disc(0.1), friction=-0.1), 'friction'),
     ],
 )
-def test_refuses_numbers_that_are_not_usable(make, words):
+def test_invalid_numbers_are_refused(make, words):
     with pytest.raises(GraspError, match=words):
         make()
 

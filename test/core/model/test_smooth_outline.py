@@ -54,7 +54,7 @@ def test_nearest_point_is_at_the_largest_distance_from_a_tangent(ellipse):
     assert found.radii[outside] == pytest.approx(wanted.radii[outside], rel=1e-5)
 
 
-def test_derivatives_agree_with_differences():
+def test_derivatives_agree_with_finite_differences():
     curve, step = curve_of(ELLIPSES[1], 24, AWAY), 1e-5
     radii = curve.surface_at(NONE, NORMALS)[1]
     ahead, behind = (curve.surface_at(NONE, NORMALS * np.exp(1j * s)) for s in (step, -step))
@@ -80,7 +80,7 @@ def test_curve_depends_on_no_first_corner_or_frame():
     assert found == pytest.approx(points, abs=1e-12)
 
 
-def test_rounded_corners_count_where_they_are_farthest_out():
+def test_smoothed_rounded_polygons_touch_their_arcs():
     radius = 0.15
     rounded = Polygon(regular_polygon(48, radius).vertices, corner_radius=0.01).smoothed(1.0)
     inset = 0.01 * (1.0 / math.cos(math.pi / 48) - 1.0)

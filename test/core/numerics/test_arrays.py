@@ -10,7 +10,7 @@ import pytest
 
 
 @pytest.mark.parametrize('values', [(1, 2.0), np.uint8([1, 2]), np.arange(1.0, 3.0)])
-def test_real_numbers_become_an_array_of_floats_of_its_own(values):
+def test_real_numbers_become_a_new_array_of_floats(values):
     array = finite_array(values, 2, 'center', GraspError)
     assert array.dtype == np.float64
     assert array.tolist() == [1.0, 2.0]
@@ -28,7 +28,7 @@ def test_anything_else_is_refused(values):
         finite_array(values, 2, 'center', GraspError)
 
 
-def test_what_was_given_is_shown_up_to_80_characters():
+def test_invalid_input_is_shown_up_to_80_characters():
     for length, shown in ((78, repr('a' * 78)), (79, "'" + 'a' * 76 + '...')):
         with pytest.raises(GraspError) as refused:
             finite_array('a' * length, 2, 'center', GraspError)

@@ -36,25 +36,25 @@ def test_exactly_singular_matrix_has_no_factor(kind):
 
 
 @KINDS
-def test_matrix_that_is_nearly_singular_has_a_factor(kind):
+def test_nearly_singular_matrix_has_a_factor(kind):
     factor, condition = factorize_with_condition(kind([[1.0, 0.0], [0.0, 1e-12]]))
     assert condition == pytest.approx(1e12)
     assert factor.solve(np.array([1.0, 1.0])) == pytest.approx([1.0, 1e12])
 
 
 @KINDS
-def test_inverse_beyond_all_numbers_is_an_infinite_condition_number(kind):
+def test_overflowing_inverse_gives_an_infinite_condition_number(kind):
     tiny = kind([[1.0, 0.0], [0.0, 1e-320]])
     assert factorize_with_condition(tiny)[1] == np.inf
 
 
-def test_dense_matrix_is_kept_where_its_condition_is_asked():
+def test_condition_estimate_keeps_the_dense_matrix():
     matrix = np.array(MATRIX)
     factorize_with_condition(matrix)
     assert np.array_equal(matrix, MATRIX)
 
 
-def test_dense_factor_names_the_pivot_that_is_zero():
+def test_dense_factor_names_the_zero_pivot():
     with pytest.raises(np.linalg.LinAlgError, match='pivot 2 is zero'):
         DenseFactor(np.array([[1.0, 0.0], [0.0, 0.0]]))
 
@@ -62,7 +62,7 @@ def test_dense_factor_names_the_pivot_that_is_zero():
 @KINDS
 @robots.examples(60)
 @given(robots.generators(), strategies.integers(1, 40), strategies.integers(1, 3))
-def test_factors_of_any_size_solve_as_the_library_does(kind, rng, n, columns):
+def test_factors_solve_like_numpy_for_any_size(kind, rng, n, columns):
     left, right = (np.linalg.qr(rng.standard_normal((n, n)))[0] for _ in range(2))
     gains = rng.uniform(0.1, 10.0, n)
     matrix = left * gains @ right

@@ -94,7 +94,7 @@ def test_solution_is_of_any_size_and_rows_of_any_length(size, length):
 
 @pytest.mark.parametrize('length', [1e-6, 1.0, 1e6])
 @pytest.mark.parametrize('bound', [1.0, 4.0, 5.0])
-def test_a_row_that_the_equalities_settle_is_kept_or_contradicts_them(bound, length):
+def test_a_row_fixed_by_the_equalities_is_fulfilled_or_contradictory(bound, length):
     rows, bounds = np.array([[1.0, 1.0], [1.0, -1.0]]), np.array([bound, 0.5])
     # The other one is fulfilled, x = y = 2.
     program = QuadraticProgram(
@@ -113,7 +113,7 @@ def test_a_row_that_the_equalities_settle_is_kept_or_contradicts_them(bound, len
 
 
 @pytest.mark.parametrize(('bound', 'expected'), [(1.0, [1.0, 2.0]), (0.5, None)])
-def test_equalities_that_leave_nothing_free_are_the_solution(bound, expected, capfd):
+def test_equalities_of_full_rank_determine_the_solution(bound, expected, capfd):
     rows, bounds = np.array([[1.0, 0.0]]), np.array([bound])
     square, target = np.eye(2), np.array([1.0, 2.0])
     problem = QuadraticProgram(
@@ -130,7 +130,7 @@ def test_contradicting_constraints_have_no_solution():
     assert solve_qp(QuadraticProgram(np.eye(2), np.ones(2), rows, bounds, *free(2)[2:])) is None
 
 
-def test_a_cost_that_is_not_convex_has_no_solution():
+def test_a_non_convex_cost_has_no_solution():
     assert solve_qp(QuadraticProgram(np.diag([1.0, -1.0]), np.ones(2), *free(2))) is None
 
 
@@ -143,7 +143,7 @@ def test_solutions_are_optimal(rng, n, degenerate):
 
 @robots.examples(50)
 @given(robots.generators(), strategies.integers(2, 9))
-def test_a_search_that_goes_wrong_at_a_corner_starts_again(rng, n):
+def test_a_failed_search_at_a_degenerate_vertex_is_repeated(rng, n):
     program = random_program(rng, n, degenerate=True)
     expected = solve_qp(program)
     calls = []
@@ -161,7 +161,7 @@ def test_a_search_that_goes_wrong_at_a_corner_starts_again(rng, n):
 
 @pytest.mark.parametrize('n', [3, 6])
 @pytest.mark.parametrize('flat', [1.0, 1e-4, 1e-8])
-def test_planes_that_are_next_to_dependent_meet_in_a_corner(n, flat):
+def test_nearly_dependent_planes_have_a_vertex(n, flat):
     rng = np.random.default_rng(23)
     for _ in range(100):
         program = corner_program(rng, n, flat, 30.0, int(rng.integers(0, 15)))
@@ -181,7 +181,7 @@ def test_a_corner_far_from_the_minimum_keeps_its_digits(n):
         assert np.abs(found).max() <= 1e-6
 
 
-def test_where_no_search_keeps_to_the_tolerance_the_closest_one_counts(monkeypatch):
+def test_the_closest_search_is_used_beyond_the_tolerance(monkeypatch):
     program = corner_program(np.random.default_rng(41), 4, 1.0, 30.0, 3)
     monkeypatch.setattr(qp, 'TOLERANCE', -1.0)
     assert solve_qp(program) == pytest.approx(np.zeros(4), abs=1e-10)
@@ -189,7 +189,7 @@ def test_where_no_search_keeps_to_the_tolerance_the_closest_one_counts(monkeypat
     assert solve_qp(program) is None
 
 
-def test_exchanges_without_end_are_no_solution(monkeypatch):
+def test_exceeding_the_iteration_cap_gives_no_solution(monkeypatch):
     def endless(matrix, target, maxiter):
         raise RuntimeError('too many iterations')
 
@@ -198,13 +198,13 @@ def test_exchanges_without_end_are_no_solution(monkeypatch):
 
 
 @pytest.mark.parametrize('room', [0.0, 1.0])
-def test_an_origin_that_is_inside_is_the_nearest_point(room):
+def test_an_interior_origin_is_the_nearest_point(room):
     found = find_nearest(np.eye(2), np.array([room, 1.0]), 1.0, 0.0)
     assert found.point.tolist() == [0.0, 0.0]
     assert found.active.tolist() == []
 
 
-def test_a_space_without_planes_holds_the_origin():
+def test_without_planes_the_origin_is_the_nearest_point():
     assert find_nearest(np.zeros((3, 0)), np.zeros(0), 1.0, 0.0).point.tolist() == [0.0] * 3
 
 
@@ -217,7 +217,7 @@ def test_corner_of_two_planes_and_the_numbers_of_both(relaxation):
 
 
 @pytest.mark.parametrize('length', [1e-14, 1.0, 1e6])
-def test_columns_as_short_as_rounding_constrain_nothing_but_keep_their_numbers(length):
+def test_negligible_columns_do_not_constrain_but_keep_their_index(length):
     columns = length * np.array([[1e-13, 1.0], [1e-13, 0.0]])
     found = find_nearest(columns, length * np.array([-1.0, -2.0]), 1.0, 0.0)
     assert found.point == pytest.approx([-2.0, 0.0])
@@ -230,14 +230,14 @@ def test_an_origin_out_by_less_than_the_relaxation_is_inside():
     assert find_nearest(columns, room, 1.0, 0.0).point == pytest.approx([-1e-9], rel=1e-9)
 
 
-def test_bounds_that_are_set_apart_beyond_the_origin_lead_to_no_point(capfd):
+def test_bounds_perturbed_beyond_the_origin_give_no_point(capfd):
     assert find_nearest(np.eye(2), np.array([5.0, -1.5e-8]), 1.0, 1e-8) is None
     # LAPACK prints what it is given and refuses, an empty matrix.
     assert capfd.readouterr() == ('', '')
 
 
 @pytest.mark.parametrize('length', [0.01, 1.0, 100.0])
-def test_a_point_within_all_planes_that_is_not_the_nearest_is_refused(monkeypatch, length):
+def test_a_feasible_point_that_is_not_nearest_is_refused(monkeypatch, length):
     def wrong(matrix, target, maxiter):
         # The plane y <= 5 keeps nothing from the origin.
         return np.array([0.5, 1e-3]), 0.0
@@ -248,7 +248,7 @@ def test_a_point_within_all_planes_that_is_not_the_nearest_is_refused(monkeypatc
     assert find_nearest(columns, room, 1.0, 0.0) is None
 
 
-def test_a_point_between_bounds_that_contradict_each_other_is_refused(monkeypatch):
+def test_contradictory_bounds_give_no_point(monkeypatch):
     def wrong(matrix, target, maxiter):
         return np.array([0.25, 0.25]), 0.0
 
@@ -258,7 +258,7 @@ def test_a_point_between_bounds_that_contradict_each_other_is_refused(monkeypatc
 
 @robots.examples(100)
 @given(robots.generators(), strategies.integers(1, 12), strategies.integers(1, 12))
-def test_least_squares_are_the_shortest_of_any_rank(rng, m, n):
+def test_least_squares_have_minimum_norm_at_any_rank(rng, m, n):
     matrix = rng.standard_normal((m, n))
     matrix[-1] = matrix[0]
     right = rng.standard_normal(m)

@@ -29,7 +29,7 @@ def circle(count, radius=0.2, angle=2.0 * math.pi):
     )
 
 
-def test_straight_line_at_the_speed_asked_for():
+def test_straight_path_has_the_desired_speed():
     path = ObjectPath([(1.0, 2.0, 0.3), (1.3, 2.4, 0.3)], SPEED, TURN_RATE)
     assert path.length == pytest.approx(0.5)
     assert path.duration == pytest.approx(0.5 / SPEED)
@@ -37,7 +37,7 @@ def test_straight_line_at_the_speed_asked_for():
     assert twist(path, 4.0) == pytest.approx([0.6 * SPEED, 0.8 * SPEED, 0.0])
 
 
-def test_the_slower_of_way_and_turn_sets_the_time():
+def test_duration_is_the_larger_of_translation_and_rotation():
     # 0.1 m in 2 s at full speed, 2 rad in 5 s at the full rate.
     path = ObjectPath([(0.0, 0.0, 0.0), (0.1, 0.0, 2.0)], SPEED, TURN_RATE)
     assert path.duration == pytest.approx(5.0)
@@ -65,13 +65,13 @@ def test_rests_at_its_ends(smooth):
     assert not twist(path, path.duration).any()
 
 
-def test_there_is_no_pose_at_a_time_that_is_no_number():
+def test_pose_at_nan_is_refused():
     path = ObjectPath([(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)], 0.1, 0.1)
     with pytest.raises(PathError, match='time nan s on the path: must be a number'):
         path.pose(np.nan)
 
 
-def test_angles_go_the_short_way_and_do_not_jump():
+def test_angles_are_unwrapped():
     angles = np.array([3.0, -3.0, 2.5, 0.0, -2.0, 1.9, 7.0])
     poses = np.column_stack([0.1 * np.arange(len(angles)), np.zeros((len(angles), 1)), angles])
     path = ObjectPath(poses, SPEED, TURN_RATE)
@@ -226,7 +226,7 @@ BAD = {
 @pytest.mark.filterwarnings('error')
 @pytest.mark.parametrize('smooth', [False, True])
 @pytest.mark.parametrize('case', BAD)
-def test_what_cannot_be_followed_is_refused(case, smooth):
+def test_infeasible_paths_are_refused(case, smooth):
     arguments, words = BAD[case]
     with pytest.raises(PathError, match=words):
         ObjectPath(*arguments, smooth=smooth)

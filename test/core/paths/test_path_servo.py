@@ -108,7 +108,7 @@ def test_age_of_the_pose_is_that_of_its_stamp():
         (StampedInput(Pose(0.0, 0.0, 0.0), 11.0), 'in the future'),
     ],
 )
-def test_pose_that_cannot_be_relied_on_stops_it(pose, words):
+def test_invalid_pose_stops_the_path(pose, words):
     servo = begun()
     servo.pose = pose
     step = servo.decide(10.0)
@@ -140,7 +140,7 @@ def test_pose_that_cannot_be_relied_on_stops_it(pose, words):
         ),
     ],
 )
-def test_waits_without_moving_while_the_robot_does_not_obey(servo_feedback):
+def test_path_time_stops_while_the_robot_is_halted(servo_feedback):
     servo = begun()
     servo.servo_feedback = servo_feedback
     step = servo.decide(10.0)
@@ -206,7 +206,7 @@ samples = strategies.none() | strategies.builds(RejectedInput, strategies.text(m
         max_size=5,
     )
 )
-def test_nothing_that_comes_in_raises_or_moves_it_quickly(cycles):
+def test_no_input_raises_or_exceeds_the_speed(cycles):
     servo = begun()
     for now, pose, servo_feedback in cycles:
         servo.pose, servo.servo_feedback = pose, servo_feedback

@@ -70,7 +70,7 @@ def follow(path, thing, settings=None, seconds=200.0, held=lambda _time: False):
 
 
 @pytest.mark.parametrize('path', [LINE, TURNS], ids=['line', 'turns'])
-def test_an_object_that_obeys_is_where_it_should_be(path):
+def test_an_ideal_object_has_no_tracking_error(path):
     tracker, said = follow(path, Object(path.poses[0]))
     assert said[-1].phase is PathPhase.REACHED
     assert tracker.max_position_error < 1e-12
@@ -81,7 +81,7 @@ def test_an_object_that_obeys_is_where_it_should_be(path):
 
 
 @pytest.mark.parametrize('gain', [1.0, 2.0, 4.0])
-def test_slip_leaves_an_error_that_does_not_grow(gain):
+def test_tracking_error_under_slip_is_bounded(gain):
     # e' = v - (1 - s) (v + K e) = 0 at e = s v / ((1 - s) K).
     slip = 0.05
     settings = TrackingSettings(position_gain=gain)

@@ -92,13 +92,13 @@ def test_refuses_more_acceleration_than_the_rollers_have():
     RollerTrajectory(ROBOT, quick, [0.0, 0.2, 0.4])
 
 
-def test_takes_what_rounding_adds_to_the_largest_speed():
+def test_speed_limit_tolerates_rounding():
     way = MAX_SPEED * 0.3
     path = RollerTrajectory(ROBOT, [ORIGIN, [way] * N], [0.1, 0.4])  # 0.4 - 0.1 is less than 0.3
     assert path.at(0.2).velocities == pytest.approx([MAX_SPEED] * N)
 
 
-def test_what_is_done_to_the_arrays_afterwards_changes_no_path():
+def test_trajectory_copies_its_arrays():
     positions, times = np.zeros((2, N)), np.array([0.0, 1.0])
     path = RollerTrajectory(ROBOT, positions, times)
     positions[:], times[:] = 7.0, 7.0
@@ -123,7 +123,7 @@ BAD_POSITIONS = {
 
 @pytest.mark.filterwarnings('error')
 @pytest.mark.parametrize(('positions', 'words'), BAD_POSITIONS.values(), ids=BAD_POSITIONS)
-def test_positions_that_cannot_be_are_refused(positions, words):
+def test_invalid_positions_are_refused(positions, words):
     with pytest.raises(ConfigurationError, match=re.escape(words)):
         RollerTrajectory(ROBOT, positions, [0.0, 1.0])
 
@@ -142,13 +142,13 @@ BAD_TIMES = {
 
 
 @pytest.mark.parametrize(('times', 'words'), BAD_TIMES.values(), ids=BAD_TIMES)
-def test_times_that_cannot_be_are_refused(times, words):
+def test_invalid_times_are_refused(times, words):
     with pytest.raises(ConfigurationError, match=re.escape(words)):
         RollerTrajectory(ROBOT, [ORIGIN] * 3, times)
 
 
 @pytest.mark.filterwarnings('error')
-def test_steps_without_a_duration_are_too_quick_and_no_warning():
+def test_segments_without_duration_are_refused_without_a_warning():
     with pytest.raises(ConfigurationError, match='inf m/s'):
         RollerTrajectory(ROBOT, [ORIGIN, [0.1] * N], [0.0, 5e-324])
 

@@ -152,7 +152,7 @@ def test_arrives_under_an_estimate_that_moves_by_more_than_the_tolerance():
     assert run.robot.roller_positions + 0.005 == pytest.approx(end, abs=50.0 * TOLERANCE)
 
 
-def test_keeps_to_the_time_and_the_way():
+def test_rollers_follow_positions_at_the_planned_times():
     run = Run()
     run.follow()
     # The last 20 um of the way are made good at 5 / s.
@@ -163,7 +163,7 @@ def test_keeps_to_the_time_and_the_way():
 
 
 @pytest.mark.parametrize('longest', [0.03, 0.1, 0.15])
-def test_takes_the_time_that_it_says_however_late_the_cycles_come(longest):
+def test_duration_is_independent_of_late_cycles(longest):
     """Also the time until it is given up."""
     rng = np.random.default_rng(0)
     for stuck in (frozenset(), frozenset({'south/P'})):
@@ -183,7 +183,7 @@ def test_takes_the_time_that_it_says_however_late_the_cycles_come(longest):
         check_speeds(run.commands)
 
 
-def test_cycles_that_did_not_come_are_not_made_good():
+def test_missed_cycles_are_not_caught_up():
     """The rollers stand meanwhile, and all of the way from there is gone, however late it is."""
     run = Run()
     run.servo.timeout = 10.0
@@ -292,7 +292,7 @@ def test_gives_up_on_a_stuck_roller_and_names_it(stuck, size):
     assert np.abs(others).max() < MAX_LAG + 3 * MAX_SPEED * PERIOD
 
 
-def test_patience_begins_anew_with_each_wait():
+def test_progress_timeout_restarts_with_each_lag():
     run = Run()
     run.servo.begin(PATH, run.now)
     step = run.cycle()
@@ -333,7 +333,7 @@ def test_goes_on_after_a_wait_also_where_a_cycle_is_longer_than_a_roller_may_lag
     check_speeds(run.commands)
 
 
-def test_a_new_path_has_all_of_the_patience():
+def test_a_new_trajectory_restarts_the_progress_timeout():
     run = Run(RollerFaults(stuck=frozenset({'north/Z'})))
     run.servo.begin(PATH, run.now)
     began = run.now
@@ -379,7 +379,7 @@ def test_rollers_have_arrived_when_they_stay_there_without_interruption():
     assert ended[-1]
 
 
-def test_nobody_gives_up_on_rollers_that_have_come_at_the_last_moment():
+def test_arrival_at_the_timeout_is_a_success():
     run = near_its_end()
     for _ in range(round(PROGRESS_TIMEOUT / PERIOD) - 3):
         assert not at_end(run, 5.0 * TOLERANCE).ended
@@ -409,7 +409,7 @@ DOUBTS = {
 
 
 @pytest.mark.parametrize('how', DOUBTS)
-def test_ends_at_rest_when_nobody_knows_where_the_rollers_are(how):
+def test_ends_at_rest_without_joint_states(how):
     run = Run()
     run.servo.begin(PATH, run.now)
     run.cycle()  # begins at rest
@@ -482,7 +482,7 @@ states = st.lists(values, min_size=N, max_size=N)
 
 @examples(100)
 @given(generators(), st.lists(states, max_size=30))
-def test_is_never_quicker_than_the_rollers_may_be(rng, measured):
+def test_speeds_are_within_the_limit(rng, measured):
     """Wherever the encoders say that the rollers are."""
     run = Run()
     run.servo.begin(PATH, run.now)

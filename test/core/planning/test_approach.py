@@ -65,7 +65,8 @@ def standing(way, config):
 def is_balanced(way, config):
     """Return whether friction holds the object between the sides."""
     normals = way.closing.normals(config)
-    return balances(way.closing.body, normals, 0.85 * way.closing.friction_angle)
+    radius = 0.5 * config.robot.description.tube_diameter
+    return balances(way.closing.body, normals, 0.85 * way.closing.friction_angle, radius)
 
 
 def test_sides_stand_off_the_object_and_friction_holds_it_between_them():

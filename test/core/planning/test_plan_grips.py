@@ -27,6 +27,8 @@ ROBOT = load_robot('nine_member')
 HOME = ROBOT.home
 HOLE = (0.716, -0.4134)  # between the three tubes
 BOX = Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)], corner_radius=0.02)
+#: Of the tubes [m].
+RADIUS = 0.5 * HOME.robot.description.tube_diameter
 SHAPES = [BOX, Ellipse((0.2, 0.12)), Disc(0.3), Polygon([(0.0, 0.0), (0.3, 0.05), (0.1, 0.25)])]
 
 
@@ -40,7 +42,7 @@ def plan():
 
 def cone_closes(body, normals, angle):
     """Return whether forces in the cones balance, all members pressing, by least squares."""
-    ends = contact_ends(body, normals)
+    ends = contact_ends(body, normals, RADIUS)
     arms = np.concatenate([*ends, *ends]) - body.turn * body.shape.centroid
     forces = np.concatenate([-normals * np.exp(1j * s * angle) for s in (1, 1, -1, -1)])
     rows = np.vstack([forces.real, forces.imag, 5.0 * (arms.conj() * forces).imag])
@@ -55,14 +57,14 @@ def test_two_members_balance_from_the_friction_angle_on(shape):
         body = ConvexObject(shape, (*rng.normal(size=2), rng.uniform(0.0, 6.0)))
         normals = np.exp(1j * rng.uniform(0.0, 2.0 * np.pi)) * np.array([1.0, -1.0])
         normals[1] *= np.exp(1j * rng.uniform(-0.8, 0.8))
-        angle = float(friction_angles(body, normals[:1], normals[1:])[0])
+        angle = float(friction_angles(body, normals[:1], normals[1:], RADIUS)[0])
         if angle < 1.4:
             assert cone_closes(body, normals, angle + 1e-6)
             assert not cone_closes(body, normals, angle - 1e-6)
-        both.add(balances(body, normals, 0.3))
-        found = find_facing(body, normals, 0.3, 0.5)
+        both.add(balances(body, normals, 0.3, RADIUS))
+        found = find_facing(body, normals, 0.3, RADIUS, 0.5)
         if found is not None:
-            assert balances(body, found, 0.3 + 1e-12)
+            assert balances(body, found, 0.3 + 1e-12, RADIUS)
     assert both == {True, False}
 
 
@@ -72,9 +74,10 @@ def test_three_members_balance_where_they_surround_the_object():
     for shape in SHAPES:
         body = ConvexObject(shape, (0.3, 0.1, 0.7))
         for normals in (around, aside):
-            assert balances(body, normals, 0.4) == cone_closes(body, normals, 0.4)
-    assert balances(ConvexObject(Disc(0.3)), around, 0.05)
-    assert not balances(ConvexObject(Disc(0.3)), aside, 0.4)
+            wanted = cone_closes(body, normals, 0.4)
+            assert balances(body, normals, 0.4, RADIUS) == wanted
+    assert balances(ConvexObject(Disc(0.3)), around, 0.05, RADIUS)
+    assert not balances(ConvexObject(Disc(0.3)), aside, 0.4, RADIUS)
 
 
 def test_the_grip_that_is_found_holds_the_object(plan):

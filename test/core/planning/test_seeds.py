@@ -16,6 +16,7 @@ HOME = load_robot('nine_member').home
 NAMES = HOME.robot.member_names
 BODY = ConvexObject.disc((0.716, 0.5), 0.2)
 ANY = GraspRequirements()
+RADIUS = 0.5 * HOME.robot.description.tube_diameter
 
 
 def seen_from(config, point):
@@ -80,7 +81,7 @@ def test_pairs_face_the_object_so_that_friction_holds_to_spare(seed):
         for one in find_seeds(config, body, ANY, 0, number):
             assert one.friction_angle <= math.atan(ANY.friction)
             if len(one.members) == 2:
-                used = friction_angles(body, one.facing[:1], one.facing[1:])[0]
+                used = friction_angles(body, one.facing[:1], one.facing[1:], RADIUS)[0]
                 assert used <= 0.75 * one.friction_angle + 1e-12
 
 

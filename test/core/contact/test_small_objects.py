@@ -1,0 +1,64 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Objects narrower than a tube, deep in it: contact is found, or the member is refused by name."""
+
+from held_grips import HOME, NINE
+from isotruss_ros.core import analyze_grasp, ConvexObject, Disc, Ellipse, Polygon
+from isotruss_ros.core.errors import SolverError
+from isotruss_ros.core.kinematics.depths import member_depths
+import numpy as np
+import pytest
+import robots
+
+RADIUS = 0.5 * NINE.description.tube_diameter
+NAME = 'south/P-Q'
+SHAPES = [
+    Disc(0.07),
+    Disc(0.02),
+    Ellipse((0.03, 0.015)),
+    Polygon([(-0.03, -0.02), (0.03, -0.02), (0.03, 0.02), (-0.03, 0.02)]),
+]
+
+
+def placed(shape, depth, share):
+    """Return an object this deep in a member, at a share of its length."""
+    start, end = robots.member_ends(HOME, NAME)
+    axis = (end - start) / abs(end - start)
+    turn, outward = axis * np.exp(0.3j), 1j * axis
+    reach = float(shape.support(np.array([outward / turn]))[0])
+    center = start + share * (end - start) - outward * (RADIUS + reach - depth)
+    return ConvexObject(shape, (center.real, center.imag, np.angle(turn)))
+
+
+def touched(config, body, flattening):
+    """Return the members that press, or the reason of the refusal."""
+    try:
+        return ' '.join(analyze_grasp(config, body, flattening=flattening).contact_forces)
+    except SolverError as error:
+        return str(error)
+
+
+@pytest.mark.parametrize('flattening', [True, False])
+@pytest.mark.parametrize('shape', SHAPES, ids=repr)
+@pytest.mark.parametrize('share', np.linspace(0.1, 0.98, 8).tolist())
+def test_deep_objects_touch_or_are_refused_with_the_member(shape, share, flattening):
+    reach = shape.reach
+    for depth in np.linspace(0.2, 0.99, 6) * (RADIUS + reach):
+        body = placed(shape, depth, share)
+        found = touched(HOME, body, flattening)
+        assert NAME in found, f'{depth} m'
+
+
+@pytest.mark.parametrize('share', [1.02, 1.03, 1.04])
+@pytest.mark.parametrize('depth', [0.02, 0.03, 0.05])
+def test_objects_beyond_the_end_of_a_tube_are_refused_with_the_member(share, depth):
+    body = placed(Disc(0.02), depth, share)
+    assert member_depths(HOME, body)[NINE.member_names.index(NAME)] > 0.003
+    with pytest.raises(SolverError, match=f'member {NAME}: the object is .* mm deep in it'):
+        analyze_grasp(HOME, body)
+
+
+def test_an_object_that_is_nowhere_in_a_tube_is_not_refused():
+    body = placed(Disc(0.07), -0.001, 0.5)
+    assert not analyze_grasp(HOME, body).contact_forces

@@ -1,0 +1,164 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The live view in a real browser, on the plant mujoco: handles, sliders, menu and buttons."""
+
+from browser import (
+    blue,
+    count_green,
+    launch,
+    MARKS,
+    middle,
+    open_page,
+    orange,
+    pixels,
+    polite_browser,
+    read_address,
+    SERVED,
+    SOME,
+    switch_control,
+)
+from geometry_msgs.msg import WrenchStamped
+from isotruss_msgs.msg import ManipulationStatus
+from isotruss_ros.demo.processes import running_nodes
+import numpy as np
+from probe import world
+import pytest
+from robots import quick_robot
+
+pytest.importorskip('mujoco')
+pytestmark = [*MARKS, pytest.mark.nightly]
+
+#: On a machine that is busy [s].
+PATIENT = {'command_timeout': 5.0}
+
+
+class Session:
+    """
+    A page in control, beside the nodes.
+
+    :ivar w: hears the nodes.
+    """
+
+    def __init__(self, page, w):
+        self.page, self.w = page, w
+
+    def until(self, what):
+        """Wait until something holds."""
+        while not what():  # which takes long: much is heard meanwhile
+            self.w.spin(0.2)
+
+    def press(self, name):
+        """Click a button."""
+        self.page.get_by_role('button', name=name, exact=True).click()
+
+    def slide(self, number, key, times=1):
+        """Press a key on a slider, counted from the top."""
+        thumb = self.page.get_by_role('slider').nth(number)
+        for _ in range(times):
+            thumb.press(key)
+
+    def choose(self, label, name):
+        """Choose from the menu with a label."""
+        self.page.get_by_label(label, exact=True).first.click()
+        self.page.get_by_role('option', name=name, exact=True).click()
+
+    def drag(self, color, step_x, step_y):
+        """Drag the handle of a colour by ten steps [px]."""
+        self.until(lambda: len(color(pixels(self.page))[0]) > SOME)
+        y, x = middle(color(pixels(self.page)))
+        self.page.mouse.move(x, y)
+        self.page.mouse.down()
+        for step in range(10):
+            self.page.mouse.move(x + step_x * step, y + step_y * step)
+        self.page.mouse.up()
+
+    def is_idle(self):
+        """Return whether the last drag is at its end."""
+        return self.w.code() == ManipulationStatus.IDLE
+
+
+@pytest.fixture(scope='module')
+def opened(shared_domain, tmp_path_factory):
+    """Return a session for all tests of this file."""
+    from playwright.sync_api import sync_playwright
+
+    folder = tmp_path_factory.mktemp('mujoco')
+    shown = {'robot': quick_robot(), 'object_diameter': 0.3, 'friction': 0.8}
+    common = shown | PATIENT | {'rate': 50.0}
+    plant = {'plant': 'mujoco', 'indentation': 0.01, 'ground_friction': 0.5}
+    nodes = [
+        ('simulator', common | plant),
+        ('manipulation', common | {'object_mass': 0.5}),
+        ('grasp_analysis', {**common, 'rate': 10.0}),
+        ('grasp_planner', {'robot': quick_robot()} | PATIENT),
+        ('pick_and_place', shown | PATIENT),
+        ('viewer', shown | SERVED | {'rate': 10.0}),
+    ]
+    with running_nodes(nodes, folder) as processes, sync_playwright() as playwright, world() as w:
+        browser = launch(playwright, polite_browser(folder))
+        page = open_page(browser, 0.5)
+        page.goto(read_address(processes[-1]))
+        page.add_style_tag(content='.mantine-Notification-root { display: none }')
+        session = Session(page, w)
+        session.until(lambda: w.probe.last('pose') and w.probe.last('status'))
+        page.get_by_text('slip margin').wait_for()
+        switch_control(page)
+        page.get_by_text('assumed by the analysis').click()
+        page.get_by_text('external wrench').click()
+        yield session
+        browser.close()
+
+
+@pytest.fixture
+def session(opened):
+    """Return the session, after a reset: the robot at home, the disc held."""
+    opened.press('reset')
+    opened.page.get_by_text('reset: active').wait_for()
+    opened.until(lambda: count_green(pixels(opened.page)) > SOME)
+    return opened
+
+
+def test_the_object_follows_its_handle(session):
+    before = session.w.place()
+    session.drag(blue, 2, 1)
+    session.until(lambda: session.is_idle() and np.hypot(*(session.w.place() - before)[:2]) > 0.02)
+    moved = session.w.place() - before
+    assert moved[0] > 0.0 > moved[1]
+
+
+def test_the_object_turns_with_the_other_handle(session):
+    before = session.w.place()
+    session.drag(orange, 0, -1)
+    session.until(lambda: session.is_idle() and session.w.place()[2] - before[2] > 0.1)
+
+
+def test_an_object_is_placed_and_picked_up(session):
+    session.press('place')
+    session.page.get_by_text('place: free, ').wait_for()
+    session.press('pick')
+    session.page.get_by_text('pick: held at ').wait_for()
+
+
+def test_the_analysis_takes_the_friction_of_its_slider(session):
+    session.slide(0, 'Home')
+    session.page.get_by_text('not held').wait_for()
+    session.slide(0, 'ArrowRight', times=15)
+    session.page.get_by_text('slip margin').wait_for()
+
+
+def test_a_force_pulls_at_the_object_by_its_slider(session):
+    session.w.probe.listen(WrenchStamped, 'pull', 'external_wrench')
+    session.slide(3, 'ArrowRight', times=2)
+    session.until(lambda: (pull := session.w.probe.last('pull')) and pull.wrench.force.x == 1.0)
+    session.slide(3, 'ArrowLeft', times=2)
+
+
+@pytest.mark.parametrize('kind', ['box', 'ellipse', 'disc'])
+def test_an_object_of_the_menu_is_held_and_follows_its_handle(session, kind):
+    session.choose('object', kind)
+    session.page.get_by_text(f'object {kind}: active').wait_for()
+    session.until(lambda: count_green(pixels(session.page)) > SOME)
+    before = session.w.place()
+    session.drag(blue, 2, 1)
+    session.until(lambda: session.is_idle() and np.hypot(*(session.w.place() - before)[:2]) > 0.01)
