@@ -2,34 +2,53 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Run the benchmarks one after the other, and print one page.
+Run the benchmarks, each in a process of its own, and print one page.
 
     python -m benchmarks [NAME ...]
 
-A name is that of a file beside this one. `BENCHMARK_SHARE=0.1` takes a tenth of the work.
+A name is that of a case: a file beside this one that has `tables`, which yields what it measured.
+`BENCHMARK_SHARE=0.1` takes a tenth of the work.
 """
 
 from __future__ import annotations
 
 import argparse
+import importlib
+import os
 from pathlib import Path
 import subprocess
 import sys
 
-HERE = Path(__file__).parent
-HELPERS = {'__main__', 'measuring', 'large_robots'}
-NAMES = sorted({path.stem for path in HERE.glob('*.py')} - HELPERS)
+HELPERS = {'__main__', 'measuring', 'large_robots', 'peer'}
+NAMES = sorted({path.stem for path in Path(__file__).parent.glob('*.py')} - HELPERS)
+#: Needed before NumPy is loaded.
+ONE_THREAD = {'OPENBLAS_NUM_THREADS': '1', 'OMP_NUM_THREADS': '1'}
+
+
+def run(name: str) -> None:
+    """Run a case in this process and print its part of the page."""
+    from benchmarks.measuring import machine
+
+    case = importlib.import_module(f'benchmarks.{name}')
+    print(f'\n## {name}\n\n{case.__doc__.strip()}\n\n{machine()}', flush=True)
+    for table in case.tables():
+        print(f'\n{table}', flush=True)
 
 
 def main() -> int:
-    """Run what is asked for; return 1 where a benchmark fails."""
+    """Run what is asked for; return 1 where a case fails."""
     parser = argparse.ArgumentParser(prog='python -m benchmarks', description=__doc__)
-    parser.add_argument('names', nargs='*', metavar='NAME', help=', '.join(NAMES))
+    parser.add_argument(
+        'names', nargs='*', metavar='NAME', choices=[*NAMES, []], help=', '.join(NAMES)
+    )
     names = parser.parse_args().names or NAMES
-    failed = []
+    if len(names) == 1 and ONE_THREAD.items() <= os.environ.items():
+        run(names[0])
+        return 0
+    environment, failed = os.environ | ONE_THREAD, []
     for name in names:
-        print(f'\n## {name}\n', flush=True)
-        if subprocess.run([sys.executable, HERE / f'{name}.py']).returncode:
+        command = [sys.executable, '-m', 'benchmarks', name]
+        if subprocess.run(command, env=environment, cwd=Path(__file__).parents[1]).returncode:
             failed.append(name)
     if failed:
         print(f'failed: {", ".join(failed)}', file=sys.stderr)

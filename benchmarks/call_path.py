@@ -1,6 +1,5 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-
 """
 How many files of the package a twist and a closure flag pass through.
 
@@ -11,41 +10,29 @@ moved, whose flag says that a free object is held, so that `settle_grasp` runs b
 moves between them: every call or return that leads from one of its files to another. Calls into
 other packages do not count. A second table has how many files the parts of the core import,
 directly and through others, and their lines, each row with those before it.
-
-    python benchmarks/call_path.py
 """
 
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable, Iterable
-import os
-
-os.environ.update(OPENBLAS_NUM_THREADS='1', OMP_NUM_THREADS='1')  # before NumPy comes in
-
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 import sys
 from types import FrameType
 
+from benchmarks.measuring import Table
 import isotruss_ros
 from isotruss_ros import core
 from isotruss_ros.core.inputs import RollerState, StampedInput
-from isotruss_ros.core.safety.roller_failure import FailureCriterion, FailureDetector
+from isotruss_ros.core.safety.roller_failure import FailureDetector
 from isotruss_ros.nodes.grasp.grasp_monitor import GraspMonitor
 from isotruss_ros.nodes.grasp.grasp_report import GraspCode, GraspQuery
-from measuring import print_table
 import numpy as np
 
 PACKAGE = str(Path(isotruss_ros.__file__).parent)
 MODULE, DIAMETER, PERIOD, TWIST = 'east/Q', 0.3, 0.005, (0.02, 0.03, 0.1)
 #: Until the rollers have accelerated to the twist.
 CYCLES = 60
-#: Files and moves of commit b828dad, counted in the same manner.
-BEFORE = {
-    'twist to roller command': (23, 168),
-    'closure by (10)': (20, 430),
-    'flag of the node: held': (20, 430),
-}
 
 #: What each row of the second table begins with, below `isotruss_ros.core`.
 PARTS = {
@@ -99,7 +86,7 @@ def control_cycle() -> tuple[list[str], int]:
     center = core.tangent_center(robot.home, MODULE, DIAMETER)
     grip = core.Grip.at_module(robot, MODULE, core.ConvexObject.disc(center, DIAMETER))
     servo = core.TwistServo(robot, grip, PERIOD, 0.2)
-    servo.detector = FailureDetector(robot.roller_names, FailureCriterion())
+    servo.detector = FailureDetector(robot.roller_names)
     held = core.RollingGrip.attach(robot.home, grip)
     positions = held.config.roller_positions
     now = 0.0
@@ -174,8 +161,8 @@ def part_rows() -> list[tuple[str, ...]]:
     return rows
 
 
-def main() -> None:
-    """Print the table, and the files."""
+def tables() -> Iterator[Table]:
+    """Yield what was measured."""
     rows = []
     for name, run in (
         ('twist to roller command', control_cycle),
@@ -183,12 +170,6 @@ def main() -> None:
         ('flag of the node: held', analysis_cycle),
     ):
         files, moves = run()
-        rows.append((name, *(str(n) for n in (*BEFORE[name], len(files), moves))))
-        print(f'{name}: {", ".join(files)}\n')
-    print_table(('', 'files before', 'moves before', 'files', 'moves'), rows)
-    print()
-    print_table(('imports of', 'files', 'lines'), part_rows())
-
-
-if __name__ == '__main__':
-    main()
+        rows.append((name, f'{len(files)}', f'{moves}', ', '.join(files)))
+    yield Table('', ('walk', 'files', 'moves', 'the files'), rows)
+    yield Table('', ('imports of', 'files', 'lines'), part_rows())

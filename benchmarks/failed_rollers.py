@@ -1,6 +1,5 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-
 """
 What the nine-member robot can still do with one roller failed: reach, and following a path.
 
@@ -10,16 +9,15 @@ program, within the limits of the robot file and the bounds on shapes, sliding a
 object is to keep its orientation, and turns where it must. The grip keeps its angle.
 
 Following is one lap of a circle by feed-forward alone, with the servo and a simulated robot of
-which one roller is stuck: while nobody knows, when it is known, and when the servo finds out.
-
-    python benchmarks/failed_rollers.py
+which one roller is stuck: undetected, and detected by the servo.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 
+from benchmarks.measuring import SHARE, Table
 from isotruss_ros.core import (
     ConvexObject,
     Grip,
@@ -37,9 +35,8 @@ from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 from isotruss_ros.core.manipulation.solve_twist import default_limits
-from isotruss_ros.core.safety.roller_failure import FailureCriterion, FailureDetector
+from isotruss_ros.core.safety.roller_failure import FailureDetector
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
-from measuring import print_machine, print_table, SHARE
 import numpy as np
 
 MODULE, DIAMETER = 'north/Z', 0.3
@@ -105,13 +102,11 @@ def reached(failed: Collection[str]) -> set[tuple[int, int]]:
     return set(found)
 
 
-def follow(stuck: str | None, known: bool, detect: bool) -> float:
+def follow(stuck: str | None, detect: bool) -> float:
     """Drive one lap; return the largest distance of the object from where it should be [m]."""
     servo = TwistServo(ROBOT, HELD.grip, PERIOD, timeout=1.0)
-    if stuck is not None and known:
-        servo.failed = [stuck]
     if detect:
-        servo.detector = FailureDetector(ROBOT.roller_names, FailureCriterion())
+        servo.detector = FailureDetector(ROBOT.roller_names)
     faults = RollerFaults(stuck=frozenset() if stuck is None else frozenset([stuck]))
     robot = SimulatedRobot(ROBOT.home, RigidObject.in_grip(HELD), faults)
     start, error = HELD.grip.center, 0.0
@@ -130,29 +125,14 @@ def follow(stuck: str | None, known: bool, detect: bool) -> float:
     return error
 
 
-def main() -> None:
-    """Print the tables."""
-    print_machine()
+def tables() -> Iterator[Table]:
+    """Yield what was measured."""
     whole = reached([])
-    rows, shares = [['none', f'{SPACING**2 * len(whole):.2f}', '', '']], []
+    rows = [['none', f'{SPACING**2 * len(whole):.2f}', '', f'{1e3 * follow(None, False):.4f}', '']]
     for name in ROBOT.roller_names:
         cells = reached([name])
-        shares.append(len(cells & whole) / len(whole))
-        beside = len(cells - whole) / len(whole)
-        area = SPACING**2 * len(cells)
-        rows.append([name, f'{area:.2f}', f'{100 * shares[-1]:.0f} %', f'{100 * beside:.0f} %'])
-    print_table(['failed roller', 'reached m^2', 'kept', 'beside it'], rows)
-    print(f'\nkept at least {100 * min(shares):.0f} %, on average {100 * np.mean(shares):.0f} %\n')
-
-    rows = []
-    for name in (None, *ROBOT.roller_names):
-        blind, knowing = follow(name, False, False), follow(name, True, False)
-        finding = follow(name, False, True)
-        errors = [f'{1e3 * error:.4f}' for error in (blind, finding, knowing)]
-        rows.append([name or 'none', *errors, f'{blind / finding:.1f}'])
-    header = ['failed roller', 'not known mm', 'found out mm', 'known mm', 'not known / found out']
-    print_table(header, rows)
-
-
-if __name__ == '__main__':
-    main()
+        errors = [f'{1e3 * follow(name, detect):.4f}' for detect in (False, True)]
+        kept = f'{100 * len(cells & whole) / len(whole):.0f} %'
+        rows.append([name, f'{SPACING**2 * len(cells):.2f}', kept, *errors])
+    header = ('failed', 'reached [m^2]', 'kept', 'unknown [mm]', 'detected [mm]')
+    yield Table('', header, rows)

@@ -74,34 +74,3 @@ def top_module(description: RobotDescription) -> str:
     """Return the module at the top of the robot, a driven one."""
     tube = next(tube for tube in description.tubes if TOP_JOINT in tube.joints)
     return f'{tube.name}/{TOP_JOINT}'
-
-
-def write_robot_file(description: RobotDescription) -> str:
-    """Return a description as the text of a robot file."""
-    module = description.module
-    lines = [
-        f'name: {description.name}',
-        f'frame: {description.frame}',
-        'joints:',
-        *(f'  {name}: [{x!r}, {y!r}]' for name, (x, y) in description.joints.items()),
-        'tubes:',
-        *(
-            f'  {tube.name}: {{joints: [{", ".join(tube.joints)}], passive: {tube.passive}}}'
-            for tube in description.tubes
-        ),
-        'module:',
-        f'  pinch_separation: {module.pinch_separation}',
-        f'  rod_length: {module.rod_length}',
-        f'  guide_ring_distance: {module.guide_ring_distance}',
-        f'  axial_rigidity: {module.axial_rigidity}',
-        f'  flexural_rigidity: {module.flexural_rigidity}',
-        'tube:',
-        f'  diameter: {description.tube_diameter}',
-        f'  pressure: {dict(description.pressures)}',
-        f'  stiffness: {{model: {description.stiffness["model"]}}}',
-        'supports:',
-        *(f'  {joint}: [{", ".join(axes)}]' for joint, axes in description.supports.items()),
-        f'rollers: {{max_speed: {description.max_speed}}}',
-        f'members: {{min_length: {description.min_length}, max_length: {description.max_length}}}',
-    ]
-    return '\n'.join(lines) + '\n'

@@ -1,14 +1,11 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-
 """
 What the nodes take of a core, and how long a cycle is, with the real topics.
 
 Simulator and manipulation run as processes, at the same rate; twists come at 100 Hz, commands and
 status leave in every cycle. The peer, at the same time, is a node with a timer at 200 Hz that only
 publishes the same two messages: what rclpy itself takes.
-
-    python benchmarks/manipulation_node.py
 """
 
 from __future__ import annotations
@@ -17,32 +14,27 @@ from collections.abc import Iterator, Mapping
 import contextlib
 from dataclasses import dataclass, field
 import math
-import multiprocessing
-import os
 from pathlib import Path
 import subprocess
 import sys
 import tempfile
 import time
 
+from benchmarks.measuring import SHARE, Table
 from geometry_msgs.msg import Twist
 from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.core import Status
 from isotruss_ros.demo.processes import keep_to_this_machine, running_nodes
 from isotruss_ros.nodes.conversions.messages import read_stamp, to_twist_message
-from measuring import print_machine, print_table, SHARE
 import numpy as np
 import psutil
 import rclpy
 from rclpy.node import Node
-from std_msgs.msg import Float64MultiArray
 
-WARM_UP = max(1.0, 3.0 * SHARE)
+WARM_UP = 3.0
 #: Within how many seconds the nodes send their first status.
 COMING_UP = 60
 DURATION = max(0.5, 12.0 * SHARE)
-#: Of the empty node [Hz].
-PEER_RATE = 200.0
 #: Diameter, friction and depth of the object that elastic tubes hold.
 HELD = {'object_diameter': 0.3, 'friction': 0.8}
 INDENTATION, SQUEEZE = 0.01, 10.0
@@ -54,27 +46,22 @@ class Case:
 
     name: str
     rate: float  #: of manipulation [Hz]
-    goal: str  #: what is asked for, in words
     simulator: Mapping[str, object] = field(default_factory=dict)
     manipulation: Mapping[str, object] = field(default_factory=dict)
     analysis: bool = False
-    beside: int = 0  #: busy processes that run meanwhile
 
 
-CORES = os.cpu_count() or 1
 CASES = (
-    Case('manipulation', 100.0, '18 %, p99 5 ms'),
+    Case('manipulation', 100.0),
     Case(
         'with squeeze_force',
         100.0,
-        '32 %, p99 5 ms',
         HELD | {'plant': 'elastic', 'indentation': INDENTATION},
         HELD | {'squeeze_force': SQUEEZE},
     ),
-    Case('and simulator, analysis', 100.0, '80 %, p99 5 ms', analysis=True),
-    Case(f'beside {CORES} busy', 100.0, 'p99 10 ms', beside=CORES),
-    Case('manipulation', 200.0, ''),
-    Case('manipulation', 1000.0, ''),
+    Case('and simulator, analysis', 100.0, analysis=True),
+    Case('manipulation', 200.0),
+    Case('manipulation', 1000.0),
 )
 
 
@@ -88,25 +75,6 @@ class Load:
     cycles: np.ndarray
 
 
-def turn_in_circles() -> None:
-    """Keep a core busy."""
-    while True:
-        pass
-
-
-@contextlib.contextmanager
-def busy_processes(count: int) -> Iterator[None]:
-    """Keep cores busy during a block."""
-    burners = [multiprocessing.Process(target=turn_in_circles, daemon=True) for _ in range(count)]
-    for burner in burners:
-        burner.start()
-    try:
-        yield
-    finally:
-        for burner in burners:
-            burner.terminate()
-
-
 def cpu_time(processes: list[psutil.Process]) -> float:
     """Return the CPU time that processes have taken [s]."""
     times = [process.cpu_times() for process in processes]
@@ -116,7 +84,9 @@ def cpu_time(processes: list[psutil.Process]) -> float:
 @contextlib.contextmanager
 def running_peer() -> Iterator[psutil.Process]:
     """Run the peer during a block."""
-    with subprocess.Popen([sys.executable, __file__, '--peer']) as process:
+    with subprocess.Popen(
+        [sys.executable, Path(__file__).with_name('peer.py'), 'peer/commands']
+    ) as process:
         try:
             yield psutil.Process(process.pid)
         finally:
@@ -160,17 +130,16 @@ def measure_nodes(case: Case) -> Load:
         statuses.clear()
         started = [psutil.Process(process.process.pid) for process in processes]
         watched = started if case.analysis else started[1:2]
-        with busy_processes(case.beside):
-            before, peer_before, measured = cpu_time(watched), cpu_time([peer]), time.monotonic()
-            spin(DURATION)
-            passed = time.monotonic() - measured
-            share = (cpu_time(watched) - before) / passed
-            peer_share = (cpu_time([peer]) - peer_before) / passed
+        before, peer_before, measured = cpu_time(watched), cpu_time([peer]), time.monotonic()
+        spin(DURATION)
+        passed = time.monotonic() - measured
+        share = (cpu_time(watched) - before) / passed
+        peer_share = (cpu_time([peer]) - peer_before) / passed
     node.destroy_node()
     rclpy.shutdown()
     moving = [status for status in statuses if status.code == Status.OK]
     if len(moving) < 0.9 * len(statuses):
-        print(f'{case.name}: only {len(moving)} of {len(statuses)} cycles moved the object')
+        print(f'{len(moving)} of {len(statuses)} cycles moved the object', file=sys.stderr)
     times = [read_stamp(status.header) for status in statuses]
     return Load(
         share,
@@ -180,48 +149,14 @@ def measure_nodes(case: Case) -> Load:
     )
 
 
-def run_peer() -> None:
-    """Publish from a timer that does nothing else, until killed."""
-    rclpy.init()
-    node = Node('peer')
-    commands = node.create_publisher(Float64MultiArray, 'peer/commands', 1)
-    statuses = node.create_publisher(ManipulationStatus, 'peer/status', 1)
-    command, status = Float64MultiArray(data=[0.0] * 6), ManipulationStatus()
-    status.header.frame_id = 'truss'
-
-    def publish() -> None:
-        commands.publish(command)
-        statuses.publish(status)
-
-    node.create_timer(1.0 / PEER_RATE, publish)
-    rclpy.spin(node)
-
-
-def main() -> None:
-    """Print the table."""
-    print_machine()
+def tables() -> Iterator[Table]:
+    """Yield what was measured."""
     keep_to_this_machine()
     rows = []
     for case in CASES:
         ours = measure_nodes(case)
-        rows.append(
-            [
-                case.name,
-                f'{case.rate:.0f}',
-                f'{ours.rate:.1f}',
-                f'{100 * ours.share:.1f}',
-                f'{100 * ours.peer:.1f}',
-                f'{ours.share / ours.peer:.1f}',
-                *(f'{1e6 * value:.0f}' for value in np.percentile(ours.cycles, [50.0, 99.0])),
-                case.goal,
-            ]
-        )
-    header = ['nodes', 'rate', 'reached', '% core', 'peer %', 'ratio', 'cycle us', 'p99 us']
-    print_table([*header, 'goal'], rows)
-
-
-if __name__ == '__main__':
-    if sys.argv[1:2] == ['--peer']:
-        run_peer()
-    else:
-        main()
+        cycles = (f'{1e6 * value:.0f}' for value in np.percentile(ours.cycles, [50.0, 99.0]))
+        shares = f'{100 * ours.share:.1f}', f'{100 * ours.peer:.1f}'
+        rows.append([case.name, f'{case.rate:.0f}', f'{ours.rate:.1f}', *shares, *cycles])
+    header = ('nodes', 'rate [Hz]', 'reached', 'core [%]', 'peer [%]', 'cycle [us]', 'p99 [us]')
+    yield Table('', header, rows)

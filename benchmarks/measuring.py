@@ -1,12 +1,12 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Time calls and print tables; the scripts beside this file say what is measured."""
+"""Time calls, and tables of what was measured."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from importlib.metadata import version
+from dataclasses import dataclass
 import os
 from pathlib import Path
 import platform
@@ -18,8 +18,33 @@ import scipy
 
 #: Share of the work of every benchmark: of states, objects, times and so on; tests take little.
 SHARE = float(os.environ.get('BENCHMARK_SHARE', '1'))
-#: The solver that peers of the quadratic programs use, and its options.
-PEER, PEER_OPTIONS = 'daqp', {'primal_tol': 1e-9}
+
+
+@dataclass(frozen=True)
+class Table:
+    """
+    What a case measured, printed in Markdown.
+
+    :ivar title: what the rows are; empty where the page says it.
+    :ivar header: names of the columns, with units.
+    :ivar rows: texts; the first column is left-aligned.
+    """
+
+    title: str
+    header: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
+    def __str__(self) -> str:
+        """Return it as text."""
+        widths = [max(map(len, column)) for column in zip(self.header, *self.rows, strict=True)]
+        marks = [
+            width * '-' if not i else (width - 1) * '-' + ':' for i, width in enumerate(widths)
+        ]
+        lines = [self.title, ''] if self.title else []
+        for first, *others in (self.header, marks, *self.rows):
+            cells = [cell.rjust(width) for cell, width in zip(others, widths[1:], strict=True)]
+            lines.append(f'| {" | ".join([first.ljust(widths[0]), *cells])} |')
+        return '\n'.join(lines)
 
 
 def part(number: int) -> int:
@@ -52,23 +77,12 @@ def median_time(call: Callable[[], Any], budget: float, most: int = 2000) -> flo
     return float(np.median(times))
 
 
-def print_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Print columns, the first one left-aligned and the others right-aligned."""
-    widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
-    for row in (header, ['-' * width for width in widths], *rows):
-        first, *others = row
-        cells = [cell.rjust(width) for cell, width in zip(others, widths[1:], strict=True)]
-        print('  '.join([first.ljust(widths[0]), *cells]).rstrip())
-
-
-def print_machine() -> None:
-    """Print what the numbers depend on."""
+def machine() -> str:
+    """Return what the numbers depend on."""
     cpuinfo = Path('/proc/cpuinfo')
     lines = cpuinfo.read_text(encoding='utf-8').splitlines() if cpuinfo.is_file() else []
     names = [line.split(':')[1].strip() for line in lines if line.startswith('model name')]
-    print(
-        f'{names[0] if names else platform.machine()}, one core '
-        f'(OPENBLAS_NUM_THREADS={os.environ.get("OPENBLAS_NUM_THREADS")}); '
-        f'Python {platform.python_version()}, NumPy {np.__version__}, SciPy {scipy.__version__}, '
-        f'peers: qpsolvers {version("qpsolvers")} with {PEER}\n'
+    return (
+        f'{names[0] if names else platform.machine()}, one core, Python '
+        f'{platform.python_version()}, NumPy {np.__version__}, SciPy {scipy.__version__}'
     )

@@ -1,6 +1,5 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-
 """
 How far an object is from where it should be on a path, with and without feedback of its pose.
 
@@ -8,18 +7,15 @@ The path of the paper's Fig. 9: up, a turn in place by rolling, an arc to which 
 stays normal. The simulated robot's rollers slip, their speeds are noisy, and so is the measured
 pose, which is one cycle old; the rollers get what the node `manipulation` would tell them. Open
 loop is the same feed-forward without feedback. Errors are those of the true pose.
-
-    python benchmarks/path_following.py
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
 import math
-import os
+from typing import NamedTuple
 
-os.environ.update(OPENBLAS_NUM_THREADS='1', OMP_NUM_THREADS='1')  # before NumPy comes in
-
+from benchmarks.measuring import part, SHARE, Table
 from isotruss_ros.core import (
     ConvexObject,
     Grip,
@@ -36,7 +32,6 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.paths.path_tracking import FINISHED, PathPhase, TrackingSettings
-from measuring import part, print_machine, print_table, SHARE
 import numpy as np
 
 ROBOT = load_robot('nine_member')
@@ -56,22 +51,13 @@ LOOPS = {
     'open': TrackingSettings(**WIDE, position_gain=0.0, angle_gain=0.0),
     'closed': TrackingSettings(**WIDE),
 }
-#: What is asked for, and what arXiv 2605.20561 reports for its robot.
-LEAST_FALL = 0.25
 
 
-@dataclass
-class Errors:
-    """Errors of the true pose over one or more runs, in every cycle."""
+class Errors(NamedTuple):
+    """Errors of the true pose in every cycle: position [m] and angle [rad]."""
 
     position: np.ndarray
     angle: np.ndarray
-    end: np.ndarray
-
-    @property
-    def rms(self) -> float:
-        """Return the root mean square of the position error [m]."""
-        return float(np.sqrt(np.mean(self.position**2)))
 
 
 def figure_9() -> ObjectPath:
@@ -125,25 +111,21 @@ def follow(path: ObjectPath, loop: str, slip: float, noisy: bool, seed: int) -> 
             robot.command(command.roller_velocities)
         robot.advance(PERIOD)
         cycle += 1
-    if tracking.phase is not PathPhase.REACHED:
-        print(f'{loop} loop, slip {slip}, seed {seed}: {tracking.message}')
-    return Errors(np.array(position), np.array(angle), np.array(position[-1:]))
+    assert tracking.phase is PathPhase.REACHED, tracking.message
+    return Errors(np.array(position), np.array(angle))
 
 
-def several(path: ObjectPath, loop: str, slip: float, noisy: bool) -> Errors:
-    """Follow the path with rollers and noise of several seeds; once where there is neither."""
-    runs = [
-        follow(path, loop, slip, noisy, seed)
-        for seed in range(SEEDS if noisy or slip > 0.0 else 1)
-    ]
-    return Errors(*(np.concatenate([vars(run)[name] for run in runs]) for name in vars(runs[0])))
+def several(path: ObjectPath, loop: str, slip: float, noisy: bool) -> list[str]:
+    """Follow the path with several seeds; return the root mean square and the largest errors."""
+    runs = [follow(path, loop, slip, noisy, seed) for seed in range(SEEDS)]
+    position, angle = (np.concatenate(each) for each in zip(*runs, strict=True))
+    rms = float(np.sqrt(np.mean(position**2)))
+    return [f'{1e3 * value:.2f}' for value in (rms, position.max(), angle.max())]
 
 
-def main() -> None:
-    """Print the table."""
-    print_machine()
+def tables() -> Iterator[Table]:
+    """Yield what was measured."""
     path = figure_9()
-    print(f'{path.length:.2f} m, {path.duration:.1f} s, position errors in mm, angles in mrad\n')
     rows = []
     for name, slip, noisy in (
         ('neither', 0.0, False),
@@ -151,29 +133,8 @@ def main() -> None:
         ('5 % slip', 0.05, False),
         ('5 % slip and noise', 0.05, True),
     ):
-        errors = {loop: several(path, loop, slip, noisy) for loop in LOOPS}
-        ratio = errors['closed'].rms / errors['open'].rms
-        asked = slip > 0.0
-        rows.append(
-            [
-                name,
-                *(
-                    f'{1e3 * value:.2f}'
-                    for loop in LOOPS
-                    for value in (
-                        errors[loop].rms,
-                        errors[loop].position.max(),
-                        errors[loop].end.max(),
-                        errors[loop].angle.max(),
-                    )
-                ),
-                f'{ratio:.3f}',
-                ('pass' if ratio <= 1.0 - LEAST_FALL else 'FAIL') if asked else '',
-            ]
-        )
-    columns = [f'{loop} {what}' for loop in LOOPS for what in ('rms', 'max', 'end', 'angle')]
-    print_table(['', *columns, 'closed/open', f'<= {1.0 - LEAST_FALL}'], rows)
-
-
-if __name__ == '__main__':
-    main()
+        rows.append([name, *(text for loop in LOOPS for text in several(path, loop, slip, noisy))])
+    columns = [
+        f'{loop}: {what}' for loop in LOOPS for what in ('rms [mm]', 'max [mm]', 'angle [mrad]')
+    ]
+    yield Table('', ('disturbance', *columns), rows)

@@ -1,41 +1,37 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-
 """
 How long an import takes, and a node from its start to its first command.
 
 Each is a process of its own; the peers are the import of NumPy and SciPy's linear algebra, and an
 empty rclpy node that publishes the same type of message at the same rate.
-
-    python benchmarks/start_up.py
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-import contextlib
+from collections.abc import Iterator, Sequence
 import os
+from pathlib import Path
 import signal
 import subprocess
 import sys
 import time
 
+from benchmarks.measuring import part, Table
 from isotruss_ros.demo.processes import keep_to_this_machine
-from measuring import part, print_machine, print_table
 import numpy as np
 import rclpy
-from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray
 
 TRIALS = part(7)
-RATE = 200.0
 COMMANDS = 'roller_velocity_controller/commands'
 #: A process that says nothing for so long has failed [s].
 DEADLINE = 30.0
 IMPORTS = ('import isotruss_ros.core', 'import numpy, scipy.linalg')
 #: What sends zeros while no input came: the first command.
-NODE = ('-m', 'isotruss_ros.executables', 'manipulation', '--ros-args', '-p', f'rate:={RATE}')
+NODE = ('-m', 'isotruss_ros.executables', 'manipulation', '--ros-args', '-p', 'rate:=200.0')
+PEER = (str(Path(__file__).with_name('peer.py')), COMMANDS)
 
 
 def environment() -> dict[str, str]:
@@ -89,35 +85,16 @@ class Watch:
             self._seen.clear()
 
 
-def run_peer() -> None:
-    """Publish from an empty timer until killed."""
-    rclpy.init()
-    node = Node('peer')
-    publisher = node.create_publisher(Float64MultiArray, COMMANDS, 1)
-    message = Float64MultiArray(data=[0.0] * 6)
-    node.create_timer(1.0 / RATE, lambda: publisher.publish(message))
-    with contextlib.suppress(KeyboardInterrupt, ExternalShutdownException):
-        rclpy.spin(node)
-
-
-def main() -> None:
-    """Print the table."""
-    print_machine()
+def tables() -> Iterator[Table]:
+    """Yield what was measured."""
     keep_to_this_machine()
     rows, watch = [], Watch()
-    for what, measure, ours, peer, target in (
-        ('import of the core', time_import, *IMPORTS, 0.3),
-        ('start to first command', watch.time_first_command, NODE, (__file__, '--peer'), 1.5),
+    for what, measure, ours, peer in (
+        ('import of the core', time_import, *IMPORTS),
+        ('start to first command', watch.time_first_command, NODE, PEER),
     ):
         # In turn, so that both see the same machine.
         times = np.median([(measure(ours), measure(peer)) for _ in range(TRIALS)], axis=0)
         own, other = times.tolist()
-        rows.append([what, f'{own:.2f}', f'{other:.2f}', f'{own / other:.1f}', f'{target:.1f}'])
-    print_table(['', 's', 'peer s', 'ratio', 'target'], rows)
-
-
-if __name__ == '__main__':
-    if sys.argv[1:] == ['--peer']:
-        run_peer()
-    else:
-        main()
+        rows.append([what, f'{own:.2f}', f'{other:.2f}', f'{own / other:.1f}'])
+    yield Table('', ('what', 'ours [s]', 'peer [s]', 'ratio'), rows)

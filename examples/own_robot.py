@@ -8,7 +8,6 @@ import tempfile
 
 from isotruss_ros import core
 from isotruss_ros.core.errors import RobotFileError
-from isotruss_ros.core.kinematics.rigidity import worst_case_rigidity_index
 
 ROBOT = """
 name: tall_triangle
@@ -31,7 +30,6 @@ with tempfile.TemporaryDirectory() as folder:
     path.write_text(ROBOT)
     robot = core.load_robot(path)
     print(robot.name, robot.roller_names, robot.home.member_lengths.round(3))
-    print('worst-case rigidity index', worst_case_rigidity_index(robot.home))
 
     path.write_text(ROBOT.replace('rod_length: 0.15', 'rod_length: -0.15'))
     try:

@@ -20,10 +20,6 @@ class GraspError(IsotrussError, ValueError):
     """The grasp, the twist or the list of failed rollers is invalid."""
 
 
-class GainError(GraspError):
-    """A user-defined gain is beyond the stable range of the held object."""
-
-
 class ObjectFileError(GraspError):
     """A file or text describes no valid object."""
 

@@ -36,8 +36,6 @@ SPECS = (
     replace(common.RATE, bounds=(10.0, 1000.0)),
     common.COMMAND_TIMEOUT,
     common.USE_STAMPED_TWIST,
-    Spec('position_gain', 2.0, 'Decay rate of the position error [1/s]', (0.0, 20.0)),
-    Spec('angle_gain', 2.0, 'Decay rate of the orientation error [1/s]', (0.0, 20.0)),
     Spec('ramp_time', 0.5, 'Time from rest to the speed of the path, and back [s]', (0.01, 10.0)),
     Spec(
         'progress_timeout',
@@ -130,10 +128,8 @@ class PathFollower(ManagedNode):
         settings = TrackingSettings(
             goal.position_tolerance,
             goal.angle_tolerance,
-            values.position_gain,
-            values.angle_gain,
-            values.ramp_time,
-            values.progress_timeout,
+            ramp_time=values.ramp_time,
+            progress_timeout=values.progress_timeout,
         )
         here, smooth = self._servo.measured(self.now()), values.smooth_path
         try:

@@ -8,18 +8,15 @@ from pathlib import Path
 import subprocess
 import sys
 
+from benchmarks.__main__ import NAMES
 from nightly import some_now
 import pytest
 
 ROOT = Path(__file__).parents[2]
-HELPERS = {'__main__', 'measuring', 'large_robots'}
-NAMES = sorted({path.stem for path in (ROOT / 'benchmarks').glob('*.py')} - HELPERS)
-#: What needs a browser, or packages that are not in requirements-extra.txt.
-ENDLESS = {'viewer_load'}
 
 
 @pytest.mark.timeout(600)
-@pytest.mark.parametrize('name', some_now([name for name in NAMES if name not in ENDLESS], 2))
+@pytest.mark.parametrize('name', some_now(NAMES, 2))
 def test_benchmark_runs_in_its_shortest_form(name):
     ran = subprocess.run(
         [sys.executable, '-m', 'benchmarks', name],

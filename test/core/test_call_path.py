@@ -22,18 +22,14 @@ BOUNDS = {
 def counted():
     """Return what benchmarks/call_path.py counts, in a process without other tests' caches."""
     told = subprocess.run(
-        [sys.executable, ROOT / 'benchmarks' / 'call_path.py'],
+        [sys.executable, '-m', 'benchmarks', 'call_path'],
+        cwd=ROOT,
         capture_output=True,
         text=True,
         check=True,
     )
-    rows = [line.rsplit(maxsplit=2) for line in told.stdout.splitlines() if line.strip()]
-    return {
-        name: (int(row[1]), int(row[2]))
-        for name in BOUNDS
-        for row in rows
-        if len(row) == 3 and row[0].startswith(name) and row[1].isdigit()
-    }
+    rows = [[cell.strip() for cell in line.split('|')[1:]] for line in told.stdout.splitlines()]
+    return {row[0]: (int(row[1]), int(row[2])) for row in rows if row and row[0] in BOUNDS}
 
 
 @pytest.mark.parametrize('name', BOUNDS)

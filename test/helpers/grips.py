@@ -19,7 +19,7 @@ import numpy as np
 import robots
 
 #: Settings of the squeeze control for the elastic plant, which has no masses, and pulls.
-MASSLESS = {'pose_gain': 20.0, 'force_gain': True, 'load': 5.0}
+MASSLESS = {'pose_gain': 20.0, 'load': 5.0}
 
 
 def gripped(degrees=35.0, diameter=0.3, squeeze=0.02, module='north/Z', robot='nine_member'):

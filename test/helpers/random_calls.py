@@ -25,7 +25,6 @@ from isotruss_ros.calibration.stiffness_scale import (
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.estimation.state_estimator import StateEstimator
 from isotruss_ros.core.inputs import RollerState, StampedInput
-from isotruss_ros.core.kinematics.rigidity import worst_case_rigidity_index
 from isotruss_ros.core.manipulation.grip import find_contacts
 from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 from isotruss_ros.core.model.presets import preset_names
@@ -327,7 +326,6 @@ def margins(world):
     """Compute margins, rigidity and what can be reached."""
     return (
         shape_margins(world.config),
-        worst_case_rigidity_index(world.config),
         core.reachable_twists(world.config, world.grip, world.failed),
     )
 

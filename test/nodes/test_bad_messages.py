@@ -393,7 +393,6 @@ def test_invalid_parameters_are_rejected_at_run_time(kind):
         may = {
             'require_emergency_stop',
             'flattening',
-            'force_gain',
             'slide_along_limits',
             'smooth_path',
         }  # true is a good value of these

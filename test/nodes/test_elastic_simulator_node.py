@@ -4,12 +4,9 @@
 """The simulator with the elastic plant: held from the start, pulled at, dropped."""
 
 import re
-from unittest.mock import ANY, Mock
 
 from geometry_msgs.msg import PoseStamped
-from isotruss_ros.core import ElasticObject
 from isotruss_ros.core.holding.held_grip import HoldStatus
-from isotruss_ros.nodes.simulator import node as simulator
 from isotruss_ros.nodes.simulator.node import Simulator
 from manual_world import world
 import numpy as np
@@ -17,14 +14,6 @@ from probe import CENTER, maker
 import pytest
 
 node = maker(Simulator, plant='elastic', friction=0.8, indentation=0.05, rate=50.0)
-
-
-def test_every_parameter_of_the_object_reaches_it(monkeypatch):
-    make = Mock(wraps=ElasticObject)
-    monkeypatch.setattr(simulator, 'ElasticObject', make)
-    given = {'stiffness_scale': 1.3}
-    with world(node(**given)):
-        make.assert_called_once_with(ANY, 0.8, *given.values())
 
 
 def test_a_load_moves_the_object_and_lets_it_back():

@@ -79,8 +79,6 @@ def test_every_parameter_of_the_servo_reaches_it():
         'pressure_timeout': 9.0,
         'squeeze_force': 30.0,
         'object_mass': 1.5,
-        'pose_gain': 2.0,
-        'force_gain': True,
         'frequency': 8.0,
         'expected_load': 4.0,
         'zero_deviation': 0.002,
@@ -103,10 +101,8 @@ def test_every_parameter_of_the_servo_reaches_it():
     body = ConvexObject(Disc(0.21), mass=1.5)
     assert servo.grip == Grip(('north/P-Z', 'north/Z-R'), body, 0.7)
     assert (servo.period, servo.timeout, servo.pressure_timeout) == (0.02, 0.3, 9.0)
-    assert (servo.slide_along_limits, servo.detector.criterion.time) == (True, 3.0)
-    assert servo.squeeze.settings == SqueezeSettings(
-        30.0, pose_gain=2.0, force_gain=True, frequency=8.0, load=4.0, zeros=0.002
-    )
+    assert (servo.slide_along_limits, servo.detector.failure_time) == (True, 3.0)
+    assert servo.squeeze.settings == SqueezeSettings(30.0, frequency=8.0, load=4.0, zeros=0.002)
     # One that is raised while the node runs goes on from where it is.
     regulated = servo.squeeze
     servo_settings.apply_settings(servo, SimpleNamespace(**given | {'squeeze_force': 34.0}), None)

@@ -84,7 +84,6 @@ REFUSED = [
     ('simulator', {'seed': -1}, 'seed: -1: out of range'),
     ('viewer', {'port': -1}, 'port: -1: out of range'),
     ('simulator', {'indentation': -0.01}, 'range'),
-    ('simulator', {'stiffness_scale': 0.0}, 'stiffness_scale'),
     ('simulator', {'rate': 1e9}, 'range'),
     ('simulator', {'clock_speed': 1.0}, 'clock_speed'),
 ]

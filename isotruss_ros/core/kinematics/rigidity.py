@@ -11,8 +11,6 @@ a mechanism.
 
 Block inverse iteration with the available factor replaces a full singular value decomposition. A
 block finds the smallest value also if singular values are close or change their order.
-
-The worst-case rigidity index of the literature on truss robots excludes modules and supports.
 """
 
 from __future__ import annotations
@@ -111,28 +109,3 @@ def rigidity_index(robot: Robot) -> RigidityIndex:
     :param robot: the robot.
     """
     return RigidityIndex(robot)
-
-
-@single_threaded
-def worst_case_rigidity_index(config: Configuration) -> float:
-    """
-    Return the worst-case rigidity index of the truss between the joints.
-
-    Smallest eigenvalue of R^T R beyond the rigid-body modes, divided by the trace. R has a row for
-    each member, a bar from joint to joint: x_i - x_j at joint i and x_j - x_i at joint j, not
-    normalised; there are no supports. The index is independent of the size of the truss, 1/4 for
-    an equilateral triangle, and 0 if the truss is not rigid without its supports.
-
-    :param config: where the robot is.
-    """
-    topology = config.robot.topology
-    joints = config.points[: len(topology.joint_names)]
-    start, end = topology.joint, topology.joint[topology.following]
-    bars = np.arange(topology.n_modules)
-    rows = np.zeros((len(bars), len(joints)), dtype=np.complex128)
-    rows[bars, start] = joints[start] - joints[end]
-    rows[bars, end] = joints[end] - joints[start]
-    rigidity = rows.view(np.float64)
-    # The three rigid-body modes have the eigenvalue 0.
-    eigenvalues = np.linalg.eigvalsh(rigidity.T @ rigidity)[3:]
-    return float(max(eigenvalues[0], 0.0) / eigenvalues.sum())

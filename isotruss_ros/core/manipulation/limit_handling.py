@@ -44,6 +44,12 @@ MAX_ROLLERS_WITH_ALL_ROWS = 60
 ROW_BATCH = 16
 #: Tolerance of the bounds in the scaled program [-].
 ROW_TOLERANCE = 1e-10
+#: Full roller speed is used where the surface of the object moves at 2 / `PROGRESS_WEIGHT` of it
+#: or more along the twist, less below [-]. In loops slower than `REFERENCE_PERIOD` [s], the weight
+#: falls with the period.
+PROGRESS_WEIGHT, REFERENCE_PERIOD = 100.0, 1e-2
+#: Weight of the roller speeds against the error of the twist when sliding [-].
+SLIDE_WEIGHT = 1e-2
 
 #: Solver: cost, task and rows to speeds (n,) and progress.
 Solver: TypeAlias = Callable[[Array, Array, Rows], tuple[Array, float]]
@@ -56,18 +62,10 @@ class LimitHandling:
 
     :ivar slide_along_limits: slide along limits of the configuration instead of stopping.
     :ivar period: period of the control loop [s]; enables regularization. Zero: largest progress.
-    :ivar progress_weight: weight of progress [-]: full roller speed is used if the object's
-        surface moves along the twist at 2 / `progress_weight` of it or more.
-    :ivar reference_period: period above which the weight decreases with the period [s].
-    :ivar slide_weight: weight of the roller speeds against the error of the twist when sliding
-        [-].
     """
 
     slide_along_limits: bool = False
     period: float = 0.0
-    progress_weight: float = 100.0
-    reference_period: float = 1e-2
-    slide_weight: float = 1e-2
 
 
 def apply_limits(
@@ -102,9 +100,9 @@ def apply_limits(
     farthest, direction = min(asked / unit, MAX_SCALE), task.direction / gain
     penalty, weight, guess = PENALTIES[0], MIN_REGULARIZATION, None
     if handling.period > 0.0:
-        slower = min(1.0, handling.reference_period / handling.period)
-        penalty = min(penalty, handling.progress_weight * slower * max_speed / (unit * gain))
-        weight, guess = handling.slide_weight, task.free / gain
+        slower = min(1.0, REFERENCE_PERIOD / handling.period)
+        penalty = min(penalty, PROGRESS_WEIGHT * slower * max_speed / (unit * gain))
+        weight, guess = SLIDE_WEIGHT, task.free / gain
 
     def progress(cost: Array, equality: Array, limited: Rows) -> tuple[Array, float]:
         return maximize_progress(cost, equality, direction, farthest, limited, penalty)

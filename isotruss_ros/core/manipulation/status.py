@@ -53,7 +53,6 @@ class Status(enum.IntEnum):
     HALT_OTHER_COMMANDS = 45  #: another node also commands the rollers
     HALT_SLIPPED = 46  #: the object slipped or its pose is inconsistent; squeeze regulated
     HALT_OSCILLATES = 48  #: the oscillation of the object grows: the rollers stop
-    HALT_GAIN = 49  #: a user-defined gain exceeds the stability bound of the held object
     HALT_STALE_TUBE_PRESSURES = 50
     HALT_INVALID_TUBE_PRESSURES = 51
 

@@ -12,37 +12,28 @@ drift.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 
 from isotruss_ros.core.model.topology import check_roller_names
 from isotruss_ros.core.numerics.arrays import Array, Flags
 import numpy as np
 
-
-@dataclass(frozen=True)
-class FailureCriterion:
-    """
-    Criterion of a failed roller.
-
-    :ivar time: commanded time without motion [s].
-    :ivar min_speed: smallest commanded speed that counts, above stiction [m/s].
-    :ivar min_travel: smallest commanded range of travel that counts [m].
-    :ivar min_swing: smallest commanded range that counts, in units of the mean commanded speed
-        [s]; drives need not follow faster oscillations.
-    :ivar min_share: measured share of the commanded range that proves motion [-].
-    :ivar settling: largest delay between command and motion [s].
-    :ivar evident: commanded range after which a working roller is timed anew [m].
-    :ivar max_gap: largest interval of samples that count; they must not run back [s].
-    """
-
-    time: float = 1.0
-    min_speed: float = 0.002
-    min_travel: float = 0.002
-    min_swing: float = 0.1
-    min_share: float = 0.25
-    settling: float = 0.2
-    evident: float = 0.02
-    max_gap: float = 0.5
+#: Commanded time without motion after which a roller has failed [s].
+FAILURE_TIME = 1.0
+#: Smallest commanded speed that counts, above stiction [m/s].
+MIN_SPEED = 0.002
+#: Smallest commanded range of travel that counts [m].
+MIN_TRAVEL = 0.002
+#: Smallest commanded range that counts, over the mean commanded speed [s]: drives need not follow
+#: faster oscillations.
+MIN_SWING_TIME = 0.1
+#: Measured share of the commanded range that proves motion [-].
+MIN_SHARE = 0.25
+#: Largest delay between command and motion [s].
+SETTLING_TIME = 0.2
+#: Commanded range after which a working roller is timed anew [m].
+EVIDENT_TRAVEL = 0.02
+#: Largest interval of samples that count; they must not run back [s].
+MAX_GAP = 0.5
 
 
 class _Range:
@@ -71,14 +62,15 @@ class FailureDetector:
     roller cannot prove that it works.
 
     :ivar failed: names of the failed rollers.
+    :ivar failure_time: see below; may change at any time.
     :param names: names of the rollers.
-    :param criterion: criterion of a failed roller.
+    :param failure_time: commanded time without motion after which a roller has failed [s].
     """
 
-    def __init__(self, names: Sequence[str], criterion: FailureCriterion) -> None:
+    def __init__(self, names: Sequence[str], failure_time: float = FAILURE_TIME) -> None:
         count = len(names)
         self.failed: frozenset[str] = frozenset()
-        self.criterion = criterion
+        self.failure_time = failure_time
         self._names = tuple(names)
         self._time: float | None = None
         self._sent = np.zeros(count)  # commanded travel [m]
@@ -112,10 +104,10 @@ class FailureDetector:
             return
         elapsed = time - self._time if self._time is not None else -1.0
         self._time = time
-        if not 0.0 < elapsed <= self.criterion.max_gap:
+        if not 0.0 < elapsed <= MAX_GAP:
             self._begin(np.ones(len(self._names), dtype=bool), positions)
             return
-        counts = np.abs(commanded) >= self.criterion.min_speed
+        counts = np.abs(commanded) >= MIN_SPEED
         step = elapsed * np.where(counts, commanded, 0.0)
         self._sent += step
         self._path += np.abs(step)
@@ -126,9 +118,9 @@ class FailureDetector:
 
     def _judge(self, time: float, positions: Array) -> None:
         """Flag failed rollers and restart the timing of working ones."""
-        criterion, sent, moved = self.criterion, self._sent_range.size, self._moved_range.size
-        timed = (sent >= criterion.evident) & (moved >= criterion.min_share * sent)
-        long = self._commanded >= criterion.time - criterion.settling
+        sent, moved = self._sent_range.size, self._moved_range.size
+        timed = (sent >= EVIDENT_TRAVEL) & (moved >= MIN_SHARE * sent)
+        long = self._commanded >= self.failure_time - SETTLING_TIME
         if long.any():
             timed |= self._flag(long, sent, moved, time)
         if timed.any():
@@ -136,14 +128,13 @@ class FailureDetector:
 
     def _flag(self, long: Flags, sent: Array, moved: Array, time: float) -> Flags:
         """Flag failed rollers among those with a sufficient command; return the rollers due."""
-        criterion = self.criterion
-        swing = criterion.min_swing * self._path
-        far = (sent >= criterion.min_travel) & (sent * self._commanded >= swing)
+        swing = MIN_SWING_TIME * self._path
+        far = (sent >= MIN_TRAVEL) & (sent * self._commanded >= swing)
         ready = long & far & np.isnan(self._asked)
         self._asked[ready], self._asked_at[ready] = sent[ready], time
-        settled = time - self._asked_at >= criterion.settling
-        due = ~np.isnan(self._asked) & settled & (self._commanded >= criterion.time)
-        stuck = due & (moved < criterion.min_share * self._asked)
+        settled = time - self._asked_at >= SETTLING_TIME
+        due = ~np.isnan(self._asked) & settled & (self._commanded >= self.failure_time)
+        stuck = due & (moved < MIN_SHARE * self._asked)
         if stuck.any():
             self.failed |= {self._names[i] for i in np.flatnonzero(stuck)}
         return due

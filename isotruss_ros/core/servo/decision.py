@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from isotruss_ros.core.errors import GainError, GraspError, IsotrussError
+from isotruss_ros.core.errors import GraspError, IsotrussError
 from isotruss_ros.core.estimation.state_estimate import MAX_KNOWN_DEVIATION
 from isotruss_ros.core.inputs import InputError
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
@@ -15,7 +15,6 @@ from isotruss_ros.core.numerics.arrays import Array
 
 #: The status for each error of the solution; the last is that of any other.
 HALTS = (
-    (GainError, Status.HALT_GAIN),
     (GraspError, Status.HALT_NO_GRASP),
     (IsotrussError, Status.HALT_KINEMATICS),
 )

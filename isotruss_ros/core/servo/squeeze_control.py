@@ -152,7 +152,6 @@ class SqueezeControl:
         :param sample: the last pose, and how much older than the configuration it is [s]; that of
             the grip, of now, if None.
         :return: whether the object is held in the model; if not, why.
-        :raises GainError: see `choose_gain`.
         :raises GraspError: see `find_contacts`.
         :raises ConfigurationError: the configuration is singular.
         :raises StructureError: see `structure_of`.
@@ -271,11 +270,9 @@ class SqueezeControl:
 
     def _choose_gains(self, grasp: HeldGrip) -> None:
         """Let the gains follow from the frequency."""
-        settings, description = self.settings, grasp.config.robot.description
+        settings = self.settings
         self.frequency = settings.frequency or lowest_frequency(grasp)
-        gain = choose_gain(
-            self.frequency, description.damping_ratio, settings.pose_gain, settings.force_gain
-        )
+        gain = settings.pose_gain or choose_gain(self.frequency)
         self.gains = gains_of(self._softening * gain)
 
     def _look_for_swings(self, belief: GripBelief, elapsed: float) -> None:

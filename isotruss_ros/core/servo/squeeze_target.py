@@ -14,9 +14,8 @@ class SqueezeSettings:
     What the squeeze is to be, and how quickly it gets there.
 
     :ivar force: mean normal force of the grasping members, positive [N].
-    :ivar pose_gain: the user's own gain of the pose, from which the others follow; None for that
-        of the frequency, see `choose_gain` [1/s].
-    :ivar force_gain: accept a gain beyond the limit.
+    :ivar pose_gain: of the pose, from which the others follow; None for that of the frequency, see
+        `choose_gain` [1/s].
     :ivar frequency: lowest natural frequency of the held object, measured; None to compute it from
         the masses [rad/s].
     :ivar max_utilisation: of the moment at which tubes wrinkle; commands that lead toward it are
@@ -27,7 +26,6 @@ class SqueezeSettings:
 
     force: float
     pose_gain: float | None = None
-    force_gain: bool = False
     frequency: float | None = None
     max_utilisation: float = 1.0
     load: float = 0.0

@@ -20,7 +20,6 @@ from isotruss_ros.nodes.bring_up.joint_markers import (
     JointMarkers,
     MeasuredJoints,
     REST_TOLERANCE,
-    WINDOW,
 )
 from isotruss_ros.nodes.framework.parameters import FixedSpec, ROBOT
 from isotruss_ros.nodes.framework.runner import StoppableNode
@@ -29,7 +28,6 @@ import numpy as np
 SPECS = (
     ROBOT,
     FixedSpec('output', 'calibrated_robot.yaml', 'Output robot file, possibly that of `robot`'),
-    WINDOW,
     DEVIATION,
 )
 
@@ -44,7 +42,7 @@ class Calibration(StoppableNode):
         """Subscribe, and offer the services."""
         self._robot = load_robot(self.values.robot)
         self._output = Path(self.values.output)
-        self._markers = JointMarkers(self, self._robot, self.values.window)
+        self._markers = JointMarkers(self, self._robot)
         self._postures: list[Posture] = []
         self._stiffness: StiffnessCalibration | None = None
         self.offer('calibrate_home', self._calibrate_home)

@@ -33,7 +33,6 @@ SPECS = (
     Spec('travel', 0.02, 'Travel of each roller [m]', (0.005, 0.05)),
     Spec('speed', 0.01, 'Speed of each roller [m/s]', (0.001, 0.05)),
     Spec('settle_time', 1.0, 'Time in which the robot comes to rest [s]', (0.0, 30.0)),
-    WINDOW,
     DEVIATION,
     FixedSpec('output', '', 'Robot file for the mark of checked rollers; none if empty'),
 )
@@ -55,11 +54,11 @@ class CheckRollers(StoppableNode):
         self.right: list[str] = []
         self._commands = RollerCommands(self, len(self._robot.roller_names))
         self._commands.subscribe()
-        self._markers = JointMarkers(self, self._robot, self.values.window)
+        self._markers = JointMarkers(self, self._robot)
         self.create_subscription(Bool, 'emergency_stop', self._receive_stop, LATCHED)
         self._velocities = np.zeros(len(self._robot.roller_names))
         self._course = self._check_all()
-        self._due = self.now() + self.values.window + self.values.settle_time
+        self._due = self.now() + WINDOW + self.values.settle_time
         create_steady_timer(self, 1.0 / self.values.rate, self._cycle)
 
     def stop(self) -> None:
@@ -86,7 +85,7 @@ class CheckRollers(StoppableNode):
     def _check_all(self) -> Generator[float, None, None]:
         """Check one roller after the other; yields pauses [s]."""
         travel, speed = self.values.travel, self.values.speed
-        rest = self.values.settle_time + self.values.window
+        rest = self.values.settle_time + WINDOW
         for number, name in enumerate(self._robot.roller_names):
             before = self._markers.measure(self.now()).posture
             for direction in (1.0, -1.0):

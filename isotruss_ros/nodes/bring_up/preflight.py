@@ -12,7 +12,7 @@ from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.core import IsotrussError, load_robot
 from isotruss_ros.core.inputs import Input, InputError, require_fresh
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.nodes.bring_up.joint_markers import JointMarkers, MAX_TOPIC_AGE, WINDOW
+from isotruss_ros.nodes.bring_up.joint_markers import JointMarkers, MAX_TOPIC_AGE
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.parameters import ROBOT, Spec
@@ -30,7 +30,6 @@ MAX_ZERO_ERROR = 0.01
 SPECS = (
     ROBOT,
     common.OBJECT,
-    WINDOW,
     Spec('listen_time', 3.0, 'Time of listening to topics [s]', (0.5, 60.0)),
     Spec('object_mass', 0.0, 'Mass of the object; 0: that of its description [kg]', (0.0, 100.0)),
 )
@@ -51,7 +50,7 @@ class Preflight(StoppableNode):
     def start(self) -> None:
         """Subscribe, and start to record."""
         self._robot = load_robot(self.values.robot)
-        self._markers = JointMarkers(self, self._robot, self.values.window)
+        self._markers = JointMarkers(self, self._robot)
         self.timeout, self.pose = MAX_TOPIC_AGE, None
         self._joint_states: list[JointState] = []
         self._poses: list[PoseStamped] = []

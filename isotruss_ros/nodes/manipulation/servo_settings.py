@@ -19,7 +19,7 @@ from isotruss_ros.core import (
     Status,
     TwistServo,
 )
-from isotruss_ros.core.safety.roller_failure import FailureCriterion, FailureDetector
+from isotruss_ros.core.safety.roller_failure import FAILURE_TIME, FailureDetector
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 from isotruss_ros.core.servo.decision import Decision
 from isotruss_ros.core.servo.squeeze_control import SqueezeControl, SqueezeSettings
@@ -59,14 +59,6 @@ SPECS = (
         '[kg]',
         (0.0, 1000.0),
     ),
-    Spec(
-        'pose_gain',
-        0.0,
-        'With squeeze_force: gain of the pose, from which the others follow; 0: by the lowest '
-        'frequency of the held object [1/s]',
-        (0.0, 100.0),
-    ),
-    Spec('force_gain', False, 'Accept a pose_gain beyond the stability bound of that frequency'),
     Spec(
         'frequency',
         0.0,
@@ -110,7 +102,7 @@ SPECS = (
     Spec('failed_rollers', [''], "Rollers t/j that are held at zero; [''] for none"),
     Spec(
         'failure_time',
-        FailureCriterion().time,
+        FAILURE_TIME,
         'A roller that is commanded 2 mm/s or more for this long and does not move has failed; '
         '0 for never [s]',
         (0.0, 60.0),
@@ -149,11 +141,10 @@ def apply_settings(servo: TwistServo, values: Parameters, described: ConvexObjec
     servo.guard = ShapeGuard(servo.robot, bounds, servo.guard.own)
     time = values.failure_time or math.inf  # 0 means never
     if servo.detector is None:
-        criterion = FailureCriterion(time=time)
-        servo.detector = FailureDetector(servo.robot.roller_names, criterion)
-    elif servo.detector.criterion.time != time:
-        # Detected failures persist; measurements by the previous criterion are dropped.
-        servo.detector.criterion = replace(servo.detector.criterion, time=time)
+        servo.detector = FailureDetector(servo.robot.roller_names, time)
+    elif servo.detector.failure_time != time:
+        # Detected failures persist; measurements by the previous time are dropped.
+        servo.detector.failure_time = time
         servo.detector.reset(())
     _apply_squeeze(servo, values)
 
@@ -166,8 +157,6 @@ def _apply_squeeze(servo: TwistServo, values: Parameters) -> None:
         return
     settings = SqueezeSettings(
         values.squeeze_force,
-        pose_gain=values.pose_gain or None,
-        force_gain=values.force_gain,
         frequency=values.frequency or None,
         load=values.expected_load,
         zeros=values.zero_deviation,

@@ -56,12 +56,6 @@ SPECS = (
         'elastic: it is where the equilibrium with the elastic tubes puts it, and can slip; '
         'mujoco: a dynamics engine moves robot and object',
     ),
-    FixedSpec(
-        'stiffness_scale',
-        1.0,
-        'Factor on the stiffness of the elastic plant [-]',
-        (0.01, 100.0),
-    ),
     common.RATE,
     common.COMMAND_TIMEOUT,
     FixedSpec('stuck_roller', '', 'Roller t/j that does not move; none if empty'),
@@ -170,7 +164,6 @@ class Simulator(ManagedNode):
         self._elastic = ElasticObject(  # type: ignore[assignment]
             body,
             values.friction if body.friction is None else body.friction,
-            values.stiffness_scale,
         )
         return self._elastic
 

@@ -21,7 +21,7 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.inputs import RejectedInput, RollerState, StampedInput
-from isotruss_ros.core.safety.roller_failure import FailureCriterion, FailureDetector
+from isotruss_ros.core.safety.roller_failure import FailureDetector
 import numpy as np
 import pytest
 
@@ -328,7 +328,7 @@ def test_stuck_roller_is_detected_and_the_object_moves_as_commanded_again():
     made = servo()
     stuck = int(np.abs(made.decide(NOW).command.roller_velocities).argmax())
     name, robot = ROBOT.roller_names[stuck], simulated(ROBOT.roller_names[stuck])
-    made.detector = FailureDetector(ROBOT.roller_names, FailureCriterion(time=1.0))
+    made.detector = FailureDetector(ROBOT.roller_names)
     decisions = run(made, robot, 3.0)
     found = [k for k, decision in enumerate(decisions) if decision.failed == (name,)]
     first = found[0]
@@ -349,7 +349,7 @@ def test_stuck_roller_is_detected_and_the_object_moves_as_commanded_again():
 
 def test_rollers_that_are_held_by_a_halt_are_not_flagged():
     made, robot = servo(), simulated(*ROBOT.roller_names)
-    made.detector = FailureDetector(ROBOT.roller_names, FailureCriterion(time=0.5))
+    made.detector = FailureDetector(ROBOT.roller_names, 0.5)
     made.stopped = (Status.HALT_EMERGENCY_STOP, 'stopped')
     assert not any(decision.failed for decision in run(made, robot, 2.0))
     made.stopped = None
