@@ -88,7 +88,7 @@ def opened(shared_domain, tmp_path_factory):
     common = shown | PATIENT | {'rate': 50.0}
     plant = {'plant': 'mujoco', 'indentation': 0.01, 'ground_friction': 0.5, 'clock_speed': 1.0}
     nodes = [
-        ('simulator', common | plant),
+        ('simulator', common | plant | {'rate': 100.0}),  # steps as fine as stamps may differ
         ('manipulation', common | {'object_mass': 0.5}),
         ('grasp_analysis', {**common, 'rate': 10.0}),
         ('grasp_planner', {'robot': quick_robot()} | PATIENT),
@@ -143,7 +143,7 @@ def test_an_object_is_placed_and_picked_up(session):
 
 def test_the_analysis_takes_the_friction_of_its_slider(session):
     session.slide(0, 'Home')
-    session.page.get_by_text('not held').wait_for()
+    session.page.get_by_text('not held', exact=True).wait_for()
     session.slide(0, 'ArrowRight', times=15)
     session.page.get_by_text('slip margin').wait_for()
 
