@@ -29,8 +29,10 @@ from robots import quick_robot
 pytest.importorskip('mujoco')
 pytestmark = [*MARKS, pytest.mark.nightly]
 
-#: By the simulated clock, which is slower on a machine that is busy.
-PATIENT = {'command_timeout': 5.0, 'use_sim_time': True}
+#: The simulated clock is slower on a machine that is busy.
+CLOCK = {'use_sim_time': True}
+PATIENT = CLOCK | {'command_timeout': 5.0}
+VIEWER = CLOCK | SERVED | {'rate': 10.0, 'browser_timeout': 60.0}
 
 
 class Session:
@@ -93,7 +95,7 @@ def opened(shared_domain, tmp_path_factory):
         ('grasp_analysis', {**common, 'rate': 10.0}),
         ('grasp_planner', {'robot': quick_robot()} | PATIENT),
         ('pick_and_place', shown | PATIENT),
-        ('viewer', shown | SERVED | {'rate': 10.0, 'browser_timeout': 60.0}),
+        ('viewer', shown | VIEWER),
     ]
     with running_nodes(nodes, folder) as processes, sync_playwright() as playwright, world() as w:
         browser = launch(playwright, polite_browser(folder))
