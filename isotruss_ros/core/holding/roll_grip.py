@@ -22,8 +22,8 @@ from isotruss_ros.core.holding.contact_statics import Closure, ContactStatics, S
 from isotruss_ros.core.holding.held_grip import HeldGrip, scaled_wrench, travel_rates
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths, member_lines
-from isotruss_ros.core.manipulation.grip import MOST
-from isotruss_ros.core.model.contact_patch import LEAST_FACE
+from isotruss_ros.core.manipulation.grip import MAX_MEMBERS
+from isotruss_ros.core.model.contact_patch import MIN_FACE_LENGTH
 from isotruss_ros.core.model.convex_object import segment_gaps
 from isotruss_ros.core.model.shapes import Face
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
@@ -179,7 +179,7 @@ def _lay_down(grip: HeldGrip, changes: int = MAX_CHANGES) -> HeldGrip:
         for face in reversed(grip.body.shape.faces_at(int(corners[k]))):
             if face.step * (own[k] * face.normal.conjugate()).imag <= 0.0:
                 continue
-            short = face.length < LEAST_FACE * grip.statics.tube_radius
+            short = face.length < MIN_FACE_LENGTH * grip.statics.tube_radius
             laid = _lay(grip, k, face, short)
             # In a longer motion the object rolls over the face, and this end lifts again.
             laid = None if laid is None else _lift_ends(laid)
@@ -191,7 +191,7 @@ def _lay_down(grip: HeldGrip, changes: int = MAX_CHANGES) -> HeldGrip:
 
 def _join(grip: HeldGrip) -> HeldGrip:
     """Return the grip with a third member where that has come to touch the object."""
-    if len(grip.members) >= MOST:
+    if len(grip.members) >= MAX_MEMBERS:
         return grip
     depths = member_depths(grip.config, grip.body)
     depths[grip.members] = -np.inf
