@@ -45,7 +45,7 @@ from isotruss_ros.core.holding.held_grip import (
 )
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths
-from isotruss_ros.core.manipulation.grip import MOST
+from isotruss_ros.core.manipulation.grip import MAX_MEMBERS
 from isotruss_ros.core.model.contact_patch import contact_body
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
@@ -91,7 +91,7 @@ def attach_grip(
     depths = member_depths(config, body)
     if members is None:
         count = max(int(np.count_nonzero(depths > 0.0)), 2)
-        if count > MOST:
+        if count > MAX_MEMBERS:
             raise NotHeldError(HoldStatus.OTHER_CONTACT)
         members = np.argsort(depths, kind='stable')[-count:]
     members = np.sort(np.asarray(members, dtype=np.intp))

@@ -38,7 +38,7 @@ from isotruss_ros.core.holding.contact_forces import (
 )
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, Points
-from isotruss_ros.core.statics.bent_tubes import BentTubes, SETTLED_MOTION
+from isotruss_ros.core.statics.bent_tubes import BentTubes, MAX_BENDS, SETTLED_MOTION
 from isotruss_ros.core.statics.section import Pressure
 import numpy as np
 from scipy.linalg import lapack
@@ -46,7 +46,6 @@ from scipy.linalg import lapack
 #: Forces balance to this share of the squeeze, contact points touch to this length [m].
 FORCE_TOLERANCE, LENGTH_TOLERANCE = 1e-10, 1e-11
 MAX_STEPS = 40
-MAX_BENDS = 8
 #: In one step contacts and object move at most this share of the object's size ...
 MAX_MOVE = 0.5
 #: ... and tubes incline at most by this [rad]. A tube that inclines by more than the other has
@@ -96,6 +95,8 @@ class ContactStatics:
         its start), -1 on the left.
     :ivar indentation: depths (k,) of the dents in the skin [m] for normal forces (k,) [N], and
         their derivatives [m/N].
+    :ivar given: (k, 3) what is added to touch along and across [m], and to inclination [rad]; one
+        number for all.
     """
 
     bent: BentTubes
@@ -104,6 +105,7 @@ class ContactStatics:
     tube_radius: float
     sides: Array
     indentation: Indentation
+    given: Array | float = 0.0
 
     @functools.cached_property
     def places(self) -> Places:
@@ -203,7 +205,7 @@ class ContactStatics:
 
         gaps = back * (self.bent.start - center) - arms + feet - skin * local
         touch = residual[: 3 * count].reshape(count, 3)
-        touch += self.bent.given + self.bent.rates @ feet
+        touch += self.given + self.bent.given + self.bent.rates @ feet
         touch[:, 0] += gaps.real
         touch[:, 1] += gaps.imag
         touch[:, 2] -= unknowns[places.inclinations]

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-An object held between any two members, or three: these members, and where they touch it.
+Grip of an object between any two or three members, with its contacts.
 
 Each member is its undeformed centre line, from pinch point to pinch point. The object's surface is
 farthest toward the member. A face of a polygon that lies on the member, see `contact_patch`, is
@@ -28,13 +28,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 #: Number of members that hold an object.
-FEWEST, MOST = 2, 3
+MIN_MEMBERS, MAX_MEMBERS = 2, 3
 
 
 @dataclass(frozen=True)
 class Grip:
     """
-    An object and the members that hold it, wherever these are.
+    An object with its grasping members, in any configuration.
 
     :ivar members: names `t/j-k` of two members, or three.
     :ivar body: the object in its place in the robot frame.
@@ -59,7 +59,7 @@ class Grip:
             raise GraspError(f'object {self.body!r}: must be a ConvexObject') from None
         names = (self.members,) if isinstance(self.members, str) else tuple(self.members)
         fits = all(isinstance(name, str) for name in names) and len(names) == len(set(names))
-        if not (fits and FEWEST <= len(names) <= MOST):
+        if not (fits and MIN_MEMBERS <= len(names) <= MAX_MEMBERS):
             raise GraspError(
                 f'members {quote(", ".join(map(str, names)))}: a grip has two or three different '
                 'members'
@@ -76,7 +76,7 @@ class Grip:
 
     def moved_to(self, pose: ArrayLike) -> Grip:
         """
-        Return the grip with the object in another place.
+        Return the grip with the object at another pose.
 
         :param pose: of the object's frame in the robot frame (x, y, angle) [m, rad].
         :raises GraspError: the pose is not three finite numbers within range.
@@ -103,7 +103,7 @@ class Grip:
         cls, robot: Robot, module: str, body: ConvexObject, friction: float | None = None
     ) -> Grip:
         """
-        Return the grip by the two members that meet at a module, as the paper's.
+        Return the grip by the two members that meet at a module, as in the paper.
 
         :param robot: the robot.
         :param module: name `t/j` of the module.
@@ -116,7 +116,7 @@ class Grip:
 
 def members_at(robot: Mechanism, module: str) -> tuple[str, str]:
     """
-    Return the names of the two members that meet at a module: the one ahead, the one behind.
+    Return the names of the two members that meet at a module: next and previous.
 
     :param robot: the robot.
     :param module: name `t/j` of the module.
@@ -132,7 +132,7 @@ def members_at(robot: Mechanism, module: str) -> tuple[str, str]:
 
 
 class MemberNodes(NamedTuple):
-    """Members and the nodes at their ends."""
+    """Indices of members, their end nodes and rollers."""
 
     members: Indices  #: (k,) numbers of the members: those of the modules that they leave
     lines: Indices  #: (k, 2) nodes B at which they start, and C at which they end
@@ -144,7 +144,7 @@ class MemberNodes(NamedTuple):
 @functools.lru_cache(maxsize=256)
 def find_members(robot: Robot, names: tuple[str, ...]) -> MemberNodes:
     """
-    Return the numbers of members and of their nodes, which are not to be written to.
+    Return the indices of members and of their nodes, read-only.
 
     :param robot: the robot.
     :param names: (k,) names `t/j-k`.
@@ -174,7 +174,7 @@ def find_members(robot: Robot, names: tuple[str, ...]) -> MemberNodes:
 
 
 class GripContact(NamedTuple):
-    """One contact of a grip, in Python's numbers: a few of them are quicker than arrays."""
+    """One contact of a grip, in Python numbers for speed."""
 
     owner: int  #: which member of the grip it is
     start: complex  #: of the member, robot frame [m]
@@ -187,7 +187,7 @@ class GripContact(NamedTuple):
 @functools.lru_cache(maxsize=8)
 def find_contacts(config: Configuration, grip: Grip) -> list[GripContact]:
     """
-    Find where the members touch the object; the last few results are kept.
+    Return the contacts of the members with the object; the last few results are cached.
 
     :param config: configuration of the robot.
     :param grip: the grip.
@@ -229,7 +229,7 @@ def find_contacts(config: Configuration, grip: Grip) -> list[GripContact]:
 def _check_touch(
     grip: Grip, owners: list[int], places: list[tuple[float, float]], tube: float
 ) -> None:
-    """Refuse a member that does not touch the object; a face may reach beyond its end."""
+    """Raise for a member without contact; a face may extend beyond its end."""
     for number, name in enumerate(grip.members):
         own = [place for owner, place in zip(owners, places, strict=True) if owner == number]
         gap = min((gap for gap, _ in own), key=abs)

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-An object that rolls in a grip: its pose is a function of the configuration, so nothing drifts.
+Rolling of an object in a grip: its pose is a function of the configuration, without drift.
 
 A contact that rolls keeps the distance of the object from the member, and the place of the tube's
 material that it touches less the arc of the object that has been unrolled on it:
@@ -32,21 +32,21 @@ from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
 
-MAX_STEPS = 50
-#: After so many steps the contacts stay those that they are: rounding may not decide on one.
-FREE_STEPS = 10
-#: Singular values less than this share of the largest are zero.
-RANK = 1e-9
-#: Contacts fit to this [m].
-MISFIT = 1e-9
-#: Poses are exact to this, in surface speeds [m].
-TOLERANCE = 1e-13
+MAX_ITERATIONS = 50
+#: Iterations with a changing set of contacts [-]; fixed afterwards, against cycling by rounding.
+FREE_ITERATIONS = 10
+#: Relative rank tolerance of singular values [-].
+RANK_TOLERANCE = 1e-9
+#: Largest misfit of kept contacts [m].
+MISFIT_TOLERANCE = 1e-9
+#: Largest last step of a pose, in surface displacement [m].
+STEP_TOLERANCE = 1e-13
 
 
 @dataclass(frozen=True, eq=False)
 class RollingGrip:
     """
-    A grip in one configuration, and what stays as the object rolls.
+    A grip in one configuration, with its rolling invariants.
 
     :ivar config: the configuration.
     :ivar grip: the grip, the object in its place.
@@ -72,7 +72,7 @@ class RollingGrip:
     @classmethod
     def attach(cls, config: Configuration, grip: Grip) -> RollingGrip:
         """
-        Close the grip around an object.
+        Return the grip of an object in contact.
 
         :param config: configuration of the robot.
         :param grip: the grip, with the object in its place.
@@ -96,7 +96,7 @@ class RollingGrip:
 
     def moved_to(self, config: Configuration) -> RollingGrip:
         """
-        Return the grip in another configuration, the object rolled there.
+        Return the grip rolled to another configuration.
 
         A face that lies on a member may lift at one of its ends. Where the rollers did not keep
         the contacts, the pose is the one with the least squares of what is off, and `misfit` the
@@ -106,7 +106,7 @@ class RollingGrip:
         :raises GraspError: there is no such pose; or a member does not touch the object any more.
         """
         rolled = self._rolled(config)
-        if rolled.misfit <= MISFIT or len(self.owners) == len(self.sides):
+        if rolled.misfit <= MISFIT_TOLERANCE or len(self.owners) == len(self.sides):
             return rolled
         # A face lies on a member, and may have lifted at one of its ends.
         ends = [np.flatnonzero(self.owners == i).tolist() for i in range(len(self.sides))]
@@ -126,26 +126,26 @@ class RollingGrip:
         return rolled
 
     def _clears(self, rolled: RollingGrip) -> bool:
-        """Return whether the corners that touch here do not enter the members there."""
+        """Return whether the corners in contact here do not penetrate the members there."""
         body, lines = rolled.grip.body, rolled._lines(rolled.config)
         touch = self._touch_there(lines, body.center, body.pose.angle, self.corners)
-        return bool((touch.values[0] >= self.kept[0] - rolled.misfit - MISFIT).all())
+        return bool((touch.values[0] >= self.kept[0] - rolled.misfit - MISFIT_TOLERANCE).all())
 
     def _rolled(self, config: Configuration) -> RollingGrip:
-        """Return the grip in another configuration, with the contacts of this one."""
+        """Return the grip in another configuration, with these contacts."""
         body, lines, corners = self.grip.body, self._lines(config), self.corners
         center, angle = body.center, body.pose.angle
-        for step in range(MAX_STEPS):
-            if step < FREE_STEPS:
+        for step in range(MAX_ITERATIONS):
+            if step < FREE_ITERATIONS:
                 corners = self._lowest(lines.normals * cmath.rect(1.0, -angle))
             touch = self._touch_there(lines, center, angle, corners)
             off = (touch.values - self.kept).ravel()
             rows = touch.rows * (1.0, 1.0, 1.0 / body.arm)
-            x, y, turn = change = np.linalg.lstsq(rows, -off, rcond=RANK)[0]
+            x, y, turn = change = np.linalg.lstsq(rows, -off, rcond=RANK_TOLERANCE)[0]
             center += complex(x, y)
             angle += turn / body.arm
             size = max(abs(x), abs(y), abs(turn))
-            settled = size <= TOLERANCE * max(1.0, abs(center) / body.arm)
+            settled = size <= STEP_TOLERANCE * max(1.0, abs(center) / body.arm)
             if settled or (body.shape.is_round and size <= body.arm):
                 # What rolling keeps is linear for a disc.
                 misfit = float(np.abs(off + rows.dot(change)).max())
@@ -165,7 +165,7 @@ class RollingGrip:
         )
 
     def _lowest(self, normals: Points) -> Indices:
-        """Return the corners (k,) that touch: both ends of a face, or that farthest out."""
+        """Return the corners (k,) in contact: both ends of a face, or the extreme one."""
         if not self._shape.faces_at(0):
             return self.corners
         alone = np.bincount(self.owners) == 1
@@ -179,11 +179,11 @@ class RollingGrip:
         return contact_body(self.grip.body, 0.5 * tube).shape
 
     def _unwrapped(self, normals: Points, angle: float) -> Array:
-        """Return the angles of normals (m,) in the object, within half a turn of those before."""
+        """Return the angles of normals (m,) in the object, unwrapped to the previous ones."""
         return self.angles + np.angle(normals * np.exp(-1j * (angle + self.angles)))
 
     def _lines(self, config: Configuration) -> _Lines:
-        """Return the members in a configuration."""
+        """Return the lines of the members in a configuration."""
         nodes = find_members(config.robot, self.grip.members)
         starts, ends = config.points[nodes.lines.T]
         spans = ends - starts
@@ -193,14 +193,14 @@ class RollingGrip:
         return _Lines(starts, axes, axes * (-1j * self.sides), travel)
 
     def _touch(self, lines: _Lines) -> _Touch:
-        """Return what rolling keeps, where the object is."""
+        """Return the rolling invariants at the pose of the object."""
         body = self.grip.body
         return self._touch_there(lines, body.center, body.pose.angle, self.corners)
 
     def _touch_there(
         self, lines: _Lines, center: complex, angle: float, corners: Indices
     ) -> _Touch:
-        """Return what rolling keeps of an object in a place, with given corners."""
+        """Return the rolling invariants at a pose, with given corners."""
         shape, turn, owners = self._shape, cmath.rect(1.0, angle), self.owners
         own = lines.normals * turn.conjugate()
         points = shape.surface_at(corners, own[owners])[0]
@@ -216,7 +216,7 @@ class RollingGrip:
 
 
 class _Touch(NamedTuple):
-    """The k contacts of an object in some place."""
+    """The k contacts of an object at a pose."""
 
     values: Array  #: (2, k) gaps and anchors, see `RollingGrip.kept` [m]
     rows: Array  #: (2 k, 3) derivatives of gaps and anchors by the object's twist
@@ -233,7 +233,7 @@ class _Lines(NamedTuple):
 
 def roll_object(grip: Grip, start: Configuration, end: Configuration) -> Grip:
     """
-    Return a grip in another configuration, the object rolled there; see `RollingGrip`.
+    Return a grip rolled to another configuration; see `RollingGrip`.
 
     :param grip: the grip in the first one.
     :param start: the first configuration.

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Over which corners a polygon rolls for a twist that its faces on members do not admit.
+Rolling of a polygon over its corners for twists inadmissible with face contacts.
 
 As long as faces of the object lie on members they stay there. A twist that they do not admit may
 be one for which the object rolls over an end of a face, while the other end lifts: where statics
@@ -25,13 +25,13 @@ from isotruss_ros.core.numerics.arrays import Array, as_xy
 from isotruss_ros.core.numerics.tolerances import ROUNDING
 import numpy as np
 
-#: Rolling over a corner comes closer to the twist by at least this share of what is missed.
-LEAST_GAIN = 1e-6
+#: Smallest reduction of the residual twist by rolling over a corner, relative to the residual [-].
+MIN_GAIN = 1e-6
 
 
 def roll_off_faces(config: Configuration, grip: Grip, reach: Reach, twist: Array) -> Reach:
     """
-    Return what is reachable with the fewer contacts with which a twist is missed by least.
+    Return the reachable twists for the subset of contacts with the smallest residual twist.
 
     :param config: configuration of the robot.
     :param grip: the grip.
@@ -49,7 +49,7 @@ def roll_off_faces(config: Configuration, grip: Grip, reach: Reach, twist: Array
     for kept in choices:
         found = Reach.of(rows_of_two(grip, kept, members), working, reach.weights)
         missed, task = _missed(found, twist), find_task(found, twist)
-        if missed >= least * (1.0 - LEAST_GAIN) or task.speed == 0.0:
+        if missed >= least * (1.0 - MIN_GAIN) or task.speed == 0.0:
             continue
         speeds = working.spread(task.free)
         moved = rigid @ (found.motion @ speeds) - hand @ speeds
@@ -60,7 +60,7 @@ def roll_off_faces(config: Configuration, grip: Grip, reach: Reach, twist: Array
 
 
 def _missed(reach: Reach, twist: Array) -> float:
-    """Return the share of a twist that is not reachable."""
+    """Return the unreachable share of a twist."""
     unit = reach.weights * (twist / np.abs(twist).max())
     left = unit - reach.directions.T @ (reach.directions @ unit)
     return math.sqrt(left @ left) / math.sqrt(unit @ unit)
@@ -70,7 +70,7 @@ def rolled_corners(
     contacts: Sequence[GripContact], friction: float
 ) -> Iterator[list[GripContact]]:
     """
-    Return the contacts that remain where an object rolls over ends of faces.
+    Return the remaining contacts of an object that rolls over ends of faces.
 
     :param contacts: of two members; with three, faces stay on them.
     :param friction: coefficient between tubes and object.
@@ -87,13 +87,13 @@ def rolled_corners(
 
 
 def _choices(own: list[GripContact]) -> list[list[GripContact]]:
-    """Return the contacts of a member that may remain: all, or either end of a face."""
+    """Return the possible remaining contacts of a member: all, or either end of a face."""
     return [own] if len(own) == 1 else [own, own[:1], own[1:]]
 
 
 def _balances(other: list[GripContact], one: list[GripContact], angle: float) -> bool:
     """
-    Tell whether forces along one line, within the friction cones, meet both contacts.
+    Return whether both friction cones contain a common line through the contacts.
 
     The first is a single point, the second one too or a face.
     """

@@ -17,26 +17,26 @@ from typing import NamedTuple
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.shapes import Shape
 
-#: Ends of a contact are apart by this many tube radii at least.
-LEAST_FACE = 1.0
+#: Smallest distance of the ends of a face contact, in tube radii [-].
+MIN_FACE_LENGTH = 1.0
 #: Objects that only touch, or are to be pressed in yet, are this many tube radii deep.
 PLANNED_DEPTH = 0.02
-#: Of corners that are equally deep, to this share of the depth, that nearest to the middle counts.
-TIE = 1e-6
+#: Relative difference of equal depths [-]; of such corners the nearest to the middle is used.
+TIE_TOLERANCE = 1e-6
 
 
 def contact_body(body: ConvexObject, tube_radius: float) -> ConvexObject:
     """
-    Return an object as tubes meet it: a polygon of short faces as the outline that it samples.
+    Return the contact shape of an object: the smooth outline sampled by short faces.
 
     :param body: the object.
     :param tube_radius: of the tubes [m].
     """
-    return body.smoothed(LEAST_FACE * tube_radius)
+    return body.smoothed(MIN_FACE_LENGTH * tube_radius)
 
 
 class PatchEnd(NamedTuple):
-    """One end of the contact of a shape with a tube."""
+    """One end of the contact patch of a shape and a tube."""
 
     corner: int  #: number of the corner, see `Shape.corner_at`
     point: complex  #: of the surface, x + iy in the object's frame [m]
@@ -57,7 +57,7 @@ def contact_patch(
         object's frame; infinite before the tube is pressed [m].
     """
     corner, back = shape.corner_at(normal), normal.conjugate()
-    point, short = shape.point_at(corner, normal), LEAST_FACE * tube_radius
+    point, short = shape.point_at(corner, normal), MIN_FACE_LENGTH * tube_radius
     near = [PatchEnd(corner, point, (point * back).real, 0.0)]
     far: list[PatchEnd] = []
     depth = max(near[0].height - skin, PLANNED_DEPTH * tube_radius)
@@ -73,7 +73,7 @@ def contact_patch(
             if height < least or at == corner or (short_face and abs(along) >= short):
                 break
             (near if short_face else far).append(PatchEnd(at, point, height, along))
-    tie, middle = TIE * depth, (shape.centroid * back).imag
+    tie, middle = TIE_TOLERANCE * depth, (shape.centroid * back).imag
     ends = near + far
     highest = max(each.height for each in ends) - tie
     first = min(

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The first step of the search: bring the grasping members close to the object.
+Approach of the grasping members to the object, the first step of the search.
 
-Kinematics only: from the present configuration by admissible steps, so that these are the path.
+The steps from the current configuration are kinematic and admissible, so that they form the path.
 """
 
 from __future__ import annotations
@@ -21,23 +21,23 @@ from isotruss_ros.core.planning.facing import balances, CONE_SHARE, find_facing,
 from isotruss_ros.core.planning.violations import RequirementError
 import numpy as np
 
-#: Gap of the grasping members at the end, and by how much more it may be, in tube diameters.
+#: Gap of the grasping members at the end, and its tolerance, in tube diameters [-].
 STANDOFF, STANDOFF_TOLERANCE = 0.06, 0.02
-#: A turn of the members that may be missing at the end [rad].
+#: Tolerance of the rotation of the members at the end [rad].
 TURN_TOLERANCE = 1e-3
-#: Most steps, and most of them in a row without this progress [diameters of the tube, rad].
+#: Largest number of steps, and of successive steps without this progress [tube diameters, rad].
 MAX_STEPS, MAX_IDLE_STEPS, MIN_PROGRESS = 100, 12, 0.02
 
 
 def approach(config: Configuration, closing: Closing) -> Iterator[Configuration]:
     """
-    Yield the path that brings the grasping members close to the object, so that friction holds it.
+    Yield the path of the grasping members toward the object, into directions of force closure.
 
-    The present configuration comes first; between them the path is straight in roller travel.
+    The current configuration is the first; the path is linear in roller travel between them.
 
     :param config: configuration of the robot.
-    :param closing: what closes.
-    :raises RequirementError: the members do not get there.
+    :param closing: members and object of the closing motion.
+    :raises RequirementError: the members do not reach the object.
     :raises SolverError: a quadratic program was not solved.
     """
     diameter, members = config.robot.description.tube_diameter, list(closing.members)
@@ -62,10 +62,10 @@ def approach(config: Configuration, closing: Closing) -> Iterator[Configuration]
 
 def _find_turn(config: Configuration, closing: Closing) -> tuple[float, Closing]:
     """
-    Return by how much the grasping members are to turn yet [rad], and what closes while they do.
+    Return the missing rotation of the grasping members [rad], and the closing motion for it.
 
-    Where friction holds they need not turn. Else two members are turned toward the nearest
-    directions that hold the object.
+    No rotation is needed in directions of force closure. Otherwise two members are rotated to the
+    nearest such directions.
     """
     normals, angle = closing.normals(config), closing.friction_angle
     radius = 0.5 * config.robot.description.tube_diameter

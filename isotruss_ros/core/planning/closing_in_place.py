@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Closing in place: members press on a free object, which stays where it is.
+Closing in place: increasing squeeze on a free object that remains at rest.
 
-Two members face it so that friction holds it as soon as both press. From there on the contacts
-roll, by the mechanics of the elastic plant, and the squeeze rises while the object stays. A path
-for an object that the ground holds would drag a free one along, by several centimetres.
+Two members face the object with force closure at first contact. Then contacts roll, by the
+mechanics of the elastic plant, and the squeeze increases while the object is at rest. A path
+computed for an object fixed to the ground would displace a free one by several centimetres.
 """
 
 from __future__ import annotations
@@ -33,13 +33,11 @@ from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.planning.violations import RequirementError
 import numpy as np
 
-#: An object that is nearer than this to where it lay has stayed there, turns at its arm [m].
-SAME_PLACE = 1e-4
-#: Indentation with which an object is held first, in diameters of the tube; the larger one where a
-#: face is to lie on a member: it is touched at both ends.
+#: Displacement of an object at rest, rotations at its characteristic radius [m].
+PLACE_TOLERANCE = 1e-4
+#: Initial indentations, in tube diameters [-]; the larger one for a face contact with both ends.
 FIRST_CONTACT, FACE_CONTACT = 1e-3, 1e-2
-#: The squeeze of three members rises at most by this factor from waypoint to waypoint, and by this
-#: much [N].
+#: Largest factor [-] and increment [N] of the squeeze of three members between waypoints.
 SQUEEZE_GROWTH, SQUEEZE_RISE = 2.0, 4.0
 
 
@@ -47,18 +45,18 @@ def close_in_place(
     touch: Configuration, closing: Closing, needs: GraspRequirements
 ) -> Iterator[ClosedGrip]:
     """
-    Yield grips that press harder and harder, until a bound is reached.
+    Yield grips with increasing squeeze until a bound is reached.
 
     :param touch: configuration in which the members touch the object.
-    :param closing: what closes.
-    :param needs: what the grasp must fulfil.
+    :param closing: members and object of the closing motion.
+    :param needs: requirements of the grasp.
     :raises SolverError: a quadratic program, or the contact, was not solved.
     :raises StructureError: see `structure_of`.
     """
     wanted, pair = needs.squeeze, len(closing.members) == 2
     grasp = _hold(touch, closing)
     _check_hold(grasp, needs.friction)
-    # Two members bring the object back to its place with the next step only.
+    # Two members move the object back to its pose in the next step only.
     if not pair:
         with closing.tally.recording():
             yield _judge(grasp, closing, needs)
@@ -78,7 +76,7 @@ def close_in_place(
 
 
 def _hold(touch: Configuration, closing: Closing) -> HeldGrip:
-    """Return how the object is held first."""
+    """Return the initial equilibrium of the object."""
     diameter = touch.robot.description.tube_diameter
     one, other = contact_ends(closing.body, closing.normals(touch), 0.5 * diameter)
     depth = FIRST_CONTACT if (one == other).all() else FACE_CONTACT
@@ -87,11 +85,11 @@ def _hold(touch: Configuration, closing: Closing) -> HeldGrip:
 
 
 def _judge(grasp: HeldGrip, closing: Closing, needs: GraspRequirements) -> ClosedGrip:
-    """Return a grip with what it does, unless a contact slips or a bound is exceeded."""
+    """Return a grip with its loads; raise on slip or a violated bound."""
     _check_hold(grasp, needs.friction)
     closing.tally.analyses += 1
     moved = pose_difference(grasp.pose, closing.body.pose) * (1.0, 1.0, grasp.arm)
-    stays = np.abs(moved).max() < SAME_PLACE
+    stays = np.abs(moved).max() < PLACE_TOLERANCE
     body = closing.body if stays else closing.body.moved_to(grasp.pose)
     analysis = analyze_grasp(
         grasp.config,
@@ -109,7 +107,7 @@ def _judge(grasp: HeldGrip, closing: Closing, needs: GraspRequirements) -> Close
 
 
 def _check_hold(grasp: HeldGrip, friction: float) -> None:
-    """Raise unless the contacts stick."""
+    """Raise RequirementError if a contact slips."""
     hold = grasp.hold(friction)
     if hold is HoldStatus.SLIPS:
         raise RequirementError('force_closure', grasp.required_friction, friction)
@@ -120,7 +118,7 @@ def _check_hold(grasp: HeldGrip, friction: float) -> None:
 def _find_margin(
     grasp: HeldGrip, closing: Closing, analysis: GraspAnalysis, needs: GraspRequirements
 ) -> float:
-    """Return the slip margin of a grip [N], which must bear what is required."""
+    """Return the slip margin of a grip under the required wrench [N]."""
     loaded: HeldGrip | None = grasp
     if any(needs.external_wrench):
         loaded = roll_grip(grasp, grasp.config, np.array(needs.external_wrench))
@@ -128,7 +126,7 @@ def _find_margin(
         raise RequirementError('held', 0.0, 1.0)
     _check_hold(loaded, needs.friction)
     if set(analysis.contact_forces) != set(grasp.member_names):
-        # Friction deflects a soft structure by so much that without it one member lets go.
+        # Friction deflects a soft structure so far that one member would lose contact without it.
         raise RequirementError('grip', len(analysis.contact_forces), len(closing.members))
     slip = loaded.slip_margin(needs.friction)
     needs.check_bound('min_slip_margin', slip)

@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Toward which directions members are to face an object so that friction holds it between them.
+Directions of members toward an object with force closure.
 
-Two forces that balance act along one line. What it takes is the angle between that line and the
-normals, at the best places within the contacts: a face that lies on a member is touched anywhere
-on it, see `contact_patch`. Three members that enclose the object balance with forces within their
-cones.
+Two balanced forces act along one line. The required friction is given by the angle between this
+line and the normals, at the best points within the contacts: a face on a member is in contact at
+any of its points, see `contact_patch`. Three members that enclose the object balance with forces
+within their cones.
 """
 
 from __future__ import annotations
@@ -22,23 +22,23 @@ from isotruss_ros.core.numerics.arrays import Array, Points
 import numpy as np
 import scipy
 
-#: Directions that are tried, and angles between the members [rad].
+#: Candidate directions and angles between the members [rad].
 DIRECTIONS, WEDGES = 72, np.linspace(-0.8, 0.8, 17)
-#: What is left of a balance of unit forces.
-BALANCED = 1e-6
-#: Of the friction cones that grips are to use at most, and that they use where they are open.
+#: Largest residual of a balance of unit forces [-].
+BALANCE_TOLERANCE = 1e-6
+#: Shares of the friction cones for closed and for open grips [-].
 CONE_SHARE, USED_SHARE = 0.75, 0.85
-#: Angle of friction that is given up for a smaller turn of the members [-].
-TURNING_PRICE = 0.3
+#: Weight of rotation of the members against friction angle [-].
+TURN_WEIGHT = 0.3
 
 
 def contact_ends(body: ConvexObject, normals: Points, tube_radius: float) -> tuple[Points, Points]:
     """
-    Return the ends of the places where straight members touch, first those farther clockwise.
+    Return the ends of the contacts with straight members, the more clockwise ends first.
 
-    :param body: the object in its place.
-    :param normals: (s,) unit vectors out of the object into the members, robot frame.
-    :param tube_radius: of the members [m].
+    :param body: the object at its pose.
+    :param normals: (s,) unit vectors from the object into the members, robot frame.
+    :param tube_radius: radius of the members [m].
     :return: (s,) each, x + iy from the origin of the object's frame, robot frame [m].
     """
     shape, own = contact_body(body, tube_radius).shape, normals * body.turn.conjugate()
@@ -74,11 +74,11 @@ def friction_angles(
     body: ConvexObject, normals: Points, others: Points, tube_radius: float
 ) -> Array:
     """
-    Return the least angle of the friction cones in which two members balance, (s,) [rad].
+    Return the smallest friction angles at which two members balance, (s,) [rad].
 
     :param body: the object in its place.
-    :param normals: (s,) of the first members, unit vectors out of the object, robot frame.
-    :param others: (s,) of the second ones.
+    :param normals: (s,) unit vectors from the object to the first members, robot frame.
+    :param others: (s,) unit vectors to the second members.
     :param tube_radius: of the members [m].
     """
     clockwise, counter = contact_ends(body, normals, tube_radius)
@@ -90,21 +90,21 @@ def friction_angles(
         for end in (clockwise_too, counter_too)
     ]
     between = np.angle(-others / normals)
-    # The best is half way between both normals.
+    # The optimum is the bisector of both normals.
     best = np.clip(0.5 * between, np.min(lines, axis=0), np.max(lines, axis=0))
     return np.maximum(np.abs(best), np.abs(best - between))
 
 
 def balances(body: ConvexObject, normals: Points, angle: float, tube_radius: float) -> bool:
     """
-    Tell whether members that face an object balance, with forces in friction cones.
+    Return whether members facing an object balance with forces within friction cones.
 
     :param body: the object in its place.
     :param normals: (s,) unit vectors out of the object into the members, robot frame.
-    :param angle: of the cones [rad].
+    :param angle: angle of the cones [rad].
     :param tube_radius: of the members [m].
     """
-    if len(normals) == 2:  # the closed form, in place of the least squares below
+    if len(normals) == 2:  # closed form instead of the least squares below
         used = friction_angles(body, normals[:1], normals[1:], tube_radius)
         return bool(used[0] <= angle)
     ends = contact_ends(body, normals, tube_radius)
@@ -112,8 +112,8 @@ def balances(body: ConvexObject, normals: Points, angle: float, tube_radius: flo
     turned = np.concatenate([-normals * np.exp(1j * sign * angle) for sign in (1, 1, -1, -1)])
     moments = (arms.conj() * turned).imag / body.arm
     wrenches = np.vstack([turned.real, turned.imag, moments])
-    # Each member presses, and what it presses with in any case is balanced by more of all.
-    return bool(scipy.optimize.nnls(wrenches, -wrenches.sum(axis=1))[1] <= BALANCED)
+    # Each member must press: the minimum forces are balanced by additional ones.
+    return bool(scipy.optimize.nnls(wrenches, -wrenches.sum(axis=1))[1] <= BALANCE_TOLERANCE)
 
 
 def find_facing(
@@ -121,17 +121,17 @@ def find_facing(
     normals: Points,
     angle: float,
     tube_radius: float,
-    turning: float = TURNING_PRICE,
+    turning: float = TURN_WEIGHT,
 ) -> Points | None:
     """
-    Return directions in which two members hold an object, the best near to the present ones.
+    Return directions of two members with force closure, the best ones near the current ones.
 
     :param body: the object in its place.
-    :param normals: (2,) in which they face it now, unit vectors out of the object, robot frame.
-    :param angle: of the friction cones that may be used [rad].
+    :param normals: (2,) current unit vectors from the object to the members, robot frame.
+    :param angle: angle of the usable friction cones [rad].
     :param tube_radius: of the members [m].
-    :param turning: what a turn of the members counts against an angle of friction [-].
-    :return: (2,) such directions; None where there are none.
+    :param turning: weight of rotation of the members against friction angle [-].
+    :return: (2,) such directions, or None.
     """
     # Directions in the object's frame, so that the contacts of one search serve the next.
     firsts = np.exp(2j * np.pi * np.arange(DIRECTIONS) / DIRECTIONS)

@@ -12,6 +12,7 @@ from isotruss_ros.core.errors import ConfigurationError, GraspError, SolverError
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.build_statics import AS_MODELLED
 from isotruss_ros.core.holding.contact_statics import TubeModel
+from isotruss_ros.core.holding.grip_record import GripRecord
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, LEFT_MARGIN, NotHeldError
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -45,6 +46,7 @@ def foresee_grip(
     body: ConvexObject,
     friction: float,
     poses: Array,
+    record: GripRecord | None = None,
     tubes: TubeModel = AS_MODELLED,
 ) -> Foresight | None:
     """
@@ -54,13 +56,16 @@ def foresee_grip(
     :param body: the object, where it is held.
     :param friction: coefficient between tubes and object.
     :param poses: see `foresee_path`.
+    :param record: how the loop that holds the object has it; if None, or where that is no
+        equilibrium, the object is held as it would be with unknown contact history.
     :param tubes: what is assumed of the tubes.
     :return: None where no members hold the object: what they push has no slip margin.
     :raises IsotrussError: see `foresee_path`.
     """
     (friction,) = finite_array([friction], 1, 'friction', GraspError).tolist()
+    held = None if record is None else record.restore(config, body)
     try:
-        held = attach_grip(config, body, tubes=tubes)
+        held = held or attach_grip(config, body, tubes=tubes)
     except NotHeldError:
         return None
     if held.hold(friction) is not HoldStatus.HELD:

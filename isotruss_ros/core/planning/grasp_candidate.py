@@ -86,7 +86,7 @@ def _check_carry(grip: ClosedGrip, needs: GraspRequirements) -> None:
     """Raise unless a grip carries the object along its path without slipping."""
     tubes = TubeModel(paper_model=needs.paper_model)
     poses = np.array(needs.carry)
-    found = foresee_grip(grip.config, grip.body, needs.friction, poses, tubes)
+    found = foresee_grip(grip.config, grip.body, needs.friction, poses, tubes=tubes)
     share = 0.0 if found is None else found.share
     if found is None or found.why:
         raise RequirementError('carry', share, 1.0)

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Motion in place: the squeeze of a held object changes while its pose stays.
+Motion in place: change of the squeeze of a held object at constant pose.
 
-The object is held and the contacts roll, by the mechanics of the elastic plant. Newton steps of
-the rollers, by exact derivatives of the equilibrium, bring squeeze and place to what is wanted.
+Contacts of the held object roll, by the mechanics of the elastic plant. Newton steps of the
+rollers with exact derivatives of the equilibrium reach the desired squeeze and pose.
 """
 
 from __future__ import annotations
@@ -28,27 +28,27 @@ from isotruss_ros.core.planning.closing import Closing, evaluate_state
 from isotruss_ros.core.planning.violations import RequirementError
 import numpy as np
 
-#: Newton steps with which a waypoint is brought to its squeeze and place ...
+#: Largest number of Newton iterations of a waypoint [-].
 MAX_CORRECTIONS = 12
-#: ... until the squeeze is right to this share, the place to this length [m], the angle [rad] ...
+#: Tolerances of squeeze, relative [-], position [m] and angle [rad].
 SQUEEZE_TOLERANCE, PLACE_TOLERANCE, TURN_TOLERANCE = 1e-3, 2e-5, 1e-4
-#: ... and each of three members presses as hard as balances without friction, to this share.
-EVEN_TOLERANCE = 0.02
-#: What counts most where the rollers cannot do all: x, y, angle, and evenness, in tolerances ...
-WEIGHTS = np.array([1.0, 1.0, 0.05, 10.0, 10.0, 10.0])
-#: ... against the rollers' motion [1/m^2].
+#: Relative tolerance of the forces of three members against those in balance without friction [-].
+EVENNESS_TOLERANCE = 0.02
+#: Weights of x, y, angle and evenness in units of their tolerances, if not all are reachable [-].
+RESIDUAL_WEIGHTS = np.array([1.0, 1.0, 0.05, 10.0, 10.0, 10.0])
+#: Weight of the rollers' motion [1/m^2].
 MOTION_WEIGHT = 2e4
-#: What takes long ways of the rollers is left: a step that leaves more than this share of it [-].
-SLOW = 0.7
+#: Largest residual ratio of successive steps [-]; slower convergence ends the iteration.
+MAX_CONTRACTION = 0.7
 
 
 def hold_between(config: Configuration, closing: Closing) -> HeldGrip:
     """
-    Return how the members of a grip hold its object; from here on contacts roll.
+    Return the equilibrium of an object between the members of a grip, with rolling contacts.
 
-    :param config: in which they press on it.
+    :param config: configuration in contact.
     :param closing: the grip.
-    :raises RequirementError: they do not hold it, or another member presses too.
+    :raises RequirementError: the object is not held, or another member is in contact.
     :raises StructureError: see `structure_of`.
     """
     try:
@@ -64,26 +64,26 @@ def hold_between(config: Configuration, closing: Closing) -> HeldGrip:
 
 def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGrip:
     """
-    Return a grasp with another squeeze, the object where it lay.
+    Return a grasp with another squeeze at the same pose of the object.
 
-    :param grasp: how the object is held, from `roll_grip`.
+    :param grasp: equilibrium of the object, from `roll_grip`.
     :param force: mean normal force of the members, positive [N].
-    :param closing: the grip, where the object is to stay, and the bounds of the motion.
-    :raises RequirementError: what ends the motion before.
+    :param closing: the grip, the desired pose of the object, and the bounds of the motion.
+    :raises RequirementError: a requirement that ends the motion.
     :raises StructureError: see `structure_of`.
     """
     evened = len(closing.members) if len(closing.members) > 2 else 0
     scale = np.array(
         [SQUEEZE_TOLERANCE * force, PLACE_TOLERANCE, PLACE_TOLERANCE, TURN_TOLERANCE]
-        + evened * [EVEN_TOLERANCE * force]
+        + evened * [EVENNESS_TOLERANCE * force]
     )
-    weights = WEIGHTS[: len(scale) - 1]
+    weights = RESIDUAL_WEIGHTS[: len(scale) - 1]
     limits = stack_rows(grasp.config, closing.limits)
     rows = np.concatenate([limits.matrix, -limits.matrix])
-    room = np.concatenate([limits.upper, -limits.lower])  # until where the motion ends
+    room = np.concatenate([limits.upper, -limits.lower])  # up to the end of the motion
     rollers = len(grasp.config.roller_positions)
     for _ in range(MAX_CORRECTIONS):
-        # Errors count in tolerances: of squeeze, pose and, of three members, evenness.
+        # Errors in units of tolerances: squeeze, pose and, for three members, evenness.
         missing = _missing(grasp, force, closing.body) / scale
         try:
             held = held_gradient(grasp)
@@ -92,7 +92,7 @@ def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGri
         pose, forces = held.pose[:, :rollers], held.normal_forces[:, :rollers]
         rates = np.vstack([forces.mean(axis=0), pose, forces])[: len(scale)] / scale[:, None]
         others = weights[:, None] * rates[1:]
-        # The motion brings the squeeze, and of the rest what it can.
+        # The squeeze is an equality, the rest least squares.
         travel = solve_qp(
             QuadraticProgram(
                 others.T @ others + MOTION_WEIGHT * np.eye(others.shape[1]),
@@ -108,7 +108,9 @@ def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGri
         room = room - rows @ travel
         gain = rates @ travel
         errors = [np.linalg.norm(weights * each[1:]) for each in (missing, missing - gain)]
-        if abs(missing[0]) < 1.0 and (np.abs(gain).max() < 1.0 or errors[1] > SLOW * errors[0]):
+        if abs(missing[0]) < 1.0 and (
+            np.abs(gain).max() < 1.0 or errors[1] > MAX_CONTRACTION * errors[0]
+        ):
             _check_place(grasp, closing)
             return grasp
         closing.tally.evaluations += 1
@@ -124,24 +126,24 @@ def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGri
 
 
 def _missing(grasp: HeldGrip, force: float, body: ConvexObject) -> Array:
-    """Return what a grip lacks of a squeeze [N], a pose [m, rad] and, of three members, forces."""
+    """Return the errors of squeeze [N], pose [m, rad] and, for three members, forces of a grip."""
     missing = np.append(force - grasp.squeeze, pose_difference(body.pose, grasp.pose))
     owners = grasp.contacts.owners
     if owners[-1] < 2:
         return missing
-    # Three members press in such shares of the total that their forces balance.
+    # Forces of three members in the ratios of their balance.
     normals = grasp.state.normals[np.searchsorted(owners, np.arange(3))]
     shares = (np.roll(normals, -1).conj() * np.roll(normals, -2)).imag
     return np.append(missing, 3.0 * force * shares / shares.sum() - grasp.normal_forces)
 
 
 def _check_place(grasp: HeldGrip, closing: Closing) -> None:
-    """Raise unless a grip keeps the bounds, and the object in place, as far as rollers can."""
+    """Raise RequirementError if a grip violates a bound or displaces the object."""
     state = evaluate_state(grasp.config, grasp.body)
     least = np.zeros(len(state.gaps))
     least[list(closing.members)] = -np.inf
     state.check_bounds(closing.min_rigidity, 0.0, least)
-    # A robot of few rollers cannot close and keep the object in place: it goes along a little.
+    # A robot with few rollers cannot close without a small displacement of the object.
     bound = MAX_DISPLACEMENT * grasp.config.robot.description.tube_diameter
     distance = math.hypot(*pose_difference(grasp.pose, closing.body.pose)[:2])
     if distance > bound:

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Seeds of the search for grasps: pairs and triples of the members around an object."""
+"""Seeds of the search: pairs and triples of members around an object."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from isotruss_ros.core.manipulation.grip import find_members, members_at
 from isotruss_ros.core.manipulation.limits import MemberLengthLimit
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.planning.closing import BOUND_SHARE, Closing
-from isotruss_ros.core.planning.facing import balances, CONE_SHARE, find_facing, TURNING_PRICE
+from isotruss_ros.core.planning.facing import balances, CONE_SHARE, find_facing, TURN_WEIGHT
 from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.planning.violations import RequirementError
 from isotruss_ros.core.safety.margins import object_distances
 import numpy as np
 
-#: Lines of sight from the object's middle.
-SIGHTS = 180
-#: Seeds of a round, the easiest first.
+#: Number of lines of sight from the object's centre [-].
+SIGHT_LINES = 180
+#: Largest number of seeds of a round [-].
 MAX_SEEDS = 8
-#: Of random seeds: friction cones, as shares of the whole ones, and standard deviation of the
-#: nominal roller positions, in mean lengths of members.
+#: Random seeds: shares of the friction cones [-], and standard deviation of the nominal roller
+#: positions, in mean member lengths [-].
 RANDOM_CONES, RANDOM_POSTURE = (0.5, 1.0), 0.3
 
 
@@ -35,17 +35,17 @@ def find_seeds(
     config: Configuration, body: ConvexObject, needs: GraspRequirements, seed: int, number: int
 ) -> list[Closing]:
     """
-    Return the seeds of one round, pairs first, the easiest first.
+    Return the seeds of one round, pairs first, in the order of expected success.
 
     :param config: configuration of the robot.
     :param body: the object.
-    :param needs: what a grasp must fulfil; of a required module only its two members grip, and of
-        required members only these.
-    :param seed: of the random numbers.
-    :param number: of the round; the first is 0. In the others cones and postures are random,
-        and few groups of members are tried several times.
-    :raises RequirementError: why there are no seeds.
-    :raises GraspError: the robot has no such module or members as those required.
+    :param needs: requirements of a grasp; a required module or members are the only grasping
+        members.
+    :param seed: seed of the random numbers.
+    :param number: index of the round, from 0. Later rounds have random cones and postures, and
+        repeat members if there are few.
+    :raises RequirementError: no seeds exist.
+    :raises GraspError: unknown required module or members.
     """
     around, file = enclosing_members(config, body.middle), config.robot.description
     wanted = required_members(config.robot, needs)
@@ -62,7 +62,7 @@ def find_seeds(
     rng, radius = np.random.default_rng((seed, number)), 0.5 * file.tube_diameter
     found: list[tuple[float, Closing]] = []
     for group in groups:
-        turning, cone, posture = TURNING_PRICE, math.atan(needs.friction), None
+        turning, cone, posture = TURN_WEIGHT, math.atan(needs.friction), None
         if number > 0:
             turning *= rng.uniform(0.0, 1.0)
             away = length * rng.standard_normal(len(config.roller_positions))
@@ -77,7 +77,7 @@ def find_seeds(
         else:
             facing = normals if balances(body, normals, CONE_SHARE * cone, radius) else None
         if facing is not None:
-            # How far members are from where they are to be.
+            # Distances of members from their targets.
             turns = float(np.abs(np.angle(facing / normals)).sum())
             found.append((float(gaps[list(group)].sum()) + 0.5 * length * turns, closing))
     if not found:
@@ -85,17 +85,17 @@ def find_seeds(
         short = 'members' if seen < len(wanted) else 'opposed'
         why = (short, seen, len(wanted)) if around else ('enclosed', 0.0, 1.0)
         raise RequirementError(*why)
-    # A tube that keeps its length seldom brings three members to an object at once.
+    # A tube of constant length rarely has three members in contact with an object.
     found.sort(key=lambda item: (len(item[1].members), item[0]))
     return [closing for _, closing in found[:MAX_SEEDS]]
 
 
 def required_members(robot: Mechanism, needs: GraspRequirements) -> frozenset[int]:
     """
-    Return the numbers of the members that are to grip; none where any may.
+    Return the indices of the required members; None for any.
 
     :param robot: the robot.
-    :param needs: what a grasp must fulfil.
+    :param needs: requirements of a grasp.
     :raises GraspError: the robot has no such module or members.
     """
     names = needs.members or ()
@@ -106,7 +106,7 @@ def required_members(robot: Mechanism, needs: GraspRequirements) -> frozenset[in
 
 def enclosing_members(config: Configuration, point: complex) -> tuple[int, ...]:
     """
-    Return the members that are seen from a point; none if one can see out between them.
+    Return the members in line of sight of a point; none if a line of sight leaves the robot.
 
     :param config: configuration of the robot.
     :param point: x + iy in the robot frame [m].
@@ -116,8 +116,8 @@ def enclosing_members(config: Configuration, point: complex) -> tuple[int, ...]:
     b, c = points[topology.b], points[topology.c]
     starts = np.concatenate([b, b, points[topology.joint]]) - point
     ends = np.concatenate([points[topology.c[topology.following]], c, 0.5 * (b + c)]) - point
-    sights = np.exp(2j * np.pi * (np.arange(SIGHTS)[:, None] + 0.5) / SIGHTS)
-    # Where lines of sight meet the segments.
+    sights = np.exp(2j * np.pi * (np.arange(SIGHT_LINES)[:, None] + 0.5) / SIGHT_LINES)
+    # Intersections of lines of sight and segments.
     one, other = starts * sights.conj(), ends * sights.conj()
     crossing = (one.imag > 0.0) != (other.imag > 0.0)
     share = one.imag / np.where(crossing, one.imag - other.imag, 1.0)

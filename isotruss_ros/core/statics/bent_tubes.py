@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
+from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.statics.cut_frame import CutFrame
 from isotruss_ros.core.statics.frame import Frame, Tangent
@@ -27,6 +28,8 @@ LINEAR_SHARE = 1e-6
 #: Tubes are linearised anew until no node moves by more than this [m]; where a motion is
 #: followed, until none moves by more than that, which leaves less than 1e-7 m.
 SETTLED_MOTION, FOLLOWED_MOTION = 1e-9, 1e-4
+#: Tubes are linearised anew so often at most.
+MAX_BENDS = 8
 #: Motions of places count that much less than those of nodes [-]: by the moments in tubes.
 PLACE_SHARE = 0.2
 #: Places are no nearer to the ends of their piece of tube than this [m].
@@ -340,6 +343,21 @@ class BentTubes:
             self.linear,
             self.displace(loads, places),
         )
+
+    def bend(self, loads: Array, places: Array) -> BentTubes:
+        """
+        Linearise anew until the frame is where loads bend it.
+
+        :param loads: (k, 3) at the places.
+        :param places: (k,) from the members' starts [m].
+        :raises StructureError: it is not found.
+        """
+        bent = self
+        for _ in range(MAX_BENDS):
+            if bent.distance(loads, places) <= SETTLED_MOTION:
+                return bent
+            bent = bent.update(loads, places)
+        raise StructureError(f'the bent tubes did not settle in {MAX_BENDS} steps')
 
     def changes(self, loads: Array, places: Array) -> tuple[Array, PlaceChanges]:
         """

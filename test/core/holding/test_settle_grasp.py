@@ -240,7 +240,7 @@ def test_a_rolling_grasp_ends_where_it_does_wherever_it_is_expected(change):
 
 
 def test_more_than_three_members_are_named_as_what_it_does_not_settle(monkeypatch):
-    monkeypatch.setattr(attach_grip_module, 'MOST', 2)
+    monkeypatch.setattr(attach_grip_module, 'MAX_MEMBERS', 2)
     settled = settle_grasp(HOME, ConvexObject.disc((0.0, -0.8267), 0.65), FRICTION)
     assert settled.hold is HoldStatus.OTHER_CONTACT
     assert not settled.held

@@ -148,8 +148,7 @@ def test_active_rows_give_the_solution_of_all_rows(slide, first, robot, rng, num
     twist = 10.0 ** rng.uniform(-2.0, 1.0) * rng.standard_normal(3)
     arguments = (config, grasp, twist, failed, limits, LimitHandling(slide, 0.005))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(limit_handling, 'FIRST', first)
-        patch.setattr(limit_handling, 'ADDED', first)
+        patch.setattr(limit_handling, 'ROW_BATCH', first)
         patch.setattr(limit_handling, 'MAX_ROLLERS_WITH_ALL_ROWS', 0)
         few = solve_twist(*arguments)
         patch.setattr(limit_handling, 'MAX_ROLLERS_WITH_ALL_ROWS', 10**6)

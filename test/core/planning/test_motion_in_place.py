@@ -148,7 +148,7 @@ def test_what_is_beyond_a_bound_ends_the_motion(monkeypatch):
 @pytest.mark.parametrize('share', [0.2, 0.3])
 def test_what_rollers_cannot_bring_back_goes_along_a_little(share, monkeypatch):
     closing, grasp = pair()
-    monkeypatch.setattr(motion_in_place, 'SLOW', -1.0)  # as if all ways were long
+    monkeypatch.setattr(motion_in_place, 'MAX_CONTRACTION', -1.0)  # the first step ends it
     x, y, angle = grasp.pose
     tube = HOME.robot.description.tube_diameter
     closing = replace(closing, body=grasp.body.moved_to((x + share * tube, y, angle)))

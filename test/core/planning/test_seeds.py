@@ -8,7 +8,7 @@ import closings
 from isotruss_ros.core import ConvexObject, GraspRequirements, load_robot
 from isotruss_ros.core.planning import seeds
 from isotruss_ros.core.planning.facing import friction_angles
-from isotruss_ros.core.planning.seeds import enclosing_members, find_seeds, SIGHTS
+from isotruss_ros.core.planning.seeds import enclosing_members, find_seeds, SIGHT_LINES
 import numpy as np
 import pytest
 
@@ -27,7 +27,7 @@ def seen_from(config, point):
     segments = [*zip(begin, end, strict=True), *zip(*back, strict=True)]
     segments += zip(joints, middle, strict=True)
     found = set()
-    for angle in 2.0 * math.pi * (np.arange(SIGHTS) + 0.5) / SIGHTS:
+    for angle in 2.0 * math.pi * (np.arange(SIGHT_LINES) + 0.5) / SIGHT_LINES:
         ray, hits = np.array([math.cos(angle), math.sin(angle)]), {}
         for number, (one, other) in enumerate(segments):
             start, span = one - point, other - one
