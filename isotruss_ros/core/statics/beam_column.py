@@ -43,6 +43,8 @@ class EndForces(NamedTuple):
     :ivar stiffness: (k, 3, 3) of (N, M1, M2) by (l, t1, t2).
     :ivar stressed: (k,) N, and (k,) M1 + M2, that act on the turned chord: before the step of
         Newton's method that makes the energy stationary in N as well.
+    :ivar rates: (k, 3) derivatives of N, M1 and M2 by the rest lengths, the ends fixed; None
+        unless they were asked for.
     """
 
     pull: Array

@@ -197,6 +197,12 @@ class BentTubes:
         )
         return moved.reshape(-1, 3, 4 * count + 1), multipliers
 
+    @property
+    def _moving(self) -> slice:
+        """Return which of `_changes` are those by the places."""
+        count = len(self.members)
+        return slice(3 * count, 4 * count)
+
     @cached_property
     def _place_rates(self) -> tuple[Array, Array, Array]:
         """Return loads (3 n, k), inclinations (k, k), and forces of parts (2 k, 3), by places."""
@@ -257,7 +263,7 @@ class BentTubes:
     def rates(self) -> Array:
         """Return how the responses change with the places, (k, 3, k) [1/m]."""
         count = len(self.members)
-        found = self._rows[1][:, :, 3 * count : 4 * count].copy()
+        found = self._rows[1][..., self._moving].copy()
         own = np.arange(count)
         found[:, 2] += self._place_rates[1]
         if self.before is not None:
@@ -295,7 +301,7 @@ class BentTubes:
         ways = self._ways(loads, places)
         moved = np.abs(self._displace(ways)[0][:, :2]).max() / self.share
         # What is not linear in the places is that much less.
-        slid = PLACE_SHARE * np.abs(ways[-1 - len(places) : -1]).max()
+        slid = PLACE_SHARE * np.abs(ways[self._moving]).max()
         return float(max(moved, slid))
 
     def _displace(self, ways: Array) -> tuple[Array, Array]:
@@ -304,7 +310,7 @@ class BentTubes:
         moved = nodes.copy()
         if self.before is not None:
             # Places are where they move to.
-            slid = self.axis * ways[-1 - len(self.axis) : -1]
+            slid = self.axis * ways[self._moving]
             moved[self.frame.nodes, :2] -= np.column_stack([slid.real, slid.imag])
         return moved, nodes
 
@@ -369,7 +375,7 @@ class BentTubes:
         """
         frame, count, found = self.frame, len(self.members), self._changes[0]
         by_loads = found[..., : 3 * count] @ loads.reshape(3 * count, -1)
-        nodes = found[..., 3 * count : 4 * count] @ places
+        nodes = found[..., self._moving] @ places
         forces = np.zeros((len(frame.length), 3, places.shape[1]))
         moved = np.tile(places, (2, 1))
         np.add.at(forces, self._parts[0], self._place_rates[2][..., None] * moved[:, None])
@@ -394,7 +400,7 @@ class BentTubes:
 
     def displacements(self, loads: Array, places: Array) -> Array:
         """
-        Return the displacements (n, 3) of the nodes, as far as they are linear about the state.
+        Return where the nodes go, (n, 3), as far as they are linear about the state.
 
         :param loads: (k, 3) at the places.
         :param places: (k,) from the members' starts [m].
@@ -421,7 +427,7 @@ class BentTubes:
         """Return how N, M1 and M2 of the members change (c, 3), and their chords (c,)."""
         every = np.arange(len(self.frame.length))
         changes, longer = self.frame.force_changes(self.tangent, every, nodes[..., None])
-        changes, slid = changes[..., 0], np.tile(ways[-1 - len(self.axis) : -1], 2)
+        changes, slid = changes[..., 0], np.tile(ways[self._moving], 2)
         np.add.at(changes, self._parts[0], self._place_rates[2] * slid[:, None])
         return changes, longer[:, 0]
 

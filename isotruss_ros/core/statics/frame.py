@@ -430,7 +430,7 @@ class Frame:
 
     def places(self, parts: Indices) -> Indices:
         """
-        Return the places (p, 6) of the displacements of members' ends among all.
+        Return where the displacements of members' ends are among all, (p, 6).
 
         :param parts: (p,) which members.
         """
