@@ -10,7 +10,12 @@ from typing import NamedTuple
 
 from isotruss_ros.core.errors import ConfigurationError, GraspError, SolverError
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, LEFT_MARGIN, NotHeldError
+from isotruss_ros.core.holding.held_grip import (
+    HeldGrip,
+    HoldStatus,
+    MIN_MARGIN_SHARE,
+    NotHeldError,
+)
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.solve_twist import solve_twist
@@ -67,7 +72,7 @@ def foresee_path(held: HeldGrip, friction: float, poses: Array) -> Foresight:
     Carry an object along a path in the model, from rest to rest, with the squeeze regulated.
 
     Contacts stick and roll. Nothing pulls at the object, and barriers do not count. The squeeze is
-    kept; where the slip margin is less than `LEFT_MARGIN` of it, the object stands.
+    kept; where the slip margin is less than `MIN_MARGIN_SHARE` of it, the object stands.
 
     :param held: how the object is held at the first pose.
     :param friction: coefficient between tubes and object.
@@ -95,8 +100,8 @@ def foresee_path(held: HeldGrip, friction: float, poses: Array) -> Foresight:
             found, why = None, str(error)
         if found is not None:
             margin = found.slip_margin(friction)
-            if margin < LEFT_MARGIN * force:
-                bound = LEFT_MARGIN * force
+            if margin < MIN_MARGIN_SHARE * force:
+                bound = MIN_MARGIN_SHARE * force
                 why = f'the slip margin is {margin:.3g} N, and must be {bound:.3g} N'
             off = math.hypot(goal[0] - found.pose.x, goal[1] - found.pose.y)
             if off > OFF_PATH:

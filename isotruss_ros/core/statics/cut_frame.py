@@ -38,7 +38,7 @@ class FrameRates(NamedTuple):
 
 class CutFrame(Frame):
     """
-    A frame whose members are cut at some points, which become its last nodes.
+    A frame with members cut at points, which become its last nodes.
 
     The members themselves become their first parts; the others are the last members.
 
