@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Definition of a closing motion, and the state of its steps."""
+"""What closes on which object, and what its steps depend on."""
 
 from __future__ import annotations
 
@@ -17,30 +17,30 @@ from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.planning.violations import RequirementError, SearchTally
 import numpy as np
 
-#: Largest share of the distance from a bound used by a step [-].
+#: A step uses at most this share of the distance from a bound.
 BOUND_SHARE = 0.5
-#: Indentation of the members from waypoint to waypoint, in tube diameters [-].
+#: Members close by so much from waypoint to waypoint, in diameters of the tube; ...
 CLOSING_STEP = 0.12
-#: Reduction of steps that a bound ends, and smallest share of the full step [-].
-REFINEMENT, MIN_STEP_SHARE = 0.34, 0.3
+#: ... steps become shorter by this factor where a bound ends them, while longer than this share.
+REFINEMENT, LEAST_SHARE = 0.34, 0.3
 
 
 @dataclass(frozen=True, eq=False)
 class Closing:
-    """Members and object of a closing motion, with its bounds."""
+    """What closes on which object, within which bounds."""
 
-    body: ConvexObject  #: the object, at rest
-    members: tuple[int, ...]  #: indices of the grasping members
-    limits: tuple[Limit, ...]  #: limits of the rollers; a step is their motion in unit time
-    min_rigidity: float  #: smallest rigidity index, 1 at home [-]
-    friction_angle: float = 0.0  #: angle of the friction cones for an open grip [rad]
-    nominal_posture: Array | None = None  #: (r,) nominal roller positions [m], if any
-    facing: Points | None = None  #: (s,) desired unit normals, x + iy, if any
-    tally: SearchTally = field(default_factory=SearchTally)  #: evaluated candidates so far
+    body: ConvexObject  #: the object, which stands still
+    members: tuple[int, ...]  #: numbers of the grasping members
+    limits: tuple[Limit, ...]  #: of the rollers; a step is their motion in a unit of time
+    min_rigidity: float  #: see `rigidity_index`, 1 at home [-]
+    friction_angle: float = 0.0  #: of the cones in which an open grip balances [rad]
+    nominal_posture: Array | None = None  #: (r,) roller positions to be drawn to [m], if any
+    facing: Points | None = None  #: (s,) unit normals, x + iy, to be turned to, if any
+    tally: SearchTally = field(default_factory=SearchTally)  #: what was looked at so far
 
     def normals(self, config: Configuration) -> Points:
         """
-        Return the unit normals from the object to the grasping members, (s,) x + iy.
+        Return the directions from the object across the grasping members, (s,) x + iy.
 
         :param config: configuration of the robot.
         """
@@ -49,13 +49,13 @@ class Closing:
 
 @dataclass(frozen=True, eq=False)
 class SearchState:
-    """A configuration with the quantities that steps depend on."""
+    """A configuration, and the quantities that steps from it and to it depend on."""
 
     config: Configuration  #: the configuration
-    gaps: Array  #: (3m,) gaps of members, modules, rods [m]; negative for indentation
+    gaps: Array  #: (3m,) of members, modules, rods [m]; negative where indented
     gaps_by_nodes: Array  #: (3m, 2n) derivatives of the gaps by the node coordinates [-]
-    modes: Modes  #: smallest singular values; the first is the rigidity index
-    distances: Array  #: (p,) distances of parts, see `CollisionModel` [m]
+    modes: Modes  #: its smallest singular values; the first is the rigidity index, 1 at home
+    distances: Array  #: (p,) of parts that must not meet, see `CollisionModel` [m]
 
     @property
     def rigidity(self) -> float:
@@ -69,12 +69,12 @@ class SearchState:
 
     def check_bounds(self, rigidity: float, clearance: float, gaps: Array) -> None:
         """
-        Raise RequirementError if the configuration violates a bound.
+        Check that the configuration keeps its bounds.
 
         :param rigidity: smallest rigidity index.
-        :param clearance: smallest distance of parts [m].
-        :param gaps: (3m,) smallest gaps [m].
-        :raises RequirementError: a bound is violated.
+        :param clearance: smallest distance of parts that must not meet [m].
+        :param gaps: (3m,) smallest ones [m].
+        :raises RequirementError: it does not.
         """
         low = int((self.gaps - gaps).argmin())
         for name, value, bound in (
@@ -92,7 +92,7 @@ def evaluate_state(config: Configuration, body: ConvexObject) -> SearchState:
 
     :param config: the configuration.
     :param body: the object.
-    :raises ConfigurationError: the configuration is singular.
+    :raises ConfigurationError: it is singular.
     """
     model = collision_model(config.robot)
     return SearchState(

@@ -20,7 +20,7 @@ from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.pose import pose_difference
-from isotruss_ros.core.planning.closing import Closing, CLOSING_STEP, MIN_STEP_SHARE, REFINEMENT
+from isotruss_ros.core.planning.closing import Closing, CLOSING_STEP, LEAST_SHARE, REFINEMENT
 from isotruss_ros.core.planning.closing_step import press
 from isotruss_ros.core.planning.facing import contact_ends
 from isotruss_ros.core.planning.grasp_plan import ClosedGrip
@@ -61,7 +61,7 @@ def close_in_place(
         with closing.tally.recording():
             yield _judge(grasp, closing, needs)
     share = 1.0
-    while share > MIN_STEP_SHARE and not (wanted and _reached(grasp, wanted)):
+    while share > LEAST_SHARE and not (wanted and _reached(grasp, wanted)):
         rise = min((SQUEEZE_GROWTH - 1.0) * grasp.squeeze, SQUEEZE_RISE)
         if pair:
             step = CLOSING_STEP * touch.robot.description.tube_diameter

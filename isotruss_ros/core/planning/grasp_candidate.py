@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Evaluation of a grasp candidate from its seed to the planned grasp, in any process."""
+"""One candidate for a grasp, from its seed to the planned grasp, in this process or another."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ def judge_candidate(
     config: Configuration, closing: Closing, needs: GraspRequirements
 ) -> tuple[PlannedGrasp | None, SearchTally]:
     """
-    Move the members of a seed to the object and close them, in any process.
+    Bring the members of a seed to the object and close them there, in any process.
 
     :param config: configuration of the robot.
     :param closing: the seed.
-    :param needs: requirements of the grasp.
-    :return: the grasp or None, and the evaluated candidates with the violation.
+    :param needs: what the grasp must fulfil.
+    :return: the grasp, None if there is none; and what was looked at, with the violation.
     """
     grasp, tally = None, closing.tally
     try:
@@ -44,7 +44,7 @@ def judge_candidate(
                 _check_carry(closed[1], needs)
             grasp = None if closed is None else _planned(closing, needs, opened, *closed)
     except IsotrussError as error:
-        # A failed computation rejects the candidate; earlier evaluations still count.
+        # A candidate that cannot be computed is none; what was found out before still counts.
         tally.record(Violation(str(error), 0.0, 0.0))
     return grasp, tally
 
@@ -55,16 +55,16 @@ def close_grip(
     """
     Return the path from the touch to the best grip that fulfils the requirements, and that grip.
 
-    The squeeze increases until the grip does not improve or a bound is reached.
+    The members press harder and harder, until the grip gets no better or a bound is reached.
 
     :param opened: configuration in which the members are close to the object.
-    :param closing: members and object of the closing motion.
-    :param needs: requirements of the grasp.
-    :return: None without such a grip; then the tally of `closing` has the violation.
+    :param closing: what closes.
+    :param needs: what the grasp must fulfil.
+    :return: None where there is none; then the tally of what closes has the violation.
     :raises SolverError: a quadratic program, or the contact, was not solved.
     :raises StructureError: see `structure_of`.
     """
-    # A nominal posture would keep small errors of the gaps.
+    # A nominal posture would keep the gaps from their targets, by a little.
     closing = replace(closing, nominal_posture=None, facing=None)
     best, best_score = None, -math.inf
     with closing.tally.recording():
@@ -73,7 +73,7 @@ def close_grip(
             path.append(grip.config)
             if grip.slip_margin is None:
                 continue
-            # The path so far is shorter than the whole one.
+            # The path as far as here is shorter than all of it.
             score = needs.rate_grip(grip, -grip.squeeze)
             if score <= best_score:
                 break
@@ -82,7 +82,7 @@ def close_grip(
 
 
 def _check_carry(grip: ClosedGrip, needs: GraspRequirements) -> None:
-    """Raise RequirementError if the object slips on its path."""
+    """Raise unless a grip carries the object along its path without slipping."""
     found = foresee_grip(grip.config, grip.body, needs.friction, np.array(needs.carry))
     share = 0.0 if found is None else found.share
     if found is None or found.why:
@@ -96,7 +96,7 @@ def _planned(
     pressed: list[Configuration],
     grip: ClosedGrip,
 ) -> PlannedGrasp:
-    """Return the grasp at the end of the paths of approach and closing."""
+    """Return the grasp at the end of the path to an open grip and of that from the touch on."""
     configs, analysis, loads = (*opened, *pressed), grip.analysis, grip.loads
     path = np.array([config.roller_positions for config in configs])
     travel = float(np.abs(np.diff(path, axis=0)).sum(axis=0).max())

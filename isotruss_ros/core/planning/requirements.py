@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Requirements of a grasp, and criteria of the ranking."""
+"""What a grasp must fulfil, and what makes one better than another."""
 
 from __future__ import annotations
 
@@ -25,46 +25,46 @@ MIN_RIGIDITY = 0.15
 
 
 class Measure(str, Enum):
-    """Criteria of the ranking; larger is better."""
+    """What the grasps are ranked by; of each, more is better."""
 
-    SLIP_MARGIN = 'slip_margin'  #: wrench at which a contact of the free object slips [N]
-    CLOSURE_MARGIN = 'closure_margin'  #: friction margin of the fixed object [N]
-    TOTAL_FORCE = 'total_force'  #: sum of contact forces, smaller is better [N]
-    TRAVEL = 'travel'  #: path length of the rollers, shorter is better [m]
+    SLIP_MARGIN = 'slip_margin'  #: wrench at which a contact slips, the object free [N]
+    CLOSURE_MARGIN = 'closure_margin'  #: friction in reserve, the object held fast [N]
+    TOTAL_FORCE = 'total_force'  #: the less the tubes press, the better [N]
+    TRAVEL = 'travel'  #: the shorter the path of the rollers, the better [m]
     STIFFNESS = 'stiffness'  #: against a motion of the object along `direction` [N/m]
 
 
 @dataclass(frozen=True)
 class GraspRequirements:
     """
-    Requirements of a grasp.
+    What a grasp must fulfil.
 
-    The object is free during closing. The path `carry` is shifted to the pose of the held object;
-    a grasp that slips on it in the model, see `foresee_path`, is rejected.
+    The object is free while the members press. A path to `carry` it along is shifted to begin
+    where it is held; a grasp that slips on it in the model, see `foresee_path`, is none.
 
-    :raises GraspError: a value is invalid; names it and its valid range.
+    :raises GraspError: a value is not usable; says which and what would be right.
     """
 
     friction: float = DEFAULT_FRICTION  #: coefficient between tube and object, not negative
     external_wrench: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: about its centre [N, N m]
-    module: str | None = None  #: grip module `t/j`; None: any
-    members: tuple[str, ...] | None = None  #: two or three grasping members `t/j-k`, instead
-    squeeze: float | None = None  #: normal force of each member [N]; None: the optimum
+    module: str | None = None  #: the module `t/j` whose two members are to grip; any if None
+    members: tuple[str, ...] | None = None  #: the two or three `t/j-k` that are to grip, instead
+    squeeze: float | None = None  #: normal force of each member [N]; the best one if None
     min_slip_margin: float = 0.0  #: see `SettledGrasp.slip_margin`, not negative [N]
     min_margin: float | None = None  #: `GraspAnalysis.closure_margin`, not negative [N]; None: any
     max_contact_force: float = math.inf  #: sum of the normal forces of one member [N]
     max_total_force: float = math.inf  #: sum of all normal forces on the object [N]
-    max_utilisation: float = MAX_UTILISATION  #: utilisation; above 1 the model is invalid
+    max_utilisation: float = MAX_UTILISATION  #: of wrinkling; above 1 is outside of the model
     min_rigidity: float = MIN_RIGIDITY  #: smallest rigidity index along the path, 1 at home
     min_length: float | None = None  #: of members, pinch to pinch [m]; the file's if None
     max_length: float | None = None  #: of members, pinch to pinch [m]; the file's if None
-    measure: Measure = Measure.SLIP_MARGIN  #: criterion of the ranking
+    measure: Measure = Measure.SLIP_MARGIN  #: what the grasps are ranked by
     direction: tuple[float, float, float] = (0.0, 1.0, 0.0)  #: for stiffness [m, m, rad]
     carry: tuple[tuple[float, float, float], ...] = ()  #: poses (x, y, angle) [m, rad]
-    count: int = 3  #: desired number of distinct grasps, at least 1
+    count: int = 3  #: how many distinct grasps are wanted, at least 1
 
     def __post_init__(self) -> None:
-        """Check the values; names are checked against a robot at the start of the search."""
+        """Check the values; names are checked against a robot when the search begins."""
         for name in ('external_wrench', 'direction'):
             values = finite_array(getattr(self, name), 3, f'requirement {name}', GraspError)
             object.__setattr__(self, name, tuple(values.tolist()))
@@ -96,12 +96,12 @@ class GraspRequirements:
         self, analysis: GraspAnalysis, normal_forces: Iterable[float], utilisation: Iterable[float]
     ) -> dict[str, float]:
         """
-        Return the loads of a grasp by requirement, the larger of the fixed and the free object.
+        Return the loads of a grasp by requirement, the larger of the object held fast and free.
 
-        :param analysis: analysis of the fixed object.
-        :param normal_forces: normal forces of the members on the free object [N].
-        :param utilisation: utilisation of the members under the forces of the free object [-].
-        :raises RequirementError: a load exceeds its bound.
+        :param analysis: of the object held fast.
+        :param normal_forces: of the members on the free object [N].
+        :param utilisation: of members under the forces of the free object [-].
+        :raises RequirementError: one exceeds its bound.
         """
         pressing = [*analysis.contact_forces.values(), *normal_forces]
         loads = {
@@ -115,11 +115,11 @@ class GraspRequirements:
 
     def check_bound(self, name: str, value: float) -> None:
         """
-        Raise RequirementError if a value violates its bound.
+        Check a value against its bound.
 
-        :param name: name of the requirement, with the prefix `min_` or `max_`.
-        :param value: value of the grasp.
-        :raises RequirementError: the value violates the bound.
+        :param name: of the requirement, which begins with `min_` or `max_`.
+        :param value: of the grasp.
+        :raises RequirementError: it is beyond the bound.
         """
         bound = getattr(self, name)
         if bound is not None and (value > bound if name.startswith('max_') else value < bound):
@@ -129,8 +129,8 @@ class GraspRequirements:
         """
         Return the score of a grip by the measure; larger is better.
 
-        :param grip: grip that fulfils the requirements.
-        :param shortness: score of the path length, larger for shorter paths.
+        :param grip: one that fulfils the requirements.
+        :param shortness: the larger, the shorter is the path.
         """
         if self.measure is Measure.TRAVEL:
             return shortness
