@@ -329,6 +329,29 @@ def summarise(carries: Sequence[Carry]) -> list[str]:
     return lines
 
 
+def tabulate(carries: Sequence[Carry]) -> list[str]:
+    """
+    Return the table of `docs/safety.md`, the draws by fault, as Markdown.
+
+    :param carries: what became of each.
+    """
+    groups = [(name, [c for c in carries if name in c.draw.names]) for name in FAULTS]
+    kinds = {CLEAN: 'none', LOST: 'a pull that breaks the grip', NOTHING: 'nothing gripped'}
+    groups += [(words, [c for c in carries if c.kind == kind]) for kind, words in kinds.items()]
+    rows = ['| fault | carries | arrived | halted | loss told after [s] | told after [mm] |']
+    rows.append('| --- | --- | --- | --- | --- | --- |')
+    for name, some in groups:
+        if not some:
+            continue
+        lost = [c for c in some if c.lost < math.inf and c.kind != NOTHING]
+        late = f'{max(c.halted - c.lost for c in lost):+.2f}' if lost else '–'
+        ways = [1e3 * c.way for c in some if c.kind == NOTHING]
+        counts = [sum(word in c.end for c in some) for word in ('arrived', 'halted')]
+        way = f'{max(ways):.0f}' if ways else '–'
+        rows.append(f'| {name} | {len(some)} | {counts[0]} | {counts[1]} | {late} | {way} |')
+    return rows
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """
     Print the results of random objects.
@@ -350,7 +373,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             shape = (DISC, BOX)[k % 2]
             found.append(carry(kind, shape, options.first + k // 2))
             print(found[-1].row(), flush=True)
-    print('\n'.join(summarise(found)))
+    print('\n'.join([*summarise(found), '', *tabulate(found)]))
     return 0
 
 

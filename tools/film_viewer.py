@@ -22,17 +22,26 @@ from PIL import Image
 from playwright.sync_api import Page, sync_playwright
 
 SIZE, SCALE = {'width': 1000, 'height': 620}, 0.7
-#: Of the film [ms], and of what happens [s]: a machine without a graphics card is slow to draw.
-FRAME, PATIENCE = 150, 120.0
+#: Speed of the simulated clock, since a machine without a graphics card is slow to draw; of the
+#: film; the real time between two frames at least, and that in which all comes about [s].
+CLOCK_SPEED, FILM_SPEED = 0.25, 2.0
+PACE, PATIENCE = 0.4, 300.0
+#: Range of the time that a frame is shown [ms].
+DURATIONS = 40.0, 400.0
 #: Of the film, and frames by which they are chosen.
 COLORS, SOME = 128, 6
-SHOWN = {'object_diameter': 0.3, 'friction': 0.8}
+CLOCK = {'use_sim_time': True}
+SHOWN = CLOCK | {'object_diameter': 0.3, 'friction': 0.8}
 COMMON = SHOWN | {'command_timeout': 2.0}
 NODES = (
-    ('simulator', COMMON | {'plant': 'elastic', 'indentation': 0.01, 'rate': 50.0}),
+    (
+        'simulator',
+        COMMON
+        | {'plant': 'elastic', 'indentation': 0.01, 'rate': 50.0, 'clock_speed': CLOCK_SPEED},
+    ),
     ('manipulation', COMMON | {'object_mass': 0.5, 'rate': 50.0}),
     ('grasp_analysis', COMMON | {'rate': 10.0}),
-    ('grasp_planner', {'command_timeout': 2.0}),
+    ('grasp_planner', CLOCK | {'command_timeout': 2.0}),
     ('pick_and_place', COMMON),
     ('viewer', SHOWN | {'port': 0, 'rate': 10.0, 'browser_timeout': 60.0}),
 )
@@ -43,14 +52,19 @@ class Film:
     Frames of a page while something comes about.
 
     :ivar frames: the film so far.
+    :ivar times: when each was taken [s].
     """
 
     def __init__(self, page: Page) -> None:
         self.frames: list[Image.Image] = []
+        self.times: list[float] = []
         self._page = page
 
     def take(self) -> Image.Image:
-        """Add a frame and return it."""
+        """Add a frame, not at once after the last one, and return it."""
+        if self.times:
+            time.sleep(max(0.0, self.times[-1] + PACE - time.monotonic()))
+        self.times.append(time.monotonic())
         frame = Image.open(io.BytesIO(self._page.screenshot(scale='device'))).convert('RGB')
         self.frames.append(frame)
         return frame
@@ -74,7 +88,11 @@ class Film:
         # By their range, not by their share: few points have the colours that matter.
         common = sheet.quantize(COLORS, Image.Quantize.MAXCOVERAGE)
         first, *others = (frame.quantize(palette=common) for frame in self.frames)
-        first.save(path, save_all=True, append_images=others, duration=FRAME, loop=0)
+        shown = np.diff(self.times, append=self.times[-1] + PATIENCE)
+        shown = np.clip(1e3 * CLOCK_SPEED / FILM_SPEED * shown, *DURATIONS)
+        first.save(
+            path, save_all=True, append_images=others, duration=shown.round().tolist(), loop=0
+        )
 
 
 def find_handle(frame: Image.Image) -> tuple[float, float]:
@@ -99,7 +117,7 @@ def act(page: Page, film: Film) -> None:
         page.mouse.move(x - 4.0 * step, y - 3.0 * step)
         film.take()
     page.mouse.up()
-    for _ in range(10):
+    for _ in range(40):
         film.take()
     for name, words in (('place', 'place: free'), ('pick', 'pick: held')):
         page.get_by_role('button', name=name, exact=True).click()

@@ -6,11 +6,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 import time
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import WrenchStamped
-from isotruss_msgs.msg import GraspState
+from isotruss_msgs.msg import GraspState, HeldGrip
 from isotruss_msgs.srv import AnalyzeGrasp
 from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.holding.settled_grasp import SettledGrasp
@@ -27,6 +28,7 @@ from isotruss_ros.nodes.conversions.grasp_messages import (
     read_query,
     to_state_message,
 )
+from isotruss_ros.nodes.conversions.grip_messages import read_grip
 from isotruss_ros.nodes.conversions.markers import to_marker_array
 from isotruss_ros.nodes.conversions.messages import make_header, name_aligned_frame
 from isotruss_ros.nodes.framework import common_parameters as common
@@ -92,6 +94,8 @@ class GraspAnalysisNode(ManagedNode):
         self.inputs.keep_joint_states()
         self.inputs.keep_object_pose()
         self.inputs.keep_tube_pressures(lambda: self.values.ambient_pressure)
+        read = partial(read_grip, robot=self.robot)
+        self.inputs.keep(HeldGrip, 'manipulation/grip', read, 'held_grip')
         self.inputs.keep(WrenchStamped, 'external_wrench', self._read_wrench, 'wrench')
 
     def _read_wrench(self, message: WrenchStamped) -> tuple[float, float, float]:

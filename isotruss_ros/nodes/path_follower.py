@@ -6,18 +6,21 @@
 from __future__ import annotations
 
 from concurrent.futures import Future, ThreadPoolExecutor
+import contextlib
 from dataclasses import replace
+from functools import partial
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_msgs.action import FollowObjectPath
-from isotruss_msgs.msg import ManipulationStatus
+from isotruss_msgs.msg import HeldGrip, ManipulationStatus
 from isotruss_ros.core import IsotrussError, Robot
 from isotruss_ros.core.errors import GraspError, NoMotionError, PathError
-from isotruss_ros.core.inputs import Input, InputError, require_fresh
+from isotruss_ros.core.inputs import InputError, require_fresh
 from isotruss_ros.core.paths.object_path import ObjectPath
 from isotruss_ros.core.paths.path_servo import Outcome, PathServo, ServoFeedback
 from isotruss_ros.core.paths.path_tracking import Tracking, TrackingSettings
 from isotruss_ros.core.planning.foresee_path import foresee_grip
+from isotruss_ros.nodes.conversions.grip_messages import read_grip
 from isotruss_ros.nodes.conversions.path_messages import (
     read_object_path,
     to_path_feedback,
@@ -85,6 +88,8 @@ class PathFollower(ManagedNode):
         self.inputs.keep(
             ManipulationStatus, 'manipulation/status', _read_status, 'servo_feedback', 'status'
         )
+        read = partial(read_grip, robot=self.robot)
+        self.inputs.keep(HeldGrip, 'manipulation/grip', read, 'held_grip')
         # Exists while the node is inactive as well, so that a goal that ends then gets its result.
         self._goal = SingleGoal(
             self,
@@ -149,7 +154,7 @@ class PathFollower(ManagedNode):
             self._end(Outcome.REACHED, 'the object is there already')
             return
         foreseen = self._thread.submit(
-            _check_path, self.robot, self.values, self._servo.rollers, path, self.now()
+            _check_path, self.robot, self.values, self._servo, path, self.now()
         )
         self._waiting = foreseen, path, settings
 
@@ -216,23 +221,28 @@ def _read_status(message: ManipulationStatus) -> ServoFeedback:
 
 
 def _check_path(
-    robot: Robot, values: Parameters, rollers: Input, path: ObjectPath, now: float
+    robot: Robot, values: Parameters, servo: PathServo, path: ObjectPath, now: float
 ) -> None:
     """
     Check the feasibility of a path with the current squeeze, by the model of the held object.
 
+    The check starts from the grip of the loop of `manipulation`, if that regulates the squeeze.
     There is no check without roller positions, or if the described object is not held at the start
     of the path: a pushed object has no slip margin.
     """
     try:
-        (state,) = require_fresh(now, values.command_timeout, joint_states=rollers)
+        (state,) = require_fresh(now, servo.timeout, joint_states=servo.rollers)
     except InputError:
         return
+    record = None
+    with contextlib.suppress(InputError):
+        record = require_fresh(now, servo.timeout, held_grip=servo.held_grip)[0].value
     body = common.read_body(values)
     friction = values.friction if body.friction is None else body.friction
     config = robot.configuration(state.value.positions)
     try:
-        found = foresee_grip(config, body.moved_to(path.poses[0]), friction, path.poses)
+        here = body.moved_to(path.poses[0])
+        found = foresee_grip(config, here, friction, path.poses, record)
     except GraspError:
         return
     if found is not None and found.why:

@@ -5,9 +5,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-import contextlib
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
+import math
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_msgs.msg import StateEstimate as StateEstimateMessage
@@ -24,6 +25,7 @@ from isotruss_ros.core.inputs import (
 )
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.servo.decision import describe_squeeze
+from isotruss_ros.core.statics.sag import find_sag
 from isotruss_ros.nodes.conversions.estimate_messages import to_estimate_message
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.cycle import Cycle
@@ -32,6 +34,8 @@ from isotruss_ros.nodes.framework.parameters import FixedSpec, Spec, Value
 from isotruss_ros.nodes.framework.sensors import Inputs
 from isotruss_ros.nodes.framework.topics import RELIABLE
 
+#: Period of the search for the sag of an upright robot [s].
+SAG_PERIOD = 2.0
 #: Prior of a robot that was not homed.
 PRIOR = EstimatorSettings()
 SPECS = (
@@ -67,13 +71,15 @@ SPECS = (
 
 
 class StateEstimatorNode(ManagedNode):
-    """Updates the estimate with each measurement, and publishes it in every cycle."""
+    """Updates the estimate with the new measurements, and publishes it, in every cycle."""
 
     node_name = 'state_estimator'
     specs = SPECS
     awaited = ('joint_states',)
     _estimator: StateEstimator | None = None
     _last: StateEstimate | None = None
+    #: Whether the robot hangs by its weight, in words, and when that was looked for [s].
+    _sag, _sought = '', -math.inf
     rollers: Input = None
     pose: Input = None
     markers: Input = None
@@ -128,6 +134,8 @@ class StateEstimatorNode(ManagedNode):
             stiffness=values.stiffness_deviation,
         )
         self._estimator, self._last = StateEstimator(self.robot, settings), None
+        #: Poses and markers since the last cycle: the model is evaluated once for all of them.
+        self._waiting: list[Callable[[], object]] = []
         self._apply()
 
     def _apply(self) -> None:
@@ -143,23 +151,22 @@ class StateEstimatorNode(ManagedNode):
         self._estimator.take_encoders(given.time, given.value.positions)
 
     def _take_pose(self, given: StampedInput) -> None:
-        values = self.values
+        values, estimator = self.values, self._estimator
         deviations = values.pose_deviation, values.pose_deviation, values.angle_deviation
-        with self._naming('object_pose'):
-            self._estimator.take_pose(given.time, given.value, deviations)
+        self._waiting.append(partial(estimator.take_pose, given.time, given.value, deviations))
 
     def _take_markers(self, given: StampedInput) -> None:
-        deviation = self.values.marker_deviation
-        with self._naming('joint_markers'):
-            self._estimator.take_markers(given.time, given.value, deviation)
+        estimator, deviation = self._estimator, self.values.marker_deviation
+        self._waiting.append(partial(estimator.take_markers, given.time, given.value, deviation))
 
-    @contextlib.contextmanager
-    def _naming(self, topic: str) -> Iterator[None]:
-        """Log and reject an invalid measurement."""
-        try:
-            yield
-        except IsotrussError as error:
-            self.warn(topic, f'{topic}: {error}')
+    def _take_waiting(self) -> None:
+        """Update with the new poses and markers; log and reject invalid ones."""
+        waiting, self._waiting = self._waiting, []
+        for take in waiting:
+            try:
+                take()
+            except IsotrussError as error:
+                self.warn('measurement', str(error))
 
     def _take_pressures(self, now: float) -> str:
         """Use measured pressures in the model; return why, if the last ones remain."""
@@ -170,8 +177,19 @@ class StateEstimatorNode(ManagedNode):
         self._estimator.take_pressures(found)
         return ''
 
+    def _find_sag(self, now: float, estimate: StateEstimate) -> str:
+        """Return that the empty robot hangs by its weight, looked for now and then, in words."""
+        if not 0.0 <= now - self._sought < SAG_PERIOD:
+            self._sought, self._sag = now, ''
+            if estimate.pose is None and isinstance(self.markers, StampedInput):
+                readings = estimate.travel - estimate.offsets
+                sag = find_sag(self.robot.configuration(readings), self.markers.value)
+                self._sag = str(sag) if sag is not None and sag.is_upright else ''
+        return self._sag
+
     def _step(self, now: float) -> None:
         stale = self._take_pressures(now)
+        self._take_waiting()
         try:
             require_fresh(now, self.timeout, joint_states=self.rollers)
             estimate = self._estimator.estimate()
@@ -183,7 +201,8 @@ class StateEstimatorNode(ManagedNode):
         self._last = estimate
         self._estimates.publish(to_estimate_message(estimate, self.robot))
         rejected = [_rejection(given) for given in (self.rollers, self.pose, self.markers)]
-        doubts = '; '.join(filter(None, (stale, *rejected, _describe_doubts(estimate))))
+        found = stale, *rejected, _describe_doubts(estimate), self._find_sag(now, estimate)
+        doubts = '; '.join(filter(None, found))
         if doubts:
             self.warn('doubts', doubts)
         self.diagnostics.set_status(

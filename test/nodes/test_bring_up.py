@@ -7,14 +7,16 @@ from pathlib import Path
 import re
 import subprocess
 import sys
+from types import SimpleNamespace
 
 from isotruss_ros.calibration.measurements import MeasurementError
-from isotruss_ros.core import load_robot
+from isotruss_ros.core import deform, load_robot
 from isotruss_ros.nodes.bring_up.check_rollers import CheckRollers
 from isotruss_ros.nodes.bring_up.preflight import Preflight
 from isotruss_ros.nodes.simulator.node import Simulator
 from manual_world import world
 from mujoco_worlds import needs_mujoco
+import numpy as np
 from probe import maker, overrides, ROBOT
 import pytest
 from std_msgs.msg import Bool
@@ -154,6 +156,26 @@ def test_a_fault_is_named_and_it_alone(tmp_path, capsys, faulty, name, words):
     faults, said = fly(str(robot), capsys, **faulty)
     assert faults == [name]
     assert re.search(f'FAULT {name}: .*{words}', said)
+
+
+def test_a_robot_that_stands_upright_is_named():
+    loads = dict.fromkeys(ROBOT.module_names, (0.0, -9.81, 0.0))
+    bent, still = deform(ROBOT.home, {}, module_loads=loads), np.zeros(len(ROBOT.roller_names))
+    joints = {
+        name: tuple(place + bent.displacement(name)[:2])
+        for name, place in zip(ROBOT.topology.joint_names, ROBOT.home.nodes, strict=False)
+    }
+    seen = SimpleNamespace(posture=SimpleNamespace(roller_positions=still, joints=joints))
+    description = SimpleNamespace(calibration={'zero_deviations': {'a': 1e-3}})
+    node = SimpleNamespace(
+        _robot=SimpleNamespace(
+            description=description, configuration=ROBOT.configuration, topology=ROBOT.topology
+        ),
+        _markers=SimpleNamespace(measure=lambda _: seen),
+        now=lambda: 0.0,
+    )
+    with pytest.raises(MeasurementError, match=r'stands upright .* lay it flat'):
+        Preflight._check_zeros(node)
 
 
 def test_a_pose_in_another_frame_is_named(tmp_path, capsys):

@@ -3,6 +3,7 @@
 
 """The monitor answers from samples alone: no middleware, no clock but the one it is told."""
 
+from dataclasses import replace
 import time
 from types import SimpleNamespace
 
@@ -15,6 +16,9 @@ from isotruss_ros.core import (
     settle_grasp,
     tangent_center,
 )
+from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.grip_record import GripRecord
+from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.inputs import (
     PRESSURE_TIMEOUT,
     RejectedInput,
@@ -63,6 +67,18 @@ def assert_no_answer(report, code):
     assert report.message
     assert report.grasp is None
     assert not report.force_closure
+
+
+def test_forces_are_those_of_the_grip_that_the_loop_has():
+    grip = attach_grip(ROBOT.home, ConvexObject.disc(CENTER, DIAMETER))
+    grip = roll_grip(replace(grip, anchors=grip.anchors - np.array([0.002, -0.002])), ROBOT.home)
+    record = StampedInput(GripRecord.of(grip), NOW)
+    report = monitor(held_grip=record, wrench=None).report(NOW)
+    found = report.grasp.settled
+    assert found.slip_margin == pytest.approx(grip.slip_margin(FRICTION), rel=1e-3)
+    assert list(found.normal_forces.values()) == pytest.approx(grip.normal_forces, rel=1e-3)
+    without = monitor(wrench=None).report(NOW).grasp.settled
+    assert without.slip_margin != pytest.approx(found.slip_margin, rel=0.05)
 
 
 def test_answers_as_the_analysis_does():

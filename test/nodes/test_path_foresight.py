@@ -3,12 +3,17 @@
 
 """Paths on which a held object would slip are refused before it moves."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 from carries import FRICTION, make_robot, place
 from isotruss_ros.core import ObjectPath
 from isotruss_ros.core.errors import PathError
+from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.grip_record import GripRecord
+from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.inputs import RollerState, StampedInput
+from isotruss_ros.core.paths.path_servo import PathServo
 from isotruss_ros.nodes.path_follower import _check_path
 import numpy as np
 import pytest
@@ -27,11 +32,13 @@ VALUES = SimpleNamespace(
 )
 
 
-def check(displacement, time=NOW, begin=BODY.pose):
+def check(displacement, time=NOW, begin=BODY.pose, record=None):
     """Check a straight path, with rollers at home measured at a time."""
     path = ObjectPath([begin, np.add(begin, displacement)], 0.02, 0.1)
-    rollers = StampedInput(RollerState(STILL, STILL), time)
-    _check_path(ROBOT, VALUES, rollers, path, NOW)
+    servo = PathServo(0.02, 0.2)
+    servo.rollers = StampedInput(RollerState(STILL, STILL), time)
+    servo.held_grip = record and StampedInput(record, NOW)
+    _check_path(ROBOT, VALUES, servo, path, NOW)
 
 
 def test_a_path_on_which_the_margin_ends_is_refused_with_the_place():
@@ -40,6 +47,17 @@ def test_a_path_on_which_the_margin_ends_is_refused_with_the_place():
     )
     with pytest.raises(PathError, match=words):
         check((0.3, 0.2, 0.0))
+
+
+def test_a_path_is_refused_where_the_grip_of_the_loop_has_no_margin_left_on_it():
+    body, members = place(ROBOT, 'brick', 0.5)
+    numbers = np.array([ROBOT.member_names.index(name) for name in members])
+    held = attach_grip(ROBOT.home, body, numbers)
+    # It has slipped on both members, which turned it and left little of its margin.
+    record = GripRecord.of(roll_grip(replace(held, anchors=held.anchors - 0.018), ROBOT.home))
+    check((0.0, -0.05, 0.0))
+    with pytest.raises(PathError, match='the path would end'):
+        check((0.0, -0.05, 0.0), record=record)
 
 
 @pytest.mark.parametrize(

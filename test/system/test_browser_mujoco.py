@@ -29,8 +29,8 @@ from robots import quick_robot
 pytest.importorskip('mujoco')
 pytestmark = [*MARKS, pytest.mark.nightly]
 
-#: On a machine that is busy [s].
-PATIENT = {'command_timeout': 5.0}
+#: By the simulated clock, which is slower on a machine that is busy.
+PATIENT = {'command_timeout': 5.0, 'use_sim_time': True}
 
 
 class Session:
@@ -86,14 +86,14 @@ def opened(shared_domain, tmp_path_factory):
     folder = tmp_path_factory.mktemp('mujoco')
     shown = {'robot': quick_robot(), 'object_diameter': 0.3, 'friction': 0.8}
     common = shown | PATIENT | {'rate': 50.0}
-    plant = {'plant': 'mujoco', 'indentation': 0.01, 'ground_friction': 0.5}
+    plant = {'plant': 'mujoco', 'indentation': 0.01, 'ground_friction': 0.5, 'clock_speed': 1.0}
     nodes = [
         ('simulator', common | plant),
         ('manipulation', common | {'object_mass': 0.5}),
         ('grasp_analysis', {**common, 'rate': 10.0}),
         ('grasp_planner', {'robot': quick_robot()} | PATIENT),
         ('pick_and_place', shown | PATIENT),
-        ('viewer', shown | SERVED | {'rate': 10.0}),
+        ('viewer', shown | SERVED | {'rate': 10.0, 'browser_timeout': 60.0}),
     ]
     with running_nodes(nodes, folder) as processes, sync_playwright() as playwright, world() as w:
         browser = launch(playwright, polite_browser(folder))
@@ -104,6 +104,7 @@ def opened(shared_domain, tmp_path_factory):
         session.until(lambda: w.probe.last('pose') and w.probe.last('status'))
         page.get_by_text('slip margin').wait_for()
         switch_control(page)
+        page.get_by_text('this one has control').wait_for()
         page.get_by_text('assumed by the analysis').click()
         page.get_by_text('external wrench').click()
         yield session

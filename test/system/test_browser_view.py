@@ -27,6 +27,7 @@ from browser import (
     SERVED,
     SOME,
     switch_control,
+    VIEWPORT,
 )
 from geometry_msgs.msg import PoseStamped, Twist
 from isotruss_msgs.msg import ManipulationStatus
@@ -346,3 +347,23 @@ def test_a_drag_without_progress_is_given_up_with_the_reason(view):
     page.get_by_role('button', name='stop', exact=True).click()
     page.get_by_text(f'browser {number}: nobody has control').wait_for()
     assert len(follower.speeds()) == before
+
+
+@pytest.mark.nightly
+def test_a_page_whose_server_has_ended_says_so_across_the_picture(tmp_path):
+    from playwright.sync_api import sync_playwright
+
+    with (
+        running_nodes([('viewer', SERVED)], tmp_path) as (viewer,),
+        sync_playwright() as playwright,
+    ):
+        browser = launch(playwright, CHROMIUM)
+        page = open_page(browser, 0.3)
+        page.goto(read_address(viewer))
+        page.get_by_text('nobody has control').wait_for()
+        assert viewer.stop() == 0
+        notice = page.get_by_text('No connection: ')
+        notice.wait_for()
+        box = notice.bounding_box()
+        browser.close()
+    assert (box['width'], box['height']) == (VIEWPORT['width'], VIEWPORT['height'])

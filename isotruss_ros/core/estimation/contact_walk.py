@@ -16,9 +16,7 @@ import numpy as np
 SPANS = (0.2, 0.6, 1.5, 3.0)
 #: A sum of so many standard deviations is longer than its noise, and so is a jump of that length
 #: [m] at once.
-SURE, JUMP_LENGTH = 5.0, 0.02
-#: Shorter sums are no slip, however little noise there is [m].
-LEAST_WALK = 0.008
+MAX_DEVIATIONS, JUMP_LENGTH = 5.0, 0.02
 
 
 class _Sum(NamedTuple):
@@ -28,6 +26,7 @@ class _Sum(NamedTuple):
     moved: Array  #: (3,) sum of corrections of the pose before this one [m]
     walked: Array  #: (3, 3) covariance of the walk until then [m^2]
     unsure: Array  #: (3, 3) covariance of contacts and pose then [m^2]
+    considered: Array  #: (3, c) derivatives of the pose by what is considered
 
 
 class ContactWalk:
@@ -46,7 +45,7 @@ class ContactWalk:
     @property
     def slipped(self) -> bool:
         """Return whether the walk is surely longer than its noise."""
-        return self.deviations > SURE
+        return self.deviations > MAX_DEVIATIONS
 
     def spread(self, more: Array) -> None:
         """
@@ -56,7 +55,15 @@ class ContactWalk:
         """
         self._walked = self._walked + more
 
-    def add(self, time: float, moved: Array, unsure: Array, noise: Array) -> None:
+    def add(
+        self,
+        time: float,
+        moved: Array,
+        unsure: Array,
+        noise: Array,
+        considered: Array,
+        spread: Array,
+    ) -> None:
         """
         Take a correction in.
 
@@ -64,8 +71,11 @@ class ContactWalk:
         :param moved: (3,) by which it moved contacts and pose [m].
         :param unsure: (3, 3) covariance of these before it [m^2].
         :param noise: (3, 3) covariance of pose and load [m^2].
+        :param considered: (3, c) derivatives of the pose by what is considered, such as zeros,
+            whose error moves the pose as these change.
+        :param spread: (c, c) covariance of that.
         """
-        self._sums.append(_Sum(time, self._moved, self._walked, unsure))
+        self._sums.append(_Sum(time, self._moved, self._walked, unsure, considered))
         self._moved = self._moved + moved
         while time - self._sums[0].time > SPANS[-1]:
             self._sums.popleft()
@@ -73,9 +83,10 @@ class ContactWalk:
         for span in SPANS:
             first = next(each for each in self._sums if time - each.time <= span)
             sum_ = self._moved - first.moved
+            changed = considered - first.considered
             allowed = first.unsure + self._walked - first.walked + noise
+            allowed = allowed + changed @ spread @ changed.T
             length = math.hypot(*sum_)
             size = math.sqrt(sum_ @ np.linalg.solve(allowed, sum_))
             self.length = max(self.length, length)
-            if length > LEAST_WALK:
-                self.deviations = max(self.deviations, size)
+            self.deviations = max(self.deviations, size)

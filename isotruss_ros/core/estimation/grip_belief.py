@@ -39,8 +39,8 @@ import numpy as np
 #: Share of its way by which the unexplained pose walks, and by which contacts slip, over each
 #: piece of way of that length [m].
 POSE_WALK, CONTACT_SLIP, WALK_LENGTH = 0.03, 0.02, 0.1
-#: Prior deviations of the unexplained pose and of the contacts' shift [m].
-POSE_DEVIATION, CONTACT_DEVIATION = 0.005, 0.001
+#: Prior deviations of the unexplained pose, and of what the first pose settles [m].
+POSE_DEVIATION, ANY = 0.0005, 0.1
 #: Prior deviation of the delay of the poses beyond their stamps, and the largest one [s].
 DELAY_DEVIATION, MAX_DELAY = 0.03, 0.15
 #: A larger squared innovation of three degrees of freedom is a jump, once in 60000.
@@ -111,8 +111,7 @@ class GripBelief:
         self._even = np.array([1.0, 1.0, grasp.arm])
         count, shifts = len(grasp.config.roller_positions), len(grasp.members)
         variances = np.zeros(SHIFTS + shifts)
-        variances[LOAD], variances[BIAS] = settings.load**2, POSE_DEVIATION**2
-        variances[DELAY], variances[SHIFTS:] = DELAY_DEVIATION**2, CONTACT_DEVIATION**2
+        variances[DELAY] = DELAY_DEVIATION**2
         self._covariance = np.diag(variances)
         self._considered = np.zeros((count + 1, count + 1))
         self._considered[-1, -1] = settings.stiffness**2
@@ -233,7 +232,7 @@ class GripBelief:
         # One noisy pose is not enough, and large corrections are beyond the first order.
         if self._poses == FIRST_POSES or np.abs(self._corrected).max() > MAX_CORRECTION:
             self._poses += 1
-            self.attach(config, pressures)
+            self._attach(config, pressures)
         return hold
 
     def observe(self, pose: Pose, age: float) -> None:
@@ -262,6 +261,13 @@ class GripBelief:
         :param pressures: (t,) gauge, by tube [Pa]; those of the robot file if None.
         :return: whether there is such an equilibrium.
         """
+        found = self._attach(config, pressures)
+        if found:
+            self._place_contacts()
+        return found
+
+    def _attach(self, config: Configuration, pressures: Pressures) -> bool:
+        """Solve for the equilibrium anew; what is believed of the contacts stays as unsure."""
         pose = self.pose
         unloaded = pose - self.grasp.response.pose @ self.load
         try:
@@ -273,15 +279,18 @@ class GripBelief:
         self._corrected = np.zeros_like(self._corrected)
         self.bias = np.zeros(3)
         self.bias = self._even * pose_difference(pose, self.pose)
-        self._place_contacts()
         return True
 
     def _place_contacts(self) -> None:
-        """Begin with contacts where the measured pose has them, whatever is considered."""
-        pose, considered = self._rates.pose, self._considered_rates.pose
-        self._sensitivity[:] = 0.0
-        shifts = self._sensitivity[SHIFTS:] = -np.linalg.pinv(pose[:, SHIFTS:]) @ considered
-        self._sensitivity[BIAS] = -considered - pose[:, SHIFTS:] @ shifts
+        """Begin with contacts where the measured pose has them, whatever load and zeros are."""
+        rates, variances = self._rates.pose, np.diag(self._covariance).copy()
+        variances[LOAD], variances[BIAS] = self.settings.load**2, POSE_DEVIATION**2
+        variances[SHIFTS:] = ANY**2
+        self._covariance, self._sensitivity[:] = np.diag(variances), 0.0
+        # Contacts take the pose up where they can, the unexplained pose the rest.
+        reached = rates[:, SHIFTS:] @ np.linalg.pinv(rates[:, SHIFTS:])
+        self._covariance[BIAS, BIAS] += ANY**2 * (np.eye(3) - reached)
+        self._condition(rates, np.diag(self.noise.variances))
 
     def take_zeros(self, covariance: Array) -> None:
         """
@@ -317,16 +326,29 @@ class GripBelief:
             freed = np.zeros(len(prior))
             freed[BIAS] = freed[SHIFTS:] = self.jump**2
             prior = prior + np.diag(freed)
-            spread = rates @ prior @ rates.T + noise
-        gain = np.linalg.solve(spread, rates @ prior).T
-        change, left = gain @ off, np.eye(len(prior)) - gain @ rates
-        covariance = left @ prior @ left.T + gain @ noise @ gain.T
-        self._covariance = 0.5 * (covariance + covariance.T)
-        self._sensitivity = left @ self._sensitivity - gain @ self._considered_rates.pose
+        self._covariance = prior
+        change = self._condition(rates, noise) @ off
         self.delay = min(max(self.delay + float(change[DELAY]), 0.0), MAX_DELAY)
         self._shift(change)
         give = self._rates.pose[:, LOAD] * self.settings.load
-        self.walk.add(self._time, walking @ change, unsure, noise + give @ give.T)
+        self.walk.add(
+            self._time,
+            walking @ change,
+            unsure,
+            noise + give @ give.T,
+            self._considered_rates.pose,
+            self._considered,
+        )
+
+    def _condition(self, rates: Array, noise: Array) -> Array:
+        """Reduce the covariance by a measured pose; return the gain (n, 3)."""
+        prior = self._covariance
+        gain = np.linalg.solve(rates @ prior @ rates.T + noise, rates @ prior).T
+        left = np.eye(len(prior)) - gain @ rates
+        covariance = left @ prior @ left.T + gain @ noise @ gain.T
+        self._covariance = 0.5 * (covariance + covariance.T)
+        self._sensitivity = left @ self._sensitivity - gain @ self._considered_rates.pose
+        return gain
 
     def _shift(self, change: Array) -> None:
         """Take a correction (n,) over; the equilibrium follows in the next cycle."""
@@ -401,7 +423,7 @@ class GripBelief:
     def _resize(self, size: int) -> None:
         """Begin with other members: their shifts are as unsure as at first."""
         before, sensitivity = self._covariance, self._sensitivity
-        self._covariance = CONTACT_DEVIATION**2 * np.eye(size)
+        self._covariance = ANY**2 * np.eye(size)
         self._covariance[:SHIFTS, :SHIFTS] = before[:SHIFTS, :SHIFTS]
         self._sensitivity = np.zeros((size, sensitivity.shape[1]))
         self._sensitivity[:SHIFTS] = sensitivity[:SHIFTS]

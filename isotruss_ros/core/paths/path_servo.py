@@ -88,6 +88,7 @@ class PathServo:
     :ivar pose: input of the measured `Pose` of the object, robot frame.
     :ivar servo_feedback: input of the `ServoFeedback` of the manipulation.
     :ivar rollers: input of the measured `RollerState`, for the feasibility check of paths.
+    :ivar held_grip: input of the `GripRecord` of the loop that holds the object, for the same.
     :ivar estimate: input of the `EstimatedTravel` with the offsets of the rollers; None without.
     :ivar tracker: tracker of the current or last path; None before the first.
     :param period: period of the control loop [s].
@@ -100,6 +101,7 @@ class PathServo:
         self.pose: Input = None
         self.servo_feedback: Input = None
         self.rollers: Input = None
+        self.held_grip: Input = None
         self.estimate: Input = None
         self.tracker: PathTracker | None = None
         self._before = 0.0

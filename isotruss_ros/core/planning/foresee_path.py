@@ -10,12 +10,8 @@ from typing import NamedTuple
 
 from isotruss_ros.core.errors import ConfigurationError, GraspError, SolverError
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.held_grip import (
-    HeldGrip,
-    HoldStatus,
-    MIN_MARGIN_SHARE,
-    NotHeldError,
-)
+from isotruss_ros.core.holding.grip_record import GripRecord
+from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, LEFT_MARGIN, NotHeldError
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.solve_twist import solve_twist
@@ -44,7 +40,11 @@ class Foresight(NamedTuple):
 
 @single_threaded
 def foresee_grip(
-    config: Configuration, body: ConvexObject, friction: float, poses: Array
+    config: Configuration,
+    body: ConvexObject,
+    friction: float,
+    poses: Array,
+    record: GripRecord | None = None,
 ) -> Foresight | None:
     """
     Carry an object along a path in the model, see `foresee_path`.
@@ -53,12 +53,15 @@ def foresee_grip(
     :param body: the object, where it is held.
     :param friction: coefficient between tubes and object.
     :param poses: see `foresee_path`.
+    :param record: how the loop that holds the object has it; if None, or where that is no
+        equilibrium, the object is held as it would be with unknown contact history.
     :return: None where no members hold the object: what they push has no slip margin.
     :raises IsotrussError: see `foresee_path`.
     """
     (friction,) = finite_array([friction], 1, 'friction', GraspError).tolist()
+    held = None if record is None else record.restore(config, body)
     try:
-        held = attach_grip(config, body)
+        held = held or attach_grip(config, body)
     except NotHeldError:
         return None
     if held.hold(friction) is not HoldStatus.HELD:
@@ -72,7 +75,7 @@ def foresee_path(held: HeldGrip, friction: float, poses: Array) -> Foresight:
     Carry an object along a path in the model, from rest to rest, with the squeeze regulated.
 
     Contacts stick and roll. Nothing pulls at the object, and barriers do not count. The squeeze is
-    kept; where the slip margin is less than `MIN_MARGIN_SHARE` of it, the object stands.
+    kept; where the slip margin is less than `LEFT_MARGIN` of it, the object stands.
 
     :param held: how the object is held at the first pose.
     :param friction: coefficient between tubes and object.
@@ -100,8 +103,8 @@ def foresee_path(held: HeldGrip, friction: float, poses: Array) -> Foresight:
             found, why = None, str(error)
         if found is not None:
             margin = found.slip_margin(friction)
-            if margin < MIN_MARGIN_SHARE * force:
-                bound = MIN_MARGIN_SHARE * force
+            if margin < LEFT_MARGIN * force:
+                bound = LEFT_MARGIN * force
                 why = f'the slip margin is {margin:.3g} N, and must be {bound:.3g} N'
             off = math.hypot(goal[0] - found.pose.x, goal[1] - found.pose.y)
             if off > OFF_PATH:

@@ -12,8 +12,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+import math
 
 from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.holding.grip_record import GripRecord
+from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.manipulation.grip import find_members, Grip
@@ -50,11 +53,17 @@ class Release:
     path: Array  #: (k, r) roller positions from the present ones [m]; none with a violation
     apart: int  #: the row of `path` from which on nothing touches the object
     violation: Violation | None = None  #: what ends the motion; None if nothing does
+    turned: float = 0.0  #: by the model, as the grip opens [rad]
 
 
 @single_threaded
 def plan_release(
-    config: Configuration, body: ConvexObject, members: Sequence[str], clearance: float
+    config: Configuration,
+    body: ConvexObject,
+    members: Sequence[str],
+    clearance: float,
+    record: GripRecord | None = None,
+    max_turn: float = math.inf,
 ) -> Release:
     """
     Plan the path that lets a held object go and backs off.
@@ -64,6 +73,9 @@ def plan_release(
     :param members: names `t/j-k` of the two members, or three, that hold it.
     :param clearance: gap of each of these at the end, positive, at most as long as all tubes
         together [m].
+    :param record: how the loop that holds the object has it; if None, or where that is no
+        equilibrium, the object is held as it would be with unknown contact history.
+    :param max_turn: a path on which the object turns by more in the model is none [rad].
     :raises GraspError: no such members, or a clearance out of range.
     :raises ConfigurationError: the shape in which the grip opens is singular.
     :raises SolverError: a quadratic program was not solved.
@@ -78,18 +90,26 @@ def plan_release(
         )
     numbers = find_members(config.robot, Grip(tuple(members), body).members).members
     limit = MemberLengthLimit(file.min_length, file.max_length, BOUND_SHARE)
+    held = None if record is None else record.restore(config, body)
+    if held is not None:  # in the model, whose members the path opens
+        body = held.body
     closing = Closing(body, tuple(numbers.tolist()), (limit,), MIN_RIGIDITY)
     try:
-        path, closing = _unload(config, closing)
+        path, closing = _unload(config, closing, held)
+        turned = math.remainder(closing.body.pose.angle - body.pose.angle, 2.0 * math.pi)
+        if abs(turned) > max_turn:
+            raise RequirementError('turned', abs(turned), max_turn)
         apart = len(path) - 1 if len(path) > 1 else 1
         for gap in np.linspace(0.0, clearance, OPENING_STEPS + 1)[1:]:
             path.append(press(path[-1], closing, np.full(len(closing.members), -gap)))
     except RequirementError as error:
         return Release(np.empty((0, len(config.roller_positions))), 0, Violation(*error.args))
-    return Release(np.array([where.roller_positions for where in path]), apart)
+    return Release(np.array([where.roller_positions for where in path]), apart, turned=turned)
 
 
-def _unload(config: Configuration, closing: Closing) -> tuple[list[Configuration], Closing]:
+def _unload(
+    config: Configuration, closing: Closing, held: HeldGrip | None
+) -> tuple[list[Configuration], Closing]:
     """
     Return the path on which the squeeze falls, only its beginning where nothing presses.
 
@@ -98,7 +118,7 @@ def _unload(config: Configuration, closing: Closing) -> tuple[list[Configuration
     path, diameter = [config], config.robot.description.tube_diameter
     if float(member_depths(config, closing.body).max()) <= TOUCHING * diameter:
         return path, closing
-    grasp = hold_between(config, closing)
+    grasp = hold_between(config, closing) if held is None else held
     if grasp.normal_forces.min() <= LEAST_FORCE:
         return path, closing
     for force in grasp.squeeze * np.array(UNLOADING):

@@ -16,7 +16,7 @@ from collections.abc import Callable
 from dataclasses import replace
 import math
 
-from isotruss_ros.core.estimation.contact_walk import JUMP_LENGTH
+from isotruss_ros.core.estimation.contact_walk import JUMP_LENGTH, MAX_DEVIATIONS
 from isotruss_ros.core.estimation.grip_belief import attach_model, GripBelief
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
 from isotruss_ros.core.holding.held_grip import (
@@ -85,6 +85,10 @@ class SqueezeControl:
         self._swings, self._rest = SwingWatch(), 0.0
         self._velocity, self._elapsed, self._slipped = np.zeros(3), 0.0, 0.0
         self._stamp = -math.inf
+
+    def rest(self) -> None:
+        """Let the object be wanted where it is once it is moved again."""
+        self.reference, self._velocity = None, np.zeros(3)
 
     @property
     def grasp(self) -> HeldGrip | None:
@@ -246,9 +250,13 @@ class SqueezeControl:
             return error.hold
         self._choose_gains(found)
         settings = replace(KNOWN, load=self.settings.load or KNOWN.load, zeros=self.settings.zeros)
-        self.belief = GripBelief(found, grip, settings, self._zeros)
-        self._swings = SwingWatch(self.frequency)
-        return found.hold(grip.friction)
+        belief = GripBelief(found, grip, settings, self._zeros)
+        # As far as the squeeze is not known, neither is the share of it that friction has to be.
+        unsure = MAX_DEVIATIONS * belief.squeeze_deviation / belief.squeeze
+        hold = found.hold(grip.friction * (1.0 + unsure))
+        if hold is HoldStatus.HELD:
+            self.belief, self._swings = belief, SwingWatch(self.frequency)
+        return hold
 
     def _observe(self, belief: GripBelief, pose: Pose, age: float, elapsed: float) -> None:
         """Correct the belief by a pose that is new, and look for slips."""

@@ -28,7 +28,6 @@ from isotruss_ros.core.inputs import (
     InputError,
     PRESSURE_TIMEOUT,
     require_fresh,
-    RollerState,
     StampedInput,
 )
 from isotruss_ros.core.kinematics.configuration import Configuration, ConfigurationTracker
@@ -42,7 +41,6 @@ from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint, sol
 from isotruss_ros.core.manipulation.solve_twist import solve_twist
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
 from isotruss_ros.core.manipulation.task import working_rollers
-from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.safety.roller_failure import FailureDetector
@@ -51,6 +49,10 @@ from isotruss_ros.core.servo.decision import Decision, describe, halt_for, HaltE
 from isotruss_ros.core.servo.squeeze_control import SqueezeControl
 import numpy as np
 
+#: While no command moves a held object, it is followed this often [s] ...
+WATCH_PERIOD = 0.1
+#: ... in these states.
+AT_REST = (Status.HALT_NO_TWIST, Status.HALT_INVALID_TWIST, Status.HALT_EMERGENCY_STOP)
 #: The travel of the rollers is compared with what was commanded this often [s].
 DETECTION_PERIOD = 0.02
 
@@ -177,7 +179,7 @@ class TwistServo:
             if squeeze is not None and status is Status.HALT_NO_GRASP:
                 squeeze.lose()
             elif squeeze is not None:
-                squeeze.reset()
+                self._watch(squeeze, status, now)
             stopped = np.zeros(len(self.robot.roller_names))
             command = RollerCommand(stopped, np.zeros(3), 0.0, status)
         self._history.record(now, command.roller_velocities)
@@ -240,16 +242,7 @@ class TwistServo:
 
         A command for the measured configuration, which is older, would have a first-order error.
         """
-        still = np.array([name in failed for name in self.robot.roller_names])
-        before, travel, last = self._history.expected_travel(
-            rollers, (pose or [rollers])[0].time, now, 0.5 * self.period, still
-        )
-        measured, config = self._tracker.predict(rollers.value.positions, travel)
-        grip = None
-        if pose:
-            # From where it was measured on, the object rolls in its contacts.
-            start = measured.predict(before) if before.any() else measured
-            grip = roll_object(self._touching.moved_to(pose[0].value), start, config)
+        config, grip, last = self._predict(rollers, pose, now, failed)
         watch = None if self.guard is None else self.guard.watch(config, grip)
         limits = self.limits if watch is None else (*self.limits, *watch.limits)
         handling = LimitHandling(self.slide_along_limits, self.period)
@@ -262,9 +255,8 @@ class TwistServo:
         elif self.squeeze is None:
             command = solve(grip, twist)
         else:
-            self._take_offsets(self.squeeze, rollers.value)
-            sample = pose[0].value, now + 0.5 * self.period - pose[0].time
-            command = self._regulate(self.squeeze, config, grip, twist, solve, now, sample)
+            hold = self._follow(self.squeeze, config, grip, rollers, pose[0], now)
+            command = self._regulate(self.squeeze, hold, twist, solve)
         asked = command
         if command.status < Status.HALT_NO_TWIST:
             change = self._largest_change(now)
@@ -305,28 +297,75 @@ class TwistServo:
         found = solve_joint_velocity(config, velocities, failed, limits, handling)
         return replace(found, achieved_twist=np.append(found.achieved_twist, 0.0))
 
-    def _take_offsets(self, squeeze: SqueezeControl, rollers: RollerState) -> None:
-        """Let the belief have the offsets that the positions of the rollers have."""
-        estimate = self.estimate
-        covariance = estimate.value.covariance if isinstance(estimate, StampedInput) else None
-        squeeze.take_offsets(rollers.offsets, covariance)
+    def _predict(
+        self,
+        rollers: StampedInput,
+        pose: Sequence[StampedInput],
+        now: float,
+        failed: frozenset[str],
+    ) -> tuple[Configuration, Grip | None, Array]:
+        """Return where robot and object are in the middle of the cycle, and the last command."""
+        still = np.array([name in failed for name in self.robot.roller_names])
+        before, travel, last = self._history.expected_travel(
+            rollers, (pose or [rollers])[0].time, now, 0.5 * self.period, still
+        )
+        measured, config = self._tracker.predict(rollers.value.positions, travel)
+        if not pose:
+            return config, None, last
+        # From where it was measured on, the object rolls in its contacts.
+        start = measured.predict(before) if before.any() else measured
+        grip = roll_object(self._touching.moved_to(pose[0].value), start, config)
+        return config, grip, last
 
-    def _regulate(
+    def _watch(self, squeeze: SqueezeControl, status: Status, now: float) -> None:
+        """Follow now and then an object that no command moves; forget it where that is unknown."""
+        before = self._regulated
+        if before is not None and 0.0 <= now - before < WATCH_PERIOD:
+            squeeze.rest()
+            return
+        self._regulated = now
+        try:
+            if status not in AT_REST or self._joint is not None:
+                raise HaltError(status, 'where the object is is not known')
+            inputs: dict[str, Any] = {'joint_states': self.rollers, 'object_pose': self.pose}
+            rollers, pose = require_fresh(now, self.timeout, **inputs)
+            config, grip, _ = self._predict(rollers, [pose], now, self.failed)
+            self._regulated, known = before, squeeze.fault
+            self._follow(squeeze, config, grip, rollers, pose, now)
+            if known is None and squeeze.fault is not None:  # somebody took it away
+                squeeze.acknowledge()
+            squeeze.rest()
+        except IsotrussError:
+            squeeze.reset()
+
+    def _follow(
         self,
         squeeze: SqueezeControl,
         config: Configuration,
         grip: Grip,
-        twist: Array,
-        solve: Callable[..., RollerCommand],
+        rollers: StampedInput,
+        pose: StampedInput,
         now: float,
-        sample: tuple[Pose, float],
-    ) -> RollerCommand:
-        """Solve for the squeeze as well, with the belief of the held object."""
+    ) -> HoldStatus:
+        """Take the belief of the held object to the middle of the cycle."""
+        estimate = self.estimate
+        covariance = estimate.value.covariance if isinstance(estimate, StampedInput) else None
+        squeeze.take_offsets(rollers.value.offsets, covariance)
         squeeze.take_pressures(fresh_pressures(now, self.pressure_timeout, self.pressures))
         # A loop that is late holds its commands for longer than its period.
         before, self._regulated = self._regulated, now
         elapsed = 0.0 if before is None else min(now - before, self.timeout)
-        hold = squeeze.follow(config, self.grip.moved_to(grip.body.pose), elapsed, sample)
+        sample = pose.value, now + 0.5 * self.period - pose.time
+        return squeeze.follow(config, self.grip.moved_to(grip.body.pose), elapsed, sample)
+
+    def _regulate(
+        self,
+        squeeze: SqueezeControl,
+        hold: HoldStatus,
+        twist: Array,
+        solve: Callable[..., RollerCommand],
+    ) -> RollerCommand:
+        """Solve for the squeeze as well, with the belief of the held object."""
         if squeeze.grasp is None or (hold is not HoldStatus.HELD and squeeze.fault is None):
             why = f'the object is not held: {hold.value}'
             raise HaltError(Status.HALT_NOT_HELD, '; '.join(filter(None, (why, squeeze.note()))))

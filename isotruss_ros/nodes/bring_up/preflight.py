@@ -12,6 +12,7 @@ from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.core import IsotrussError, load_robot
 from isotruss_ros.core.inputs import Input, InputError, require_fresh
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.statics.sag import find_sag
 from isotruss_ros.nodes.bring_up.joint_markers import JointMarkers, MAX_TOPIC_AGE
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
@@ -105,7 +106,11 @@ class Preflight(StoppableNode):
             posture = self._markers.measure(self.now()).posture
         except MeasurementError as error:
             return f'{words}; not compared: {error}'
-        nodes = self._robot.configuration(posture.roller_positions).nodes
+        config = self._robot.configuration(posture.roller_positions)
+        sag = find_sag(config, posture.joints)
+        if sag is not None and sag.is_upright:
+            raise MeasurementError(str(sag))
+        nodes = config.nodes
         names = self._robot.topology.joint_names
         off = {
             name: float(np.hypot(*(nodes[names.index(name)] - place)))

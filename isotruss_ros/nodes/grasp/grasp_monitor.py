@@ -10,6 +10,7 @@ A result is valid for its inputs, and dropped once one of them is stale, missing
 from __future__ import annotations
 
 from collections.abc import Callable
+import contextlib
 from dataclasses import replace
 import time
 from typing import Any
@@ -22,7 +23,8 @@ from isotruss_ros.core.errors import (
     SolverError,
     StructureError,
 )
-from isotruss_ros.core.holding.settle_grasp import settle_grasp
+from isotruss_ros.core.holding.grip_record import GripRecord
+from isotruss_ros.core.holding.settle_grasp import assess_equilibrium, settle_grasp
 from isotruss_ros.core.inputs import (
     fresh_pressures,
     Input,
@@ -40,6 +42,7 @@ from isotruss_ros.nodes.grasp.grasp_report import (
     GraspQuery,
     GraspReport,
 )
+import numpy as np
 
 #: Codes by errors of an analysis; the last one applies to all others.
 ERRORS = (
@@ -48,6 +51,8 @@ ERRORS = (
     (SolverError, GraspCode.NOT_SOLVED),
     (IsotrussError, GraspCode.INVALID_REQUEST),
 )
+#: A grip that changes by less is analysed no more [m, rad, N].
+SMALL = 1e-5
 NO_CONTACT = 'the object touches nothing'
 
 
@@ -59,6 +64,7 @@ class GraspMonitor:
     :ivar rollers: input of the measured `RollerState`.
     :ivar estimate: input of the `EstimatedTravel` with the offsets of the rollers; None without.
     :ivar pose: input of the measured `Pose` of the object, robot frame.
+    :ivar held_grip: input of the `GripRecord` of the loop that holds the object; None without one.
     :ivar wrench: input of (fx, fy, m), the external wrench on the object [N, N m]; zero if None.
     :ivar pressures: input of the (t,) gauge pressures of the tubes, in the order of the robot
         file; None: those of the robot file [Pa].
@@ -73,11 +79,13 @@ class GraspMonitor:
         self.rollers: Input = None
         self.estimate: Input = None
         self.pose: Input = None
+        self.held_grip: Input = None
         self.wrench: Input = None
         self.pressures: Input = None
         self.pressure_timeout = PRESSURE_TIMEOUT
         self._tracker = ConfigurationTracker(robot.home)
         self._answered: GraspQuery | None = None
+        self._record: GripRecord | None = None
         self._report = GraspReport(GraspCode.NO_JOINT_STATES, '', 0.0)
 
     @single_threaded
@@ -106,9 +114,13 @@ class GraspMonitor:
             external_wrench=wrench[0].value if wrench else self.query.external_wrench,
             pressures=pressures,
         )
-        if query != self._answered:
-            self._report = _analyze(query, self._tracker.configuration, self._report.grasp)
-            self._answered = query
+        record = None
+        with contextlib.suppress(InputError):
+            record = require_fresh(now, self.timeout, held_grip=self.held_grip)[0].value
+        if query != self._answered or not _alike(record, self._record):
+            find = self._tracker.configuration
+            self._report = _analyze(query, find, self._report.grasp, record)
+            self._answered, self._record = query, record
         analyzed = self._report.grasp is not None
         return replace(self._report, time=min(rollers.time, pose.time) if analyzed else now)
 
@@ -137,12 +149,14 @@ def _analyze(
     query: GraspQuery,
     find: Callable[[tuple[float, ...]], Configuration],
     last: AnalyzedGrasp | None = None,
+    record: GripRecord | None = None,
 ) -> GraspReport:
     """
     Return the analysis without its time.
 
     :param find: function from roller positions to the configuration.
     :param last: similar grasp as the initial guess.
+    :param record: grip of the loop that holds the object; None without one.
     """
     begin = time.perf_counter()
     try:
@@ -157,14 +171,18 @@ def _analyze(
             flattening=query.flattening,
             previous=None if last is None else last.analysis,
         )
-        settled = settle_grasp(
-            config,
-            query.body,
-            query.friction,
-            query.external_wrench,
-            pressure=query.pressures,
-            previous=None if last is None else last.settled,
-        )
+        held = record and record.restore(config, query.body, np.array(query.external_wrench))
+        if held is None:
+            settled = settle_grasp(
+                config,
+                query.body,
+                query.friction,
+                query.external_wrench,
+                pressure=query.pressures,
+                previous=None if last is None else last.settled,
+            )
+        else:
+            settled = assess_equilibrium(held.pose, held, query.friction)
     except IsotrussError as error:
         code = next(code for kind, code in ERRORS if isinstance(error, kind))
         return GraspReport(code, str(error), 0.0)
@@ -172,6 +190,15 @@ def _analyze(
     grasp = AnalyzedGrasp(config, query.body, analysis, settled, duration)
     code, message = _judge(grasp)
     return GraspReport(code, message, 0.0, grasp)
+
+
+def _alike(record: GripRecord | None, other: GripRecord | None) -> bool:
+    """Return whether grips are the same but for less than `SMALL`."""
+    if record is None or other is None:
+        return record is other
+    if len(record.unknowns) != len(other.unknowns):
+        return False
+    return bool((np.abs(record.unknowns - other.unknowns) < SMALL).all())
 
 
 def _judge(grasp: AnalyzedGrasp) -> tuple[GraspCode, str]:

@@ -68,7 +68,7 @@ class Manipulation(ManagedNode):
         """Create publishers and subscriptions."""
         values = self.values
         self._described = common.read_described(values)
-        self._report = StatusReport(self, self.robot.frame)
+        self._report = StatusReport(self, self.robot)
         self._servo = TwistServo(
             self.robot,
             make_grip(self.robot, values, self._described),
@@ -250,3 +250,6 @@ class Manipulation(ManagedNode):
         decision = self._trajectory.decide(now)
         self._commands.publish(decision.command.roller_velocities)
         self._report.publish(decision, now)
+        squeeze = self._servo.squeeze
+        if squeeze is not None and squeeze.fault is None:
+            self._report.publish_grip(squeeze.grasp, now)

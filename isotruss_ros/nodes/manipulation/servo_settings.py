@@ -9,7 +9,7 @@ from dataclasses import replace
 import math
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from isotruss_msgs.msg import ManipulationStatus
+from isotruss_msgs.msg import HeldGrip, ManipulationStatus
 from isotruss_ros.core import (
     ConvexObject,
     Disc,
@@ -19,10 +19,13 @@ from isotruss_ros.core import (
     Status,
     TwistServo,
 )
+from isotruss_ros.core.holding.grip_record import GripRecord
+from isotruss_ros.core.holding.held_grip import HeldGrip as HeldEquilibrium
 from isotruss_ros.core.safety.roller_failure import FAILURE_TIME, FailureDetector
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 from isotruss_ros.core.servo.decision import Decision
 from isotruss_ros.core.servo.squeeze_control import SqueezeControl, SqueezeSettings
+from isotruss_ros.nodes.conversions.grip_messages import to_grip_message
 from isotruss_ros.nodes.conversions.messages import make_header, to_twist_message
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.managed import ManagedNode
@@ -40,6 +43,8 @@ NORMAL_STATUSES = frozenset(
         Status.HALT_NO_TWIST,
     }
 )
+#: How an object is held is published at most this often, as often as grasps are analysed [s].
+GRIP_PERIOD = 0.04
 BOUNDS = ShapeBounds()
 SPECS = (
     common.FRICTION,
@@ -172,15 +177,29 @@ class StatusReport:
 
     :ivar status: status of the last cycle.
     :param node: publishing node.
-    :param frame: the robot's frame.
+    :param robot: the robot.
     """
 
-    def __init__(self, node: ManagedNode, frame: str) -> None:
+    def __init__(self, node: ManagedNode, robot: Robot) -> None:
         self._publisher = node.create_lifecycle_publisher(
             ManipulationStatus, 'manipulation/status', RELIABLE
         )
-        self._frame, self._node = frame, node
+        self._grips = node.create_lifecycle_publisher(HeldGrip, 'manipulation/grip', RELIABLE)
+        self._robot, self._frame, self._node = robot, robot.frame, node
+        self._told = 0.0
         self.status = Status.OK
+
+    def publish_grip(self, grasp: HeldEquilibrium | None, now: float) -> None:
+        """
+        Publish how the object is held, at most as often as `GRIP_PERIOD`.
+
+        :param grasp: the equilibrium; None where nothing is held.
+        :param now: time of the cycle.
+        """
+        if grasp is None or 0.0 <= now - self._told < GRIP_PERIOD:
+            return
+        self._told = now
+        self._grips.publish(to_grip_message(GripRecord.of(grasp), self._robot, now))
 
     def publish(self, decision: Decision, now: float) -> None:
         """

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
+import contextlib
 import math
 import time
 from typing import Any
@@ -54,6 +55,8 @@ from nav_msgs.msg import Path
 import numpy as np
 from rcl_interfaces.srv import SetParameters
 
+#: Largest rotation of a released object, unless the goal has another one [rad].
+MAX_ROTATION = math.radians(5.0)
 #: Displacement by the closing grip below which the object is not moved back [m].
 RETURN_TOLERANCE = 1e-3
 #: Timeout of the confirmation of a grasp, or of its end, by the analysis [s].
@@ -72,9 +75,12 @@ class GraspSequences(TrackedShape):
     :ivar stage: current stage, a constant of the feedback.
     :ivar pose: StampedInput of the object's Pose.
     :ivar grasp: StampedInput of the GraspState.
+    :ivar held_grip: StampedInput of the `GripRecord` of the loop that holds the object.
     :param node: node of the clients, until destroyed.
     :param robot: the robot.
     """
+
+    held_grip: Input = None
 
     def __init__(self, node: ManagedNode, robot: Robot) -> None:
         super().__init__(robot, node.values.command_timeout)
@@ -203,8 +209,13 @@ class GraspSequences(TrackedShape):
         pose = self.pose.value  # type: ignore[union-attr]
         config = self.configuration(self._node.now())
         body = common.read_body(self._node.values).moved_to(pose)
+        record = None
+        with contextlib.suppress(InputError):
+            now = self._node.now()
+            record = require_fresh(now, self.timeout, held_grip=self.held_grip)[0].value
+        most = goal.max_rotation or MAX_ROTATION
         planned: Future[Release] = self._thread.submit(
-            plan_release, config, body, state.grasping_members, goal.clearance
+            plan_release, config, body, state.grasping_members, goal.clearance, record, most
         )
         while not planned.done():
             yield 0.0

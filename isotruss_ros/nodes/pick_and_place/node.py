@@ -6,14 +6,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_msgs.action import MoveObject, PickObject, PlaceObject
-from isotruss_msgs.msg import GraspState
+from isotruss_msgs.msg import GraspState, HeldGrip
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.inputs import InputError
+from isotruss_ros.nodes.conversions.grip_messages import read_grip
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.managed import ManagedNode
@@ -51,6 +53,8 @@ class PickAndPlace(ManagedNode):
         self.inputs.keep_joint_states()
         self.inputs.keep_object_pose()
         self.inputs.keep(GraspState, 'grasp/state', lambda state: state, 'grasp')
+        read = partial(read_grip, robot=self.robot)
+        self.inputs.keep(HeldGrip, 'manipulation/grip', read, 'held_grip')
         # Exists while the node is inactive as well, so that a goal that ends then gets its result.
         robot, values = self.robot, self.values
         described = common.read_described(values)

@@ -96,11 +96,22 @@ def test_corrections_reach_the_loop_behind_two_low_passes():
 
 def test_a_walk_beyond_its_covariance_is_a_slip_and_one_within_it_is_none():
     for step, slipped in ((5e-4, False), (3e-3, True)):
-        walk, noise = ContactWalk(), 1e-6 * np.eye(3)
+        walk, noise, zeros = ContactWalk(), 1e-6 * np.eye(3), np.zeros((3, 1))
         for k in range(40):
             walk.spread(1e-7 * np.eye(3))
-            walk.add(0.05 * k, np.array([step if k > 30 else 0.0, 0.0, 0.0]), noise, noise)
+            moved = np.array([step if k > 30 else 0.0, 0.0, 0.0])
+            walk.add(0.05 * k, moved, noise, noise, zeros, np.eye(1))
         assert walk.slipped is slipped
+
+
+@pytest.mark.parametrize(('deviation', 'slipped'), [(1e-3, True), (2e-2, False)])
+def test_a_walk_that_wrong_zeros_explain_is_no_slip(deviation, slipped):
+    walk, noise = ContactWalk(), 1e-6 * np.eye(3)
+    for k in range(40):
+        rates = np.array([[0.02 * k], [0.0], [0.0]])
+        moved = np.array([1e-3 if k > 20 else 0.0, 0.0, 0.0])
+        walk.add(0.05 * k, moved, noise, noise, rates, deviation**2 * np.eye(1))
+    assert walk.slipped is slipped
 
 
 @pytest.mark.parametrize('deviation', [3e-4, 2e-3])

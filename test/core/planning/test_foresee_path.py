@@ -3,10 +3,15 @@
 
 """The margin that a path leaves is foreseen, by the model and as MuJoCo has it."""
 
+from dataclasses import replace
+
 from carries import Carry, FRICTION, make_robot, place
+from held_grips import APART, inclined_grip, NINE, numbers
 from isotruss_ros.core import Status
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.planning.foresee_path import foresee_path
+from isotruss_ros.core.holding.grip_record import GripRecord
+from isotruss_ros.core.holding.roll_grip import roll_grip
+from isotruss_ros.core.planning.foresee_path import foresee_grip, foresee_path
 from mujoco_worlds import needs_mujoco
 from nightly import some_now
 import numpy as np
@@ -47,6 +52,22 @@ def test_a_path_ends_where_friction_does():
     found = foresee(held('brick'), (0.0, 0.0, 0.8))
     assert found.share < 0.3
     assert found.why == 'the balance needs more friction than there is'
+
+
+def test_a_path_is_foreseen_from_the_grip_that_the_loop_has():
+    grip = attach_grip(NINE.home, inclined_grip(0.0, FRICTION).body, numbers(APART))
+    assert len(grip.contacts.members) == 3
+    # A face that has rubbed along a member uses more friction than one of unknown history.
+    rubbed = grip.anchors + np.array([0.004, -0.004])[grip.contacts.owners]
+    grip = roll_grip(replace(grip, anchors=rubbed), grip.config)
+    poses = np.array([grip.pose, np.add(grip.pose, (0.005, 0.0, 0.0))])
+    expected = foresee_path(grip, 1.2, poses)
+    found, anew = (
+        foresee_grip(grip.config, grip.body, 1.2, poses, record)
+        for record in (GripRecord.of(grip), None)
+    )
+    assert found.slip_margin == pytest.approx(expected.slip_margin, rel=0.15)
+    assert anew.slip_margin > 1.3 * expected.slip_margin
 
 
 def test_a_path_beyond_the_reach_of_the_robot_ends_there():

@@ -16,8 +16,10 @@ from isotruss_ros.core import (
     tangent_center,
     TwistServo,
 )
+from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.manipulation.status import RollerCommand
+from isotruss_ros.core.servo.squeeze_control import SqueezeControl, SqueezeSettings
 import numpy as np
 import pytest
 from squeeze_loop import SqueezeLoop
@@ -118,3 +120,45 @@ def test_the_correction_of_a_late_loop_takes_half_of_the_error_at_most(elapsed):
     control.solve(np.zeros(3), 0.02, solve)
     rate = min(4.0, 0.5 / elapsed)
     assert twists[0][0] == pytest.approx(rate * error, abs=0.1 * rate * error)
+
+
+def held_servo():
+    """Return a servo that squeezes an object that it holds, and its pose."""
+    config, body = gripped(35.0, squeeze=0.1)
+    grip = Grip.at_module(config.robot, 'north/Z', body, 0.5)
+    found = TwistServo(config.robot, grip, PERIOD, TIMEOUT)
+    found.guard, found.squeeze = None, SqueezeControl(SqueezeSettings(30.0))
+    return found, config.roller_positions, attach_grip(config, body).pose
+
+
+def decide(made, positions, pose, now, twist=None):
+    """Let a servo decide, with a twist or without."""
+    made.twist = twist and StampedInput(twist, now)
+    made.rollers = StampedInput(RollerState(positions, np.zeros(len(positions))), now)
+    made.pose = StampedInput(pose, now)
+    return made.decide(now).command.status
+
+
+def test_the_belief_of_a_held_object_is_kept_while_no_twist_comes():
+    made, positions, pose = held_servo()
+    decide(made, positions, pose, NOW, (0.0, 0.0, 0.0))
+    belief = made.squeeze.belief
+    for number in range(1, 60):
+        status = decide(made, positions, pose, NOW + number * PERIOD)
+        assert status is Status.HALT_NO_TWIST
+    assert made.squeeze.belief is belief
+    assert made.squeeze.reference is None
+
+
+def test_the_belief_begins_before_a_twist_comes():
+    made, positions, pose = held_servo()
+    decide(made, positions, pose, NOW)
+    assert made.squeeze.grasp.pose == pytest.approx(pose, abs=1e-3)
+
+
+def test_an_object_that_is_taken_away_at_rest_is_no_fault():
+    made, positions, pose = held_servo()
+    decide(made, positions, pose, NOW)
+    for number in range(1, 60):
+        decide(made, positions, Pose(5.0, 5.0, 0.0), NOW + number * PERIOD)
+    assert made.squeeze.fault is made.squeeze.belief is None

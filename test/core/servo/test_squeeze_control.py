@@ -199,7 +199,7 @@ def test_a_slowed_command_uses_its_share_of_what_is_left():
 
 
 def test_without_an_object_nothing_is_held_and_the_model_starts_again():
-    control = SqueezeControl(SqueezeSettings(10.0))
+    control = SqueezeControl(SqueezeSettings(10.0, zeros=1e-3))
     here = measured_at(attach_grip(CONFIG, CYLINDER).pose)
     away = measured_at((5.0, 5.0, 0.0))
     assert control.follow(CONFIG, away, PERIOD) is HoldStatus.NO_CONTACT
@@ -208,6 +208,16 @@ def test_without_an_object_nothing_is_held_and_the_model_starts_again():
     control.reset()
     slippery = measured_at(here.body.pose, friction=0.1)
     assert control.follow(CONFIG, slippery, PERIOD) is HoldStatus.SLIPS
+
+
+@pytest.mark.parametrize(('zeros', 'held'), [(1e-2, True), (1e-3, False)])
+def test_friction_that_would_not_do_is_no_halt_within_the_deviation_of_the_squeeze(zeros, held):
+    control = SqueezeControl(SqueezeSettings(10.0, zeros=zeros))
+    here = measured_at(attach_grip(CONFIG, CYLINDER).pose, friction=0.2)
+    assert attach_grip(CONFIG, CYLINDER).required_friction > 0.3
+    expected = HoldStatus.HELD if held else HoldStatus.SLIPS
+    for _ in range(3):
+        assert control.follow(CONFIG, here, PERIOD) is expected
 
 
 # In the twist servo
@@ -256,7 +266,7 @@ def test_the_servo_closes_in_place_and_carries():
 
 
 def test_the_servo_halts_what_is_not_held():
-    _, plant, decision, codes = servo_on_plant((0.01, 0.0, 0.0), 2, 24.0, friction=0.2)
+    _, plant, decision, codes = servo_on_plant((0.01, 0.0, 0.0), 4, 24.0, friction=0.2, zeros=1e-3)
     assert set(codes) == {Status.HALT_NOT_HELD}
     assert 'friction' in decision.message
     assert not decision.command.roller_velocities.any()

@@ -1,0 +1,81 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A held grip in numbers, by which another process has the same equilibrium."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.holding.build_statics import build_statics
+from isotruss_ros.core.holding.contact_forces import Places, PressedContacts
+from isotruss_ros.core.holding.contact_statics import TubeModel
+from isotruss_ros.core.holding.held_grip import HeldGrip, travel_rates
+from isotruss_ros.core.holding.roll_grip import NOTHING, roll_grip, stick
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.numerics.arrays import Array
+import numpy as np
+
+
+class GripRecord(NamedTuple):
+    """
+    A held grip without loads, without what follows from robot and object.
+
+    :ivar travel: (r,) of the rollers since home [m].
+    :ivar contacts: the k contacts.
+    :ivar unknowns: (3 + 4k,) see `ContactForces`.
+    :ivar pressures: (t,) gauge, by tube [Pa]; None for those of the robot file.
+    """
+
+    travel: Array
+    contacts: PressedContacts
+    unknowns: Array
+    pressures: tuple[float, ...] | None
+
+    @classmethod
+    def of(cls, grip: HeldGrip) -> GripRecord:
+        """
+        Return the record of a grip.
+
+        :param grip: in equilibrium without a load.
+        """
+        own = grip.tubes.pressure is not None
+        pressures = grip.statics.compliance.structure.pressures if own else None
+        return cls(grip.config.roller_positions, grip.contacts, grip.state.unknowns, pressures)
+
+    def restore(
+        self, config: Configuration, body: ConvexObject, external_wrench: Array | None = None
+    ) -> HeldGrip | None:
+        """
+        Return the grip, rolled to a configuration; None where there is no equilibrium.
+
+        :param config: near to that of the record.
+        :param body: the object, anywhere.
+        :param external_wrench: (fx, fy, m) on the object about the origin of its frame [N, N m];
+            none if None.
+        :raises GraspError: the object has no such contacts.
+        :raises ConfigurationError: the robot has no such configuration.
+        :raises StructureError: see `structure_of`.
+        """
+        there, body = config.moved_to(self.travel), body.moved_to(self.unknowns[:3])
+        contacts, tubes = self.contacts, TubeModel(pressure=self.pressures)
+        turned = np.exp(1j * self.unknowns[Places.of(len(contacts.members)).inclinations])
+        try:
+            straight = build_statics(there, body, contacts, tubes._replace(flattening=False))
+            normals = straight.straight_normals * turned
+            statics = build_statics(there, body, contacts, tubes, normals)
+            angles = np.angle(normals * body.turn.conjugate())
+            travel = travel_rates(there, contacts.members) @ self.travel
+            anchors = statics.anchors(self.unknowns, normals, travel, angles)
+        except IndexError as error:
+            raise GraspError('held grip: the object has no such corners') from error
+        closure = stick(statics, anchors, travel, angles, NOTHING)
+        residual, _ = statics.equations(self.unknowns, np.zeros(3), closure)
+        # Dents are those of where contacts began: what they differ by stays, and so do the forces.
+        statics = replace(statics, given=-residual[: 3 * len(angles)].reshape(-1, 3))
+        _, state = statics.equations(self.unknowns, np.zeros(3), closure)
+        held = HeldGrip(there, body, anchors, angles, statics, state, np.zeros(3), tubes)
+        return roll_grip(held, config, external_wrench)
