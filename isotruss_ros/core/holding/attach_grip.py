@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Equilibrium of an object near its measured pose, without a contact history.
+How members hold an object near where it was measured, with unknown contact history.
 
 Friction is taken to be as little as the balance needs: it settles what is stiff, and the measured
 pose what is not.
@@ -16,8 +16,8 @@ from dataclasses import replace
 import itertools
 
 from isotruss_ros.core.holding.build_statics import (
+    AS_MODELLED,
     build_statics,
-    DEFAULT_TUBES,
     find_pressed,
     start_at,
 )
@@ -66,12 +66,12 @@ def attach_grip(
     body: ConvexObject,
     members: Indices | None = None,
     external_wrench: Array | None = None,
-    tubes: TubeModel = DEFAULT_TUBES,
+    tubes: TubeModel = AS_MODELLED,
     before: HeldGrip | None = None,
     quick: bool = False,
 ) -> HeldGrip:
     """
-    Return the equilibrium near a pose without a contact history, see `rest`.
+    Find the equilibrium near a pose with unknown contact history, see `rest`.
 
     :param config: where the robot is.
     :param body: the object, where it was measured.
@@ -115,7 +115,7 @@ def _find_pressing(
     middle: complex,
     sets: int | None,
 ) -> HeldGrip | None:
-    """Return the equilibrium with force at both ends of all faces, after a number of sets."""
+    """Return the equilibrium in which both ends of all faces press, after a number of sets."""
     for _ in range(sets or len(contacts.owners)):
         found = find(contacts)
         if found is None:
@@ -143,7 +143,7 @@ def _find_rest(
     before: HeldGrip | None,
     steps: int,
 ) -> HeldGrip | None:
-    """Return the equilibrium at given contacts near the measured pose, if any."""
+    """Return the equilibrium at given contacts near where the object was measured, if any."""
     body, contacts = statics.body, statics.contacts
     closure = rest(statics, body)
     state, motion = None, None
@@ -180,7 +180,7 @@ def _find_rest(
 
 
 def _search_centered(statics: ContactStatics, wrench: Array, steps: int) -> Array | None:
-    """Return an initial guess whose solution is independent of the frame."""
+    """Return unknowns from which a search ends at the same equilibrium in every frame."""
     body, shape = statics.body, statics.body.shape
     if abs(shape.centroid) <= CENTERED * body.arm:
         return start_at(statics, body)
@@ -200,7 +200,7 @@ def _search_centered(statics: ContactStatics, wrench: Array, steps: int) -> Arra
 
 
 def _is_like(grip: HeldGrip, statics: ContactStatics) -> bool:
-    """Return whether two grips have equal contacts from the same sides."""
+    """Tell whether an object is touched alike, from the same sides."""
     own, contacts = grip.contacts, statics.contacts
     pairs = (
         (own.members, contacts.members),
@@ -213,7 +213,7 @@ def _is_like(grip: HeldGrip, statics: ContactStatics) -> bool:
 def _solve_nearby(
     grip: HeldGrip, travel: Array, statics: ContactStatics, wrench: Array, closure: Closure
 ) -> ContactForces | None:
-    """Return the equilibrium near the prediction with similar forces, if any."""
+    """Return the equilibrium that is where it is expected and presses alike, if any is."""
     start, places = grip.ahead(travel), grip.state.places
     found = statics.solve(start, wrench, closure, FEW_STEPS)
     if found is None:
@@ -225,7 +225,7 @@ def _solve_nearby(
 
 
 def _choices(contacts: PressedContacts) -> list[PressedContacts]:
-    """Yield contact hypotheses: full faces first, then single ends."""
+    """Return the contacts with faces on both ends first, then on one end of each."""
     faces = [own.tolist() for own in contacts.ends if len(own) > 1]
     found = []
     for dropped in itertools.product(*([None, *own] for own in faces)):
@@ -238,7 +238,7 @@ def _choices(contacts: PressedContacts) -> list[PressedContacts]:
 
 def rest(statics: ContactStatics, body: ConvexObject) -> Closure:
     """
-    Return the closing equations without a contact history: the pose is near the measured one.
+    Return the closure with unknown contact history: the pose is near to a measured one.
 
     The two ends of a face use friction alike. Two members press as hard as the measured place
     across their chord lets them; three as statics has it. The angle is the measured one, unless a

@@ -31,7 +31,7 @@ from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 
 #: Tubes of the robot file, which flatten.
-DEFAULT_TUBES = TubeModel()
+AS_MODELLED = TubeModel()
 #: Tables of dents are for normals in steps of this at most [rad].
 ANGLE_STEP = 0.01
 
@@ -78,7 +78,7 @@ def build_statics(
     config: Configuration,
     body: ConvexObject,
     contacts: PressedContacts,
-    tubes: TubeModel = DEFAULT_TUBES,
+    tubes: TubeModel = AS_MODELLED,
     normals: Points | None = None,
 ) -> ContactStatics:
     """

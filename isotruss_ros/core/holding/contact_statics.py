@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Equilibrium of a convex object at several contacts, with friction on the tubes.
+The equilibrium of a convex object at several contacts, friction loading the tubes as well.
 
 Of any shape, at k contacts on two members or three:
 
@@ -43,7 +43,7 @@ from isotruss_ros.core.statics.section import Pressure
 import numpy as np
 from scipy.linalg import lapack
 
-#: Relative tolerance of the balance of forces [-], and tolerance of contact points [m].
+#: Forces balance to this share of the squeeze, contact points touch to this length [m].
 FORCE_TOLERANCE, LENGTH_TOLERANCE = 1e-10, 1e-11
 MAX_STEPS = 40
 #: In one step contacts and object move at most this share of the object's size ...
@@ -59,7 +59,7 @@ Closure = Callable[[Array, Points], tuple[Array, Array]]
 
 class TubeModel(NamedTuple):
     """
-    Assumptions on the tubes that hold an object.
+    What is assumed of the tubes that hold an object.
 
     :ivar stiffness_scale: stiffness of the robot against that of the model.
     :ivar flattening: whether the tubes' sections flatten where they are touched.
@@ -72,7 +72,7 @@ class TubeModel(NamedTuple):
 
 
 class _Pushes(NamedTuple):
-    """Normal and friction loads on the tubes at k contacts."""
+    """What presses and rubs on the tubes at k contacts."""
 
     local: Points  #: (k,) normals along and across the members
     skin: Array  #: (k,) distance of the dented skin from the centre line [m]
@@ -85,7 +85,7 @@ class _Pushes(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class ContactStatics:
     """
-    Equilibrium equations of a convex object at k contacts.
+    The equations of a convex object at k contacts.
 
     :ivar compliance: of the structure on the members of the contacts.
     :ivar body: the object where it was measured.
@@ -119,12 +119,12 @@ class ContactStatics:
 
     @property
     def straight_normals(self) -> Points:
-        """Return the normals of the straight tubes, from the object (k,)."""
+        """Return the normals of the tubes as long as they are straight, from the object (k,)."""
         return self._aside * self.compliance.axis
 
     def load_rates(self, unknowns: Array, change: Array) -> Array:
         """
-        Return the derivatives of the loads on the tubes by the unknowns, (k, 3, c).
+        Return how the loads on the tubes change with the unknowns, (k, 3, c).
 
         :param unknowns: see `ContactForces`.
         :param change: (3 + 4k, c) of the unknowns.
@@ -134,7 +134,7 @@ class ContactStatics:
         return np.einsum('lnk,nkc->klc', self._push(unknowns).rates, bending)
 
     def _push(self, unknowns: Array) -> _Pushes:
-        """Return the normal and friction loads on the tubes."""
+        """Return what presses and rubs on the tubes."""
         begin = self.places.inclinations.start
         turned, normal, friction = unknowns[begin:].reshape(3, -1)
         local = self._aside * np.exp(1j * turned)
@@ -150,7 +150,7 @@ class ContactStatics:
 
     @functools.cached_property
     def _constant(self) -> tuple[Array, Array]:
-        """Return the constant parts of the balance by loads (3, k, 3) and of the Jacobian."""
+        """Return (3, k, 3) of the balance by loads, and the Jacobian, as far as they are given."""
         places, count = self.places, len(self.sides)
         pushes, jacobian = np.zeros((3, count, 3)), np.zeros((places.size, places.size))
         forces = -self.compliance.axis[:, None] * [1.0, 1j]
@@ -219,7 +219,7 @@ class ContactStatics:
 
     def rolling_rows(self, unknowns: Array, normals: Points) -> Array:
         """
-        Return the Jacobian (k, 3 + 4k) of the rolling invariants, see `anchors`.
+        Return the derivative (k, 3 + 4k) of what stays as contacts roll, see `anchors`.
 
         :param unknowns: see `ContactForces`.
         :param normals: (k,) from the object toward the tubes.
@@ -235,7 +235,7 @@ class ContactStatics:
 
     def anchors(self, unknowns: Array, normals: Points, travel: Array, angles: Array) -> Array:
         """
-        Return the rolling invariants of the contacts, (k,) [m].
+        Return what stays as it is while the contacts roll, (k,) [m].
 
             A_i = kappa_i (s_i - phi_i) - arc(arg nu_i - theta)
 
@@ -252,7 +252,7 @@ class ContactStatics:
         self, start: Array, wrench: Array, closure: Closure, steps: int = MAX_STEPS
     ) -> ContactForces | None:
         """
-        Return the equilibrium near an initial guess by Newton's method, or None.
+        Return the equilibrium near a start (Newton's method), or None if it is not found.
 
         :param start: (3 + 4k,) unknowns to begin with.
         :param wrench: (fx, fy, m / arm) on the object [N].
@@ -282,7 +282,7 @@ class ContactStatics:
 
 def unwrapped(unknowns: Array, normals: Points, angles: Array) -> Array:
     """
-    Return angles of normals in the object's frame, unwrapped to those of others, (k,) [rad].
+    Return the angles of normals in the object's frame, within half a turn of others, (k,) [rad].
 
     :param unknowns: see `ContactForces`.
     :param normals: (k,) from the object toward the tubes.

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Exact derivatives of a settled grasp by the parameters of an optimiser.
+How a settled grasp changes with what an optimiser can choose: exact derivatives.
 
 Slip margin and stiffness take second derivatives of the equations of equilibrium. With contacts
 that stick, J y_w = -F_w gives the response y_w to a wrench, J the Jacobian with the closure of
@@ -30,8 +30,8 @@ from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.records import Record
 import numpy as np
 
-#: Relative difference of equal values [-].
-TIE_TOLERANCE = 1e-7
+#: Values that differ by less than this share are equally large.
+TIE = 1e-7
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -40,7 +40,7 @@ class GraspGradient(
     headline=('parameters', 'gives_way', 'slip_margin', 'most_used', 'needs_most'),
 ):
     """
-    Derivatives of a `SettledGrasp` by p parameters, with a constant set of contacts.
+    The derivatives of a `SettledGrasp` by p parameters; contacts stay those that there are.
 
     Without an equilibrium they are those of a `LostContact`: pose and slip margin change alone.
 
@@ -74,12 +74,12 @@ class GraspGradient(
 
     @property
     def squeeze(self) -> Array:
-        """Return the derivatives of the mean normal force of the members, (p,)."""
+        """Return those of the mean normal force of the members, (p,)."""
         return self.normal_forces.mean(axis=0)
 
     @functools.cached_property
     def stiffness(self) -> Array:
-        """Return the derivatives of the stiffness, (3, 3, p)."""
+        """Return those of the stiffness, (3, 3, p)."""
         if self._changes is None:
             return np.zeros((3, 3, self.parameters.size))
         grip = self.settled.equilibrium
@@ -90,18 +90,18 @@ class GraspGradient(
 
     @property
     def slip_margin(self) -> Array:
-        """Return the derivatives of the slip margin, of the first member of `gives_way`, (p,)."""
+        """Return those of the slip margin: of the first member that `gives_way`, (p,)."""
         return self.slip_margins[0]
 
     @property
     def slip_margins(self) -> Array:
-        """Return the derivatives of the t active slip conditions, (t, p)."""
+        """Return those of the t conditions that are equally near, of one each, (t, p)."""
         return self._margins[0]
 
     @property
     def gives_way(self) -> tuple[str, ...]:
         """
-        Return the names of the members of the active slip conditions; empty without contact.
+        Return the names of the members that give way under the least wrench; none if all have.
 
         Of several, as in a symmetric grasp, the slip margin has a kink: it grows by the least of
         `slip_margins`.
@@ -110,7 +110,7 @@ class GraspGradient(
 
     @functools.cached_property
     def _response(self) -> Array:
-        """Return the second derivatives: of the response to unit wrenches, (3 + 4k, p, 3)."""
+        """Return those of the response to a unit wrench, (3 + 4k, p, 3): second derivatives."""
         return _response_rates(self.settled.equilibrium, *self._changes)
 
     @functools.cached_property
@@ -127,7 +127,7 @@ class GraspGradient(
 @single_threaded
 def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
     """
-    Return the derivatives of a settled grasp by the parameters of an optimiser.
+    Return the derivatives of a settled grasp by what an optimiser can choose.
 
     The equations of the equilibrium, F(y, p) = 0, give y' = -F_y^-1 F_p; F_y is the Jacobian of
     their solution, F_p how tubes give and points move at unknowns y that stay. Second derivatives
@@ -169,7 +169,7 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
 
 
 def _lost_gradient(settled: SettledGrasp) -> GraspGradient:
-    """Return the derivatives without an equilibrium, at the given pose."""
+    """Return the derivatives without an equilibrium: the pose stays where the object is put."""
     parameters = GraspParameters.of(settled.lost.config)
     pose = np.zeros((3, parameters.size))
     pose[:, parameters.place] = np.eye(3)
@@ -190,16 +190,16 @@ def _lost_gradient(settled: SettledGrasp) -> GraspGradient:
 
 def _find_largest(values: Array) -> Indices:
     """
-    Return the indices of the largest values (n,) up to rounding, (t,).
+    Return which values (n,) are the largest, but for rounding, (t,).
 
     :param values: (n,) numbers.
     """
     largest = float(values.max())
-    return np.flatnonzero(values >= largest - TIE_TOLERANCE * abs(largest))
+    return np.flatnonzero(values >= largest - TIE * abs(largest))
 
 
 def _friction_rates(grip: HeldGrip, most: int, presses: Array, rubs: Array) -> Array:
-    """Return the derivative of a member's required friction, by that of its forces, (p,)."""
+    """Return how the friction that a member needs changes, by its forces' rates, (p,)."""
     normal, friction = grip.normal_forces[most], grip.friction_forces[most]
     need = np.abs(friction) / normal
     return (np.sign(friction) * rubs[most] - need * presses[most]) / normal
@@ -258,7 +258,7 @@ def _response_rates(
 def _slip_margin_rates(
     settled: SettledGrasp, change: Array, answer: Array, parameters: GraspParameters
 ) -> tuple[Array, tuple[str, ...]]:
-    """Return the derivatives of the slip margin, (t, p) [N], and the members of the conditions."""
+    """Return how the slip margin changes, (t, p) [N], and which members give way."""
     grip = settled.equilibrium
     owners, response, begin = grip.contacts.owners, grip.response, grip.state.places.normal.start
     rows = slip_conditions(owners, settled.friction)

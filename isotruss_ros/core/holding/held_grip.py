@@ -30,7 +30,7 @@ from scipy.linalg import lapack
 #: Largest extrapolation of the previous step [-].
 MAX_EXTRAPOLATION = 2.0
 #: Smallest slip margin of a moving object relative to the squeeze [-].
-MIN_MARGIN_SHARE = 0.04
+LEFT_MARGIN = 0.04
 
 
 class HoldStatus(enum.Enum):

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Rolling of a held object with the robot, and changes of its contacts.
+How a held object rolls as the robot moves, and how its contacts change.
 
 Ends of faces lift and lie down, and a third member joins.
 """
@@ -32,22 +32,22 @@ from isotruss_ros.core.statics.section import Pressure
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 
-#: Largest distance of a member that may come into contact, in tube diameters [-].
-MAX_CONTACT_DISTANCE = 0.25
-#: Largest number of contact changes in one motion [-].
+#: Members farther off than this share of a tube's diameter do not touch, however tubes bend.
+NEAR = 0.25
+#: Corners may change so often in one motion.
 MAX_CHANGES = 4
-#: Iteration cap of the equilibrium after a short motion [-].
-MAX_ITERATIONS = 12
+#: A motion is short: an equilibrium that is not found in so many states is not near.
+STEPS = 12
 #: No contacts.
-NO_CONTACTS = np.zeros(0, dtype=np.intp)
-NO_CONTACTS.flags.writeable = False
+NOTHING = np.zeros(0, dtype=np.intp)
+NOTHING.flags.writeable = False
 
 
 def roll_grip(
     grip: HeldGrip, config: Configuration, external_wrench: Array | None = None
 ) -> HeldGrip | None:
     """
-    Return a grip in another configuration, with contacts rolling without slip.
+    Return a grip in another configuration, contacts rolling without slip.
 
     A face lifts at an end that does not press any more, and comes to lie on a member that it
     would otherwise cut into. A third member that touches the object holds it too, as long as it
@@ -72,10 +72,10 @@ def roll_contacts(
     anchors: Array,
     angles: Array,
     wrench: Array,
-    fresh: Indices = NO_CONTACTS,
+    fresh: Indices = NOTHING,
 ) -> HeldGrip | None:
     """
-    Return the equilibrium with sticking contacts.
+    Return the equilibrium with contacts that stick.
 
     :param grip: the equilibrium before.
     :param config: near to its own: the search starts there.
@@ -99,9 +99,9 @@ def roll_contacts(
         start = kept = start_at(statics, grip.body)
     travel = travel_rates(config, contacts.members) @ config.roller_positions
     closure = stick(statics, anchors, travel, angles, fresh)
-    state = statics.solve(start, wrench, closure, MAX_ITERATIONS)
+    state = statics.solve(start, wrench, closure, STEPS)
     if state is None and start is not kept:
-        state = statics.solve(kept, wrench, closure, MAX_ITERATIONS)
+        state = statics.solve(kept, wrench, closure, STEPS)
     if state is None:
         return None
     if len(fresh):
@@ -125,7 +125,7 @@ def stick(
     statics: ContactStatics, anchors: Array, travel: Array, angles: Array, free: Indices
 ) -> Closure:
     """
-    Return the closing equations of contacts rolling without slip, (17) integrated.
+    Return the closure for contacts that roll without slip, (17) integrated.
 
         kappa_i (s_i - phi_i) - arc(arg nu_i - theta) = A_i
 
@@ -150,7 +150,7 @@ def stick(
 
 
 def _lift_ends(grip: HeldGrip) -> HeldGrip | None:
-    """Return the grip without face ends or a third member in tension."""
+    """Return the grip without the ends of faces, or the third member, that pull."""
     found: HeldGrip | None = grip
     for _ in range(MAX_CHANGES):
         if found is None:
@@ -168,7 +168,7 @@ def _lift_ends(grip: HeldGrip) -> HeldGrip | None:
 
 def _lay_down(grip: HeldGrip, changes: int = MAX_CHANGES) -> HeldGrip:
     """
-    Return the grip with the other end of a face after a corner has rolled onto it.
+    Return the grip with the other end of a face where a corner has rolled beyond it.
 
     Of a short face the other end takes the place of this one; that many may follow each other.
     """
@@ -190,13 +190,13 @@ def _lay_down(grip: HeldGrip, changes: int = MAX_CHANGES) -> HeldGrip:
 
 
 def _join(grip: HeldGrip) -> HeldGrip:
-    """Return the grip with a third member that has come into contact."""
+    """Return the grip with a third member where that has come to touch the object."""
     if len(grip.members) >= MAX_MEMBERS:
         return grip
     depths = member_depths(grip.config, grip.body)
     depths[grip.members] = -np.inf
     number = int(depths.argmax())
-    near = MAX_CONTACT_DISTANCE * grip.config.robot.description.tube_diameter
+    near = NEAR * grip.config.robot.description.tube_diameter
     if depths[number] <= -near or _depth_in(grip, number, float(depths[number])) <= 0.0:
         return grip
     member = np.array([number])
@@ -210,7 +210,7 @@ def _join(grip: HeldGrip) -> HeldGrip:
 
 
 def _lay(grip: HeldGrip, k: int, face: Face, short: bool) -> HeldGrip | None:
-    """Return the equilibrium with the other end of a face in addition, or instead if short."""
+    """Return the equilibrium with the other end of a face as well, or of a short one instead."""
     contacts, half = grip.contacts, 0.5 * face.length
     if short:
         corners = contacts.corners.copy()
@@ -230,7 +230,7 @@ def _add(
     angles: Array,
     after: float = 0.0,
 ) -> HeldGrip | None:
-    """Return the equilibrium with additional contacts, after those of the same member."""
+    """Return the equilibrium with other contacts as well, behind those with the same member."""
     order = np.argsort(np.append(contacts.members, others.members + after), kind='stable')
     pairs = (
         (contacts.members, others.members),
@@ -249,7 +249,7 @@ def _add(
 
 
 def _depth_in(grip: HeldGrip, number: int, depth: float) -> float:
-    """Return the penetration into another member, given that without bending [m]."""
+    """Return how deep the object is in another member, so deep as long as no tube bends [m]."""
     start, end = member_lines(grip.config)[[number]].T
     near, statics = segment_gaps(grip.body, start, end), grip.statics
     members = [*grip.contacts.members.tolist(), number]
@@ -265,7 +265,7 @@ def _depth_in(grip: HeldGrip, number: int, depth: float) -> float:
 
 def with_pressures(grip: HeldGrip, pressures: Pressure | None) -> HeldGrip:
     """
-    Return a held grip with other tube pressures; it must be rolled to reach equilibrium.
+    Return a held grip with tubes of other pressures, in equilibrium once it rolls on.
 
     Dents are made anew, which takes longer than a cycle of a control loop may: a loop is to take
     small changes for noise, as `steady_pressures` does.

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Utilisation of inflated tubes against wrinkling.
+How near inflated tubes are to wrinkling under loads.
 
 Under the gauge pressure p and a compression N the wall carries the pull p pi R^2 - N. A bending
 moment makes one side slack at M_w = (p pi R^2 - N) R / 2, where the wall begins to wrinkle; at
@@ -19,15 +19,15 @@ from isotruss_ros.core.statics.frame import Frame, FrameState
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 
-#: Default bound of the utilisation [-].
+#: Tubes are to bear at most this share of the moment at which they wrinkle.
 MAX_UTILISATION = 0.8
-#: Smallest wave angle of a moment, a lower bound of divisors [rad].
-MIN_WAVE_ANGLE = 1e-9
+#: Keeps divisions by the wave of a moment defined where there is none [rad].
+TINY = 1e-9
 
 
 class SectionLoads(NamedTuple):
     """
-    Largest section loads of the tubes.
+    What the sections of the tubes bear where it is largest.
 
     :ivar moment: (c,) of the member, on the side of the loads where their piece begins [N m].
     :ivar compression: (c,) there, the larger of both sides of the load [N].
@@ -61,7 +61,7 @@ def load_sections(
     couples: Array,
 ) -> SectionLoads:
     """
-    Return moments and compressions of the tubes, with the utilisation.
+    Return moments and compressions of the tubes, and how near to wrinkling they bring them.
 
     Moments are piecewise linear between the loads, and are largest at one of them or at an end
     of a piece of tube.
@@ -126,7 +126,7 @@ def find_utilisation(structure: Structure, frame: Frame, state: FrameState) -> t
     begin, end = -ends[:, 2], ends[:, 5]
     # M = begin cos(k x) + sine sin(k x); without compression the ends bear most.
     wave = np.sqrt(np.maximum(-pull, 0.0) / flexural / (1.0 + pull / shear))
-    turned = np.maximum(wave * length, MIN_WAVE_ANGLE)
+    turned = np.maximum(wave * length, TINY)
     sine = (end - begin * np.cos(turned)) / np.sin(turned)
     crest = np.arctan2(sine, begin) % np.pi
     inside = np.where((wave > 0.0) & (crest < turned), crest / turned * length, 0.0)
@@ -148,7 +148,7 @@ def find_utilisation(structure: Structure, frame: Frame, state: FrameState) -> t
 
 def find_most_used(used: Array, member: Indices) -> Indices:
     """
-    Return the point of largest utilisation of each member, (m,).
+    Return the places, one of each member, that are used most, (m,).
 
     :param used: (c,) |M| / M_w at places on all members.
     :param member: (c,) the member that each is on.
