@@ -9,6 +9,7 @@ Ends of faces lift and lie down, and a third member joins.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 from isotruss_ros.core.holding.build_statics import (
@@ -34,8 +35,9 @@ import numpy as np
 
 #: Members farther off than this share of a tube's diameter do not touch, however tubes bend.
 NEAR = 0.25
-#: Corners may change so often in one motion.
-MAX_CHANGES = 4
+#: Largest number of changed contacts in one motion [-]: five short faces under two contacts. Fewer
+#: stop an object that rolls over several corners at once; more only prolong failing searches.
+MAX_CHANGES = 12
 #: A motion is short: an equilibrium that is not found in so many states is not near.
 STEPS = 12
 #: No contacts.
@@ -61,8 +63,9 @@ def roll_grip(
     """
     wrench = scaled_wrench(external_wrench, grip.arm)
     rolled = roll_contacts(grip, config, grip.contacts, grip.anchors, grip.angles, wrench)
-    found = None if rolled is None else _lift_ends(rolled)
-    return None if found is None else _join(_lay_down(found))
+    changes = iter(range(MAX_CHANGES))
+    found = None if rolled is None else _lift_ends(rolled, changes)
+    return None if found is None else _join(_lay_down(found, changes))
 
 
 def roll_contacts(
@@ -149,14 +152,12 @@ def stick(
     return rows
 
 
-def _lift_ends(grip: HeldGrip) -> HeldGrip | None:
+def _lift_ends(grip: HeldGrip, changes: Iterator[int]) -> HeldGrip | None:
     """Return the grip without the ends of faces, or the third member, that pull."""
     found: HeldGrip | None = grip
-    for _ in range(MAX_CHANGES):
-        if found is None:
-            return None
+    while found is not None:
         lifted = found.pulling
-        if lifted is None:
+        if lifted is None or next(changes, None) is None:
             break
         kept = np.delete(np.arange(len(found.anchors)), lifted)
         contacts = found.contacts.without(lifted)
@@ -166,7 +167,7 @@ def _lift_ends(grip: HeldGrip) -> HeldGrip | None:
     return found
 
 
-def _lay_down(grip: HeldGrip, changes: int = MAX_CHANGES) -> HeldGrip:
+def _lay_down(grip: HeldGrip, changes: Iterator[int]) -> HeldGrip:
     """
     Return the grip with the other end of a face where a corner has rolled beyond it.
 
@@ -180,11 +181,11 @@ def _lay_down(grip: HeldGrip, changes: int = MAX_CHANGES) -> HeldGrip:
             if face.step * (own[k] * face.normal.conjugate()).imag <= 0.0:
                 continue
             short = face.length < MIN_FACE_LENGTH * grip.statics.tube_radius
-            laid = _lay(grip, k, face, short)
+            laid = None if next(changes, None) is None else _lay(grip, k, face, short)
             # In a longer motion the object rolls over the face, and this end lifts again.
-            laid = None if laid is None else _lift_ends(laid)
+            laid = None if laid is None else _lift_ends(laid, changes)
             if laid is not None and not np.array_equal(laid.contacts.corners, corners):
-                return _lay_down(laid, changes - 1) if short and changes > 0 else laid
+                return _lay_down(laid, changes) if short else laid
             break
     return grip
 

@@ -175,6 +175,23 @@ def rolled_over_corners():
     return grip, roll_contacts(grip, config, contacts, grip.anchors, grip.angles, grip.wrench)
 
 
+def test_changes_of_contacts_in_one_motion_are_bounded(monkeypatch):
+    before, rolled = rolled_over_corners()
+    calls = []
+
+    def counted(*arguments):
+        calls.append(arguments)
+        return roll_contacts(*arguments)
+
+    monkeypatch.setattr(roll_grip_module, 'roll_contacts', counted)
+    far = before.config.moved_to(
+        before.config.roller_positions
+        + 4.0 * (rolled.config.roller_positions - before.config.roller_positions)
+    )
+    roll_grip(before, far)
+    assert len(calls) <= roll_grip_module.MAX_CHANGES + 2
+
+
 def test_sharp_corners_of_short_faces_follow_each_other_in_one_step():
     # Five faces, which is as many as there may be.
     before, rolled = rolled_over_corners()
@@ -193,7 +210,7 @@ def test_a_face_that_would_not_press_does_not_lie_down(monkeypatch):
         tried.append(arguments)
 
     monkeypatch.setattr(roll_grip_module, '_lay', not_found)
-    assert _lay_down(grip) is grip
+    assert _lay_down(grip, iter(range(9))) is grip
     assert tried
 
 

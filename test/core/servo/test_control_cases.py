@@ -14,7 +14,6 @@ from isotruss_ros.core import (
     Status,
     TwistServo,
 )
-from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.servo.squeeze_control import SqueezeControl, SqueezeSettings
 import numpy as np
@@ -37,15 +36,6 @@ def controlled(force=10.0):
     control = SqueezeControl(SqueezeSettings(force))
     assert control.follow(ROBOT.home, GRIP, 0.0) is HoldStatus.HELD
     return control, solve
-
-
-def test_an_indifferent_equilibrium_is_not_held(monkeypatch):
-    control, _ = controlled()
-    monkeypatch.setattr(HeldGrip, 'response', None)
-    assert control.follow(ROBOT.home, GRIP, PERIOD) is HoldStatus.UNSTABLE
-    assert control.grasp is None
-    with pytest.raises(ValueError, match='follow comes before solve'):
-        control.solve(np.zeros(3), PERIOD, solve_twist)
 
 
 def test_a_direction_that_limits_bend_ends_the_reference():
