@@ -159,7 +159,7 @@ def find_contact_points(
     config, width = structure.config, 0.0 if flattening is None else flattening.radius
     topology = config.robot.topology
     start, length = config.points[topology.b], config.member_lengths
-    axis = (config.points[topology.c[topology.following]] - start) / length
+    axis = (config.points[topology.end] - start) / length
     away = (surface.center - start) * axis.conj()
     low, high = _reach(surface, start, axis, width, spacing)
     low, high = np.maximum(low, 0.0), np.minimum(high, length)
@@ -198,7 +198,7 @@ def points_on_members(
     config, frame, count = structure.config, structure.frame, len(place)
     topology = config.robot.topology
     start = config.points[topology.b]
-    axis = (config.points[topology.c[topology.following]] - start) / config.member_lengths
+    axis = (config.points[topology.end] - start) / config.member_lengths
     piece, within, ahead = structure.locate(member, place)
     pieces, which = np.unique(piece, return_inverse=True)
     shapes, inside = Beams(*(each[pieces] for each in frame.beams)).points(which, within)

@@ -29,7 +29,7 @@ from isotruss_ros.core.holding.contact_forces import (
     PressedContacts,
 )
 from isotruss_ros.core.holding.contact_statics import (
-    Closure,
+    ContactEquations,
     ContactStatics,
     MAX_STEPS,
     SOFTNESS,
@@ -211,7 +211,11 @@ def _is_like(grip: HeldGrip, statics: ContactStatics) -> bool:
 
 
 def _solve_nearby(
-    grip: HeldGrip, travel: Array, statics: ContactStatics, wrench: Array, closure: Closure
+    grip: HeldGrip,
+    travel: Array,
+    statics: ContactStatics,
+    wrench: Array,
+    closure: ContactEquations,
 ) -> ContactForces | None:
     """Return the equilibrium that is where it is expected and presses alike, if any is."""
     start, places = grip.ahead(travel), grip.state.places
@@ -236,7 +240,7 @@ def _choices(contacts: PressedContacts) -> list[PressedContacts]:
     return [chosen for _, chosen in sorted(found, key=lambda item: item[0])]
 
 
-def rest(statics: ContactStatics, body: ConvexObject) -> Closure:
+def rest(statics: ContactStatics, body: ConvexObject) -> ContactEquations:
     """
     Return the closure with unknown contact history: the pose is near to a measured one.
 

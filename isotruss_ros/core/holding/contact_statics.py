@@ -54,7 +54,7 @@ MAX_TURN, MAX_INCLINATION = 0.2, 0.5
 #: What turns forces into lengths, so that one tolerance serves both [m/N].
 SOFTNESS = 1e-4
 #: Rows that settle what statics leaves open: residual (k,) and derivative (k, 3 + 4k) in a state.
-Closure = Callable[[Array, Points], tuple[Array, Array]]
+ContactEquations = Callable[[Array, Points], tuple[Array, Array]]
 
 
 class TubeModel(NamedTuple):
@@ -161,7 +161,7 @@ class ContactStatics:
         return pushes, jacobian
 
     def equations(
-        self, unknowns: Array, wrench: Array, closure: Closure
+        self, unknowns: Array, wrench: Array, closure: ContactEquations
     ) -> tuple[Array, ContactForces]:
         """
         Return the residual (3 + 4k,), and the state with its Jacobian.
@@ -249,7 +249,7 @@ class ContactStatics:
         return -self.sides * (unknowns[self.places.feet] - travel) - arcs
 
     def solve(
-        self, start: Array, wrench: Array, closure: Closure, steps: int = MAX_STEPS
+        self, start: Array, wrench: Array, closure: ContactEquations, steps: int = MAX_STEPS
     ) -> ContactForces | None:
         """
         Return the equilibrium near a start (Newton's method), or None if it is not found.

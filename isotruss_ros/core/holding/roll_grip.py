@@ -18,7 +18,12 @@ from isotruss_ros.core.holding.build_statics import (
     start_at,
 )
 from isotruss_ros.core.holding.contact_forces import PressedContacts
-from isotruss_ros.core.holding.contact_statics import Closure, ContactStatics, SOFTNESS, unwrapped
+from isotruss_ros.core.holding.contact_statics import (
+    ContactEquations,
+    ContactStatics,
+    SOFTNESS,
+    unwrapped,
+)
 from isotruss_ros.core.holding.held_grip import HeldGrip, scaled_wrench, travel_rates
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths, member_lines
@@ -123,7 +128,7 @@ def roll_contacts(
 
 def stick(
     statics: ContactStatics, anchors: Array, travel: Array, angles: Array, free: Indices
-) -> Closure:
+) -> ContactEquations:
     """
     Return the closure for contacts that roll without slip, (17) integrated.
 

@@ -185,7 +185,7 @@ def structure_rates(structure: Structure, moved: Points, inflated: Array) -> Fra
     """
     config, frame, robot = structure.config, structure.frame, structure.config.robot
     topology, b = robot.topology, frame_layout(robot).b
-    start, end = topology.b, topology.c[topology.following]
+    start, end = topology.b, topology.end
     side, change = config.points[end] - config.points[start], moved[end] - moved[start]
     turned = change / side[:, None]
     points = np.empty((len(frame.points), moved.shape[1]), dtype=np.complex128)
