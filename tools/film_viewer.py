@@ -37,7 +37,7 @@ NODES = (
     (
         'simulator',
         COMMON
-        | {'plant': 'elastic', 'indentation': 0.01, 'rate': 50.0, 'clock_speed': CLOCK_SPEED},
+        | {'plant': 'elastic', 'indentation': 0.01, 'rate': 100.0, 'clock_speed': CLOCK_SPEED},
     ),
     ('manipulation', COMMON | {'object_mass': 0.5, 'rate': 50.0}),
     ('grasp_analysis', COMMON | {'rate': 10.0}),

@@ -9,6 +9,7 @@ from dataclasses import replace
 import itertools
 import math
 
+from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.manipulation.grip import find_members, members_at
@@ -67,7 +68,8 @@ def find_seeds(
             away = length * rng.standard_normal(len(config.roller_positions))
             posture = config.roller_positions + RANDOM_POSTURE * away
             cone *= rng.uniform(*RANDOM_CONES)
-        closing = Closing(body, group, (limit,), needs.min_rigidity, cone, posture)
+        tubes = TubeModel(paper_model=needs.paper_model)
+        closing = Closing(body, group, (limit,), needs.min_rigidity, cone, posture, tubes=tubes)
         normals = closing.normals(config)
         if len(group) == 2:
             facing = find_facing(body, normals, CONE_SHARE * cone, radius, turning)
