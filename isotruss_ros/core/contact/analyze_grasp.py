@@ -38,8 +38,9 @@ from scipy.linalg import lapack
 
 #: Contact points closer than this are one point to the tube, further apart they miss the object.
 SPACINGS = (1e-4, 0.1)
-#: Members that are overlapped by less than this need not press [m].
-LEAST_OVERLAP = 1e-6
+#: Overlap of a member that may bear no force [tube diameters]: contact points miss so much of a
+#: corner, or at the end of a tube. A third of it refuses grasps that barely touch a third member.
+MAX_FREE_OVERLAP = 0.05
 #: Contact points that are spent in any case on an object that is no disc.
 BUDGET = 80
 
@@ -52,9 +53,9 @@ def analyze_grasp(
     external_wrench: ArrayLike = (0.0, 0.0, 0.0),
     method: Literal['exact', 'relaxation'] = 'exact',
     spacing: float = 0.005,
-    flattening: bool = True,
     pressure: Pressure | None = None,
     previous: GraspAnalysis | None = None,
+    paper_model: bool = False,
 ) -> GraspAnalysis:
     """
     Analyse an object held fast: contact (5) to (9), closure by friction (10), stiffness.
@@ -69,12 +70,12 @@ def analyze_grasp(
         tubes flatten the latter is for discs only.
     :param spacing: of the contact points along the tubes [m]; tubes that flatten have points where
         they are touched, a half or a quarter of this apart where a region of contact is short.
-    :param flattening: whether the tubes' sections flatten where they are touched; if not, they
-        stay round, as in the paper's model.
     :param pressure: gauge, measured [Pa]: one number for all tubes, one for each tube in the order
         of the robot file, or by tube name; that of the robot file if None.
     :param previous: analysis of a similar grasp, where the search for the contact begins. Where
         a deep indentation has several equilibria, it decides which one is found.
+    :param paper_model: whether the structure is linear about straight tubes, and these stay round
+        where they are touched, as in the paper.
     :raises GraspError: an argument is not usable.
     :raises StructureError: the robot is a mechanism, a pressure is not usable, or its stiffness
         laws are contradictory.
@@ -86,19 +87,19 @@ def analyze_grasp(
     if not SPACINGS[0] <= gap <= SPACINGS[1]:
         raise GraspError(f'spacing {spacing!r} m: must be from {SPACINGS[0]} to {SPACINGS[1]} m')
     round_ = body.shape.is_round
-    sliding = flattening and not round_
+    sliding = not (paper_model or round_)
     solver = _solver(method, sliding)
     structure = structure_of(config, pressure)
-    margin = 0.0 if flattening else 0.5 * config.robot.description.tube_diameter
+    margin = 0.5 * config.robot.description.tube_diameter if paper_model else 0.0
     surface = surface_of(body, margin)
-    if flattening:
+    if paper_model:
+        solved = _solve_straight(structure, surface, gap, solver, previous)
+    else:
         kernel, before = flattening_of(config.robot, structure.pressures), None
         if previous is not None and previous.contact_spans:
             before = previous.solved
         budget = BUDGET if sliding else None
         solved = refine_contact(structure, surface, gap, kernel, solver, before, budget)
-    else:
-        solved = _solve_straight(structure, surface, gap, solver, previous)
     contact_points, found, *_, kept = solved
     _require_touch(structure, body, contact_points, found)
     # Of corners, which sliding tubes fold over.
@@ -136,7 +137,8 @@ def _require_touch(
 ) -> None:
     """Raise SolverError if a member that the object overlaps neither presses nor has moved off."""
     depths = member_depths(structure.config, body)
-    moved = max(float(np.abs(contact.displacements).max(initial=0.0)), LEAST_OVERLAP)
+    free = MAX_FREE_OVERLAP * structure.config.robot.description.tube_diameter
+    moved = max(float(np.abs(contact.displacements).max(initial=0.0)), free)
     pressing = np.bincount(contact_points.member, contact.forces, len(depths)) > 0.0
     missed = np.flatnonzero(~pressing & (depths > moved))
     if len(missed):
@@ -192,7 +194,7 @@ def _solver(method: str, sliding: bool) -> ContactSolver:
     if method == 'relaxation' and sliding:
         raise GraspError(
             "method 'relaxation': where tubes flatten (9) is for discs only; must be 'exact', or "
-            'flattening=False'
+            'paper_model=True'
         )
     return solvers[method]
 

@@ -22,7 +22,7 @@ import math
 from isotruss_ros.core.contact.flattening import Flattening, flattening_of
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.model.shapes import Shape
-from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.numerics.qp import solve_complementarity
 import numpy as np
 import scipy
@@ -202,8 +202,7 @@ def _press_disc(kernel: Flattening, tube: int, radius: float, depth: float) -> t
 def _press(kernel: Flattening, tube: int, spacing: float, gaps: Array) -> tuple[float, Array]:
     """Return spacing and forces of points of the skin with gaps to a surface across the tube."""
     count = len(gaps)
-    alike = np.zeros(count, dtype=np.intp)
-    dents = kernel.compliance(spacing * np.arange(count), alike, alike + tube, spacing)
+    dents = kernel.lattice_compliance(count, tube, spacing)
     forces, _ = solve_complementarity(dents, gaps, np.ones(count, dtype=bool))
     return spacing, forces
 
@@ -242,10 +241,16 @@ def corner_dents(
     return SkinIndentation(depths, presses, kernel, tube)
 
 
+@functools.lru_cache(maxsize=16)
+def _outline(shape: Shape, spacing: float) -> Points:
+    """Return `Shape.outline` from a cache of the last few."""
+    return shape.outline(spacing)
+
+
 def _profile(shape: Shape, angle: float, point: complex, spacing: float) -> tuple[Array, Array]:
     """Return places counter-clockwise along a tube, and heights of the surface there."""
     inward = -np.exp(1j * angle)
-    seen = (shape.outline(spacing) - point) * inward.conjugate()
+    seen = (_outline(shape, spacing) - point) * inward.conjugate()
     # Along the tube counter-clockwise, and into the object.
     along, height = -seen.imag, seen.real
     first, last = int(along.argmin()), int(along.argmax())

@@ -80,6 +80,17 @@ class Flattening:
         table = _compliance_by_distance(self, count, spacing)
         return np.where(same, table[tube[:, None], apart], 0.0)
 
+    def lattice_compliance(self, count: int, tube: int, spacing: float) -> Array:
+        """
+        Return `compliance` of successive points of one tube, (count, count) [m/N].
+
+        :param count: number of the points.
+        :param tube: index of the tube.
+        :param spacing: distance of the points [m].
+        """
+        size = 1 << (count - 1).bit_length()
+        return _compliance_by_distance(self, size, spacing)[tube][lattice_distances(count)]
+
     def compliance_rates(self, count: int, spacing: float) -> Array:
         """
         Return how points that are 0, 1, ... spacings apart give by their tube's pressure.
@@ -102,6 +113,17 @@ class Flattening:
         alone = higher * (1.0 - mean) - wider * ((1.0 - mean) / ratio + mean_rate)
         rates[:, 0] = (2.0 * peak / ratio * alone).sum(axis=1) - self.rest / spacing * blown[:, 0]
         return rates
+
+
+@functools.lru_cache(maxsize=16)
+def lattice_distances(count: int) -> Indices:
+    """
+    Return the distances of successive points in spacings, (count, count).
+
+    :param count: number of the points.
+    """
+    found = np.arange(count)
+    return np.abs(found[:, None] - found)
 
 
 @functools.lru_cache(maxsize=64)

@@ -85,6 +85,7 @@ class GripBelief:
     :ivar usage: what commands use of slip margin and tubes.
     :ivar walk: of contacts and pose, by measured poses.
     :ivar jump: length of the last innovation if that was inconsistent, else 0 [m].
+    :ivar searches: number of searches for an equilibrium with unknown contacts [-].
     :param grasp: the equilibrium near the measured pose, with a `response`.
     :param grip: its object is where it was measured.
     :param settings: what is known before.
@@ -118,7 +119,7 @@ class GripBelief:
         self.take_zeros(settings.zeros**2 * np.eye(count) if zeros is None else zeros)
         self._sensitivity = np.zeros((len(variances), count + 1))
         self.load, self.delay = np.zeros(3), 0.0
-        self.innovation = self.jump = 0.0
+        self.innovation, self.jump, self.searches = 0.0, 0.0, 0
         self.bias = self._even * pose_difference(grip.body.pose, grasp.pose)
         self.drift, self.usage = np.zeros(4), UsageLimits(grasp)
         self.walk, self.noise = ContactWalk(), PoseNoise(self._even * noise)
@@ -268,6 +269,7 @@ class GripBelief:
 
     def _attach(self, config: Configuration, pressures: Pressures) -> bool:
         """Solve for the equilibrium anew; what is believed of the contacts stays as unsure."""
+        self.searches += 1
         pose = self.pose
         unloaded = pose - self.grasp.response.pose @ self.load
         try:

@@ -125,12 +125,17 @@ class StateEstimator:
         deviations = _positive(deviations, 3, 'deviations of the pose [m, rad]')
         if self._grip is None or not self._in_time(time):
             return False
+        known = self.belief
+        searches = 0 if known is None else known.searches
         self._roll()
-        belief = self.belief
+        # One search per pose bounds the time of a call; another pose follows.
+        searched, belief = known is not None and known.searches > searches, self.belief
         if belief is not None:
             belief.observe(pose, self._rolled - time)
-            if belief.jump <= JUMP_LENGTH and not belief.walk.slipped:
+            if searched or (belief.jump <= JUMP_LENGTH and not belief.walk.slipped):
                 return True
+        elif searched:
+            return False
         self.belief = self._attach(pose, deviations)
         return self.belief is not None
 

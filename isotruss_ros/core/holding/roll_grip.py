@@ -9,16 +9,23 @@ Ends of faces lift and lie down, and a third member joins.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 from isotruss_ros.core.holding.build_statics import (
     build_statics,
     facing_lines,
+    find_dents,
     find_pressed,
     start_at,
 )
 from isotruss_ros.core.holding.contact_forces import PressedContacts
-from isotruss_ros.core.holding.contact_statics import Closure, ContactStatics, SOFTNESS, unwrapped
+from isotruss_ros.core.holding.contact_statics import (
+    Closure,
+    ContactStatics,
+    SOFTNESS,
+    unwrapped,
+)
 from isotruss_ros.core.holding.held_grip import HeldGrip, scaled_wrench, travel_rates
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths, member_lines
@@ -27,15 +34,16 @@ from isotruss_ros.core.model.contact_patch import MIN_FACE_LENGTH
 from isotruss_ros.core.model.convex_object import segment_gaps
 from isotruss_ros.core.model.shapes import Face
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
-from isotruss_ros.core.statics.member_compliance import MemberCompliance
+from isotruss_ros.core.statics.bent_tubes import BentTubes, FOLLOWED_MOTION
 from isotruss_ros.core.statics.section import Pressure
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 
 #: Members farther off than this share of a tube's diameter do not touch, however tubes bend.
 NEAR = 0.25
-#: Corners may change so often in one motion.
-MAX_CHANGES = 4
+#: Largest number of changed contacts in one motion [-]: five short faces under two contacts. Fewer
+#: stop an object that rolls over several corners at once; more only prolong failing searches.
+MAX_CHANGES = 12
 #: A motion is short: an equilibrium that is not found in so many states is not near.
 STEPS = 12
 #: No contacts.
@@ -61,8 +69,9 @@ def roll_grip(
     """
     wrench = scaled_wrench(external_wrench, grip.arm)
     rolled = roll_contacts(grip, config, grip.contacts, grip.anchors, grip.angles, wrench)
-    found = None if rolled is None else _lift_ends(rolled)
-    return None if found is None else _join(_lay_down(found))
+    changes = iter(range(MAX_CHANGES))
+    found = None if rolled is None else _lift_ends(rolled, changes)
+    return None if found is None else _join(_lay_down(found, changes))
 
 
 def roll_contacts(
@@ -88,22 +97,23 @@ def roll_contacts(
     """
     moved, kept = config.roller_positions - grip.config.roller_positions, grip.state.unknowns
     same = contacts is grip.contacts
-    if same:  # with the same dents
-        structure = structure_of(config, grip.tubes.pressure)
-        scale = grip.tubes.stiffness_scale
-        compliance = MemberCompliance(structure, contacts.members, scale)
-        statics, start = replace(grip.statics, compliance=compliance), grip.ahead(moved)
-    else:
-        bent = grip.body.turn * np.exp(1j * angles)
-        statics = build_statics(config, grip.body, contacts, grip.tubes, bent)
-        start = kept = start_at(statics, grip.body)
     travel = travel_rates(config, contacts.members) @ config.roller_positions
-    closure = stick(statics, anchors, travel, angles, fresh)
-    state = statics.solve(start, wrench, closure, STEPS)
-    if state is None and start is not kept:
-        state = statics.solve(kept, wrench, closure, STEPS)
-    if state is None:
+    if same:  # with the same dents
+        start, structure = grip.ahead(moved), structure_of(config, grip.tubes.pressure)
+        loads, feet = grip.statics.loads(start), start[grip.state.places.feet]
+        bent = grip.statics.bent.update(loads, feet, structure)
+        statics = replace(grip.statics, bent=bent)
+    else:
+        normals = grip.body.turn * np.exp(1j * angles)
+        statics = build_statics(config, grip.body, contacts, grip.tubes, normals)
+        start = kept = start_at(statics, grip.body)
+    closure, reach = stick(statics, anchors, travel, angles, fresh), FOLLOWED_MOTION
+    settled = statics.settle(start, wrench, closure, STEPS, reach)
+    if settled is None and start is not kept:
+        settled = statics.settle(kept, wrench, closure, STEPS, reach)
+    if settled is None:
         return None
+    statics, state = settled
     if len(fresh):
         found = statics.anchors(state.unknowns, state.normals, travel, angles)
         anchors = anchors.copy()
@@ -149,14 +159,12 @@ def stick(
     return rows
 
 
-def _lift_ends(grip: HeldGrip) -> HeldGrip | None:
+def _lift_ends(grip: HeldGrip, changes: Iterator[int]) -> HeldGrip | None:
     """Return the grip without the ends of faces, or the third member, that pull."""
     found: HeldGrip | None = grip
-    for _ in range(MAX_CHANGES):
-        if found is None:
-            return None
+    while found is not None:
         lifted = found.pulling
-        if lifted is None:
+        if lifted is None or next(changes, None) is None:
             break
         kept = np.delete(np.arange(len(found.anchors)), lifted)
         contacts = found.contacts.without(lifted)
@@ -166,7 +174,7 @@ def _lift_ends(grip: HeldGrip) -> HeldGrip | None:
     return found
 
 
-def _lay_down(grip: HeldGrip, changes: int = MAX_CHANGES) -> HeldGrip:
+def _lay_down(grip: HeldGrip, changes: Iterator[int]) -> HeldGrip:
     """
     Return the grip with the other end of a face where a corner has rolled beyond it.
 
@@ -180,11 +188,11 @@ def _lay_down(grip: HeldGrip, changes: int = MAX_CHANGES) -> HeldGrip:
             if face.step * (own[k] * face.normal.conjugate()).imag <= 0.0:
                 continue
             short = face.length < MIN_FACE_LENGTH * grip.statics.tube_radius
-            laid = _lay(grip, k, face, short)
+            laid = None if next(changes, None) is None else _lay(grip, k, face, short)
             # In a longer motion the object rolls over the face, and this end lifts again.
-            laid = None if laid is None else _lift_ends(laid)
+            laid = None if laid is None else _lift_ends(laid, changes)
             if laid is not None and not np.array_equal(laid.contacts.corners, corners):
-                return _lay_down(laid, changes - 1) if short and changes > 0 else laid
+                return _lay_down(laid, changes) if short else laid
             break
     return grip
 
@@ -252,14 +260,13 @@ def _depth_in(grip: HeldGrip, number: int, depth: float) -> float:
     """Return how deep the object is in another member, so deep as long as no tube bends [m]."""
     start, end = member_lines(grip.config)[[number]].T
     near, statics = segment_gaps(grip.body, start, end), grip.statics
-    members = [*grip.contacts.members.tolist(), number]
-    compliance = MemberCompliance(
-        statics.compliance.structure, members, grip.tubes.stiffness_scale
-    )
-    loads = np.vstack([grip.state.loads, np.zeros(3)])
+    members = np.append(grip.contacts.members, number)
     feet = np.append(grip.state.feet, near.shares * abs(end - start))
-    along, across, _ = compliance.at(feet).respond(loads)[-1].tolist()
-    moved = complex(along, across) * compliance.axis[-1]
+    bent = BentTubes(statics.bent.structure, members, feet, grip.tubes.stiffness_scale)
+    # The linear response to the loads is enough to tell whether another member touches.
+    loads = np.vstack([grip.state.loads, np.zeros(3)])
+    along, across, _ = bent.respond(loads, feet)[-1].tolist()
+    moved = complex(along, across) * bent.axis[-1]
     return depth - float((near.normals[0].conjugate() * moved).real)
 
 
@@ -277,5 +284,8 @@ def with_pressures(grip: HeldGrip, pressures: Pressure | None) -> HeldGrip:
     if pressures == grip.tubes.pressure:
         return grip
     tubes = grip.tubes._replace(pressure=pressures)
-    statics = build_statics(grip.config, grip.body, grip.contacts, tubes, grip.state.normals)
+    structure, state = structure_of(grip.config, pressures), grip.state
+    bent = grip.statics.bent.update(state.loads, state.feet, structure)
+    dents = find_dents(structure, grip.body, grip.contacts, tubes, state.normals)
+    statics = replace(grip.statics, bent=bent, indentation=dents)
     return replace(grip, tubes=tubes, statics=statics)

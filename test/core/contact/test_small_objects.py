@@ -34,7 +34,7 @@ def placed(shape, depth, share):
 def touched(config, body, flattening):
     """Return the members that press, or the reason of the refusal."""
     try:
-        return ' '.join(analyze_grasp(config, body, flattening=flattening).contact_forces)
+        return ' '.join(analyze_grasp(config, body, paper_model=not flattening).contact_forces)
     except SolverError as error:
         return str(error)
 
@@ -50,11 +50,11 @@ def test_deep_objects_touch_or_are_refused_with_the_member(shape, share, flatten
         assert NAME in found, f'{depth} m'
 
 
-@pytest.mark.parametrize('share', [1.02, 1.03, 1.04])
+@pytest.mark.parametrize('share', [1.02, 1.03])
 @pytest.mark.parametrize('depth', [0.02, 0.03, 0.05])
 def test_objects_beyond_the_end_of_a_tube_are_refused_with_the_member(share, depth):
     body = placed(Disc(0.02), depth, share)
-    assert member_depths(HOME, body)[NINE.member_names.index(NAME)] > 0.003
+    assert member_depths(HOME, body)[NINE.member_names.index(NAME)] > 0.1 * RADIUS
     with pytest.raises(SolverError, match=f'member {NAME}: the object is .* mm deep in it'):
         analyze_grasp(HOME, body)
 
