@@ -42,11 +42,11 @@ def pressed(config: core.Configuration, module: str, depth: float) -> core.Conve
 def analyze(
     config: core.Configuration,
     cylinder: core.ConvexObject,
-    flattening: bool = True,
+    paper_model: bool = False,
     previous: GraspAnalysis | None = None,
 ) -> GraspAnalysis:
     """Analyse a grasp; the last two arguments by place."""
-    return core.analyze_grasp(config, cylinder, flattening=flattening, previous=previous)
+    return core.analyze_grasp(config, cylinder, paper_model=paper_model, previous=previous)
 
 
 def tables() -> Iterator[Table]:
@@ -60,17 +60,17 @@ def grasp_rows() -> list[list[str]]:
     """Measure whole analyses of random states."""
     robot = core.load_robot('nine_member')
     rows = []
-    for model, flattening in (('flattening', True), ('round sections', False)):
+    for model, paper_model in (('bent', False), ("paper's model", True)):
         random = np.random.default_rng(1)
         cold, warm = [], []
         for _ in range(STATES):
             config = robot.configuration(random.uniform(-0.15, 0.15, len(robot.roller_names)))
             cylinder = pressed(config, MODULE, random.uniform(*DEPTHS))
-            seconds, analysis = timed(partial(analyze, config, cylinder, flattening))
+            seconds, analysis = timed(partial(analyze, config, cylinder, paper_model))
             cold.append(seconds)
             x, y, angle = cylinder.pose
             moved = cylinder.moved_to((x + 1e-4, y - 1e-4, angle))
-            warm.append(timed(partial(analyze, config, moved, flattening, analysis))[0])
+            warm.append(timed(partial(analyze, config, moved, paper_model, analysis))[0])
         for name, times in (('cold', cold), ('warm', warm)):
             values = (f'{1e3 * value:.2f}' for value in np.percentile(times, [50.0, 99.0]))
             rows.append([f'{model}, {name}', *values])

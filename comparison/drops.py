@@ -197,7 +197,7 @@ def _is_worth(case: Case) -> bool:
         return False
     if model.hold(case.friction) is not HoldStatus.HELD:
         return False
-    wrinkles = float(model.sections.utilisation.max()) > 1.0
+    wrinkles = float(model.sections.used.max()) > 1.0
     return model.slip_margin(case.friction) > LEAST and not wrinkles
 
 

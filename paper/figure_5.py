@@ -139,8 +139,9 @@ def find_onset(
         return found
 
     def reserve(factor: float) -> float:
-        state = frame.state(bend(factor), factor * loads)
-        return 1.0 - float(find_utilisation(structure, frame, state)[0].max())
+        bent = bend(factor)
+        forces = bent.end_forces, bent.forces.pull
+        return 1.0 - float(find_utilisation(structure, frame, *forces).used.max())
 
     factor = scipy.optimize.brentq(reserve, 0.0, path.factors[-1])
     return bend(factor), factor

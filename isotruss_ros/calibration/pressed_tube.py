@@ -104,7 +104,7 @@ def _contact_points(
         spacing=CONTACT_SPACING,
         axis=np.ones(len(places), dtype=np.complex128),
         inside=inside,
-        spread=shapes.swapaxes(0, 1),
+        spread=shapes[:, :2].swapaxes(0, 1),
         ends=ends,
         dents=dents,
     )

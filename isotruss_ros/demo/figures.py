@@ -51,7 +51,7 @@ def draw_panels(
     diameter: float,
     records: Sequence[PhaseRecord],
     path: Path,
-    flattening: bool = True,
+    paper_model: bool = False,
 ) -> None:
     """
     Write a picture of all phases, with magnified grasps in a corner.
@@ -62,7 +62,7 @@ def draw_panels(
     :param diameter: of the object [m].
     :param records: of the phases.
     :param path: of the picture.
-    :param flattening: whether the tubes flatten where they are touched.
+    :param paper_model: see `analyze_grasp`.
     """
     stops: list[tuple[str, Snapshot, Wrench | None]] = []
     for record in records:
@@ -91,7 +91,7 @@ def draw_panels(
         _draw_path(axes, [snap for snap in travelled if snap.time <= snapshot.time])
         draw_object(axes, pose, diameter)
         cylinder = ConvexObject.disc(pose[:2], diameter)
-        analysis, words = describe_grasp(configs[i], cylinder, pull, flattening)
+        analysis, words = describe_grasp(configs[i], cylinder, pull, paper_model)
         draw_forces(axes, cylinder, analysis, ARROW_SCALE)
         if pull is not None:
             _draw_pull(axes, pose, pull)
@@ -109,7 +109,7 @@ def draw_panels(
 
 
 def describe_grasp(
-    config: Configuration, body: ConvexObject, pull: Wrench | None, flattening: bool = True
+    config: Configuration, body: ConvexObject, pull: Wrench | None, paper_model: bool = False
 ) -> tuple[GraspAnalysis, str]:
     """
     Return the analysis of a grasp, and whether and how it holds, in words.
@@ -117,9 +117,9 @@ def describe_grasp(
     :param config: of the robot.
     :param body: the object.
     :param pull: external wrench on it [N, N, N m]; None without.
-    :param flattening: whether the tubes flatten where they are touched.
+    :param paper_model: see `analyze_grasp`.
     """
-    analysis = analyze_grasp(config, body, flattening=flattening)
+    analysis = analyze_grasp(config, body, paper_model=paper_model)
     held, forces = '', None
     if len(analysis.contact_lengths) > 1:
         settled = settle_grasp(config, body, external_wrench=pull or (0.0, 0.0, 0.0))

@@ -57,10 +57,9 @@ SPECS = (
         (0.002, 0.1),
     ),
     Spec(
-        'flattening',
-        True,
-        "Whether tubes flatten where they are touched; if not, (5) to (10) in the paper's model, "
-        'and only whether the object is held with flattening',
+        'paper_model',
+        False,
+        "Whether (5) to (10) are those of the paper's model: the structure linear, tubes round",
     ),
 )
 #: Shortest period of markers, the frame rate of RViz [s].
@@ -110,7 +109,7 @@ class GraspAnalysisNode(ManagedNode):
         body = self._described or ConvexObject(Disc(values.object_diameter))
         friction = values.friction if body.friction is None else body.friction
         unloaded = (0.0, 0.0, 0.0)
-        return GraspQuery((), body, friction, unloaded, values.spacing, values.flattening)
+        return GraspQuery((), body, friction, unloaded, values.spacing, values.paper_model)
 
     def activate(self) -> None:
         """Start the cycle and offer the service."""
@@ -128,7 +127,7 @@ class GraspAnalysisNode(ManagedNode):
     ) -> AnalyzeGrasp.Response:
         now = self.now()
         try:
-            query = read_query(request, self.values.spacing, self.values.flattening)
+            query = read_query(request, self.values.spacing, self.values.paper_model)
         except IsotrussError as error:
             report = GraspReport(GraspCode.INVALID_REQUEST, str(error), now)
         else:

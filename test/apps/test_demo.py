@@ -100,9 +100,9 @@ def test_the_picture_shows_the_robot_that_runs(monkeypatch, tmp_path):
         seen.append(load_robot(robot))
         return [], None
 
-    def draw(robot, *_, flattening):
+    def draw(robot, *_, paper_model):
         seen.append(robot)
-        assert not flattening
+        assert paper_model
 
     for name in ('require_egl', 'film', 'plan_table', 'motion_table', 'grasp_table'):
         monkeypatch.setattr(demo, name, lambda *_: '')

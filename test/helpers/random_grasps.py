@@ -106,7 +106,7 @@ class RandomGrasp:
                 continue  # too small for these members
         wrench = rng.uniform(-0.5, 0.5, 3) * (1.0, 1.0, 0.1)
         self.chosen = Chosen(config, grip.body, wrench, rng.uniform(25e3, 45e3, 3))
-        self.flattening = number % 5 > 0
+        self.paper_model = number % 5 == 0
 
     def step(self, parameters, sizes):
         """Return how parameters change, (p,), in a random direction, by the sizes of that."""

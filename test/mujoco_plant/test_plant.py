@@ -96,7 +96,7 @@ def test_small_joint_loads_move_all_nodes_as_deform_says():
 def test_a_grasp_presses_needs_friction_and_gives_as_statics_says():
     plant, config, cylinder = press(PressedCase(40.0, 0.04))
     found = plant.contact_forces()
-    expected = analyze_grasp(config, cylinder, 0.5, flattening=False).contact_forces
+    expected = analyze_grasp(config, cylinder, 0.5, paper_model=True).contact_forces
     assert found.keys() == expected.keys()
     for member, force in found.items():
         # Capsules bend in steps, and the object touches the middle of one.
@@ -127,7 +127,7 @@ def test_it_presses_in_any_corner_as_statics_says(module):
     plant = MujocoPlant(robot, [cylinder], replace(STILL, friction=0.0, segments=16))
     plant.hold_object((*center, 0.0))
     plant.settle(2.0)
-    expected = analyze_grasp(robot.home, cylinder, 0.5, flattening=False).contact_forces
+    expected = analyze_grasp(robot.home, cylinder, 0.5, paper_model=True).contact_forces
     found = plant.contact_forces()
     assert len(found) == 2
     assert found.keys() == expected.keys()

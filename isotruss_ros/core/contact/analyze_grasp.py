@@ -53,9 +53,9 @@ def analyze_grasp(
     external_wrench: ArrayLike = (0.0, 0.0, 0.0),
     method: Literal['exact', 'relaxation'] = 'exact',
     spacing: float = 0.005,
-    flattening: bool = True,
     pressure: Pressure | None = None,
     previous: GraspAnalysis | None = None,
+    paper_model: bool = False,
 ) -> GraspAnalysis:
     """
     Analyse a fixed object: contact (5) to (9), closure by friction (10), stiffness.
@@ -70,12 +70,12 @@ def analyze_grasp(
         tubes flatten the latter is for discs only.
     :param spacing: of the contact points along the tubes [m]; tubes that flatten have points where
         they are touched, a half or a quarter of this apart where a region of contact is short.
-    :param flattening: whether the tubes' sections flatten where they are touched; if not, they
-        stay round, as in the paper's model.
     :param pressure: gauge, measured [Pa]: one number for all tubes, one for each tube in the order
         of the robot file, or by tube name; that of the robot file if None.
     :param previous: analysis of a similar grasp, where the search for the contact begins. Where
         a deep indentation has several equilibria, it decides which one is found.
+    :param paper_model: whether the structure is linear about straight tubes, and these stay round
+        where they are touched, as in the paper.
     :raises GraspError: an argument is not usable.
     :raises StructureError: the robot is a mechanism, a pressure is not usable, or its stiffness
         laws are contradictory.
@@ -89,19 +89,19 @@ def analyze_grasp(
             f'spacing {spacing!r} m: must be from {SPACING_RANGE[0]} to {SPACING_RANGE[1]} m'
         )
     round_ = body.shape.is_round
-    sliding = flattening and not round_
+    sliding = not (paper_model or round_)
     solver = _solver(method, sliding)
     structure = structure_of(config, pressure)
-    margin = 0.0 if flattening else 0.5 * config.robot.description.tube_diameter
+    margin = 0.5 * config.robot.description.tube_diameter if paper_model else 0.0
     surface = surface_of(body, margin)
-    if flattening:
+    if paper_model:
+        solved = _solve_straight(structure, surface, gap, solver, previous)
+    else:
         kernel, before = flattening_of(config.robot, structure.pressures), None
         if previous is not None and previous.contact_spans:
             before = previous.solved
         budget = MIN_CONTACT_POINTS if sliding else None
         solved = refine_contact(structure, surface, gap, kernel, solver, before, budget)
-    else:
-        solved = _solve_straight(structure, surface, gap, solver, previous)
     contact_points, found, *_, kept = solved
     _require_touch(structure, body, contact_points, found)
     # Of corners, which sliding tubes fold over.
@@ -196,7 +196,7 @@ def _solver(method: str, sliding: bool) -> ContactSolver:
     if method == 'relaxation' and sliding:
         raise GraspError(
             "method 'relaxation': where tubes flatten (9) is for discs only; must be 'exact', or "
-            'flattening=False'
+            'paper_model=True'
         )
     return solvers[method]
 

@@ -36,18 +36,19 @@ def find_wrinkling(
     :return: (c,) tension of the wall along the tube, on the side of the object, at the contact
         points; not negative [N/m].
     """
-    frame, topology = structure.frame, structure.config.robot.topology
+    topology, tubes = structure.config.robot.topology, contact_points.bent
     radius = 0.5 * structure.config.robot.description.tube_diameter
-    pieces, touching = contact_points.pieces, np.flatnonzero(contact.forces > 0.0)
+    touching = np.flatnonzero(contact.forces > 0.0)
     local = contact.push * contact_points.axis.conj()
-    # What moves the ends of the pieces as the forces inside do, which the pieces carry besides.
-    pushed = local.real @ contact_points.spread[0] + local.imag @ contact_points.spread[1]
-    pushed = pushed.reshape(-1, 6)
-    end_forces = frame.end_forces(pieces, pushed)
-
-    points = contact_points.member[touching], contact_points.place[touching]
-    couples = np.zeros(len(touching))
-    sections = load_sections(structure, end_forces, *points, local[touching], couples)
+    bow = contact_points.bows(contact.displacements, contact.push)[touching]
+    sections = load_sections(
+        tubes,
+        contact_points.end_forces(contact.push),
+        contact_points.member[touching],
+        contact_points.place[touching],
+        local[touching],
+        bow,
+    )
 
     # The force points away from the object, which presses the wall together on its own side.
     pressure = np.array(structure.pressures)[topology.tube]

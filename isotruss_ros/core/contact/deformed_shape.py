@@ -31,7 +31,7 @@ def deformed_lines(analysis: GraspAnalysis) -> Points:
     # Points of the lines, then of the forces.
     member = np.append(drawn, analysis.members[touching])
     place = np.append(places, analysis.places[touching])
-    points = points_on_members(structure, member, place, 0.0)
+    points = points_on_members(analysis.solved.points.bent, member, place, 0.0)
     forces = analysis.normals[touching] @ (1.0, 1.0j) * analysis.normal_forces[touching]
     push = np.append(np.zeros(places.size), forces)
     moved = points.points + points.displacements(push)

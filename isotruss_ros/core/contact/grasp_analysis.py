@@ -6,11 +6,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import NamedTuple
 
 from isotruss_ros.core.contact.contact_points import ContactPoints, ContactState
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.numerics.records import Record
+from isotruss_ros.core.statics.bent_tubes import straight_tubes
 from isotruss_ros.core.statics.structure import Structure
 
 
@@ -115,3 +117,19 @@ class GraspAnalysis(
     stiffness: Array
     structure: Structure = field(repr=False)
     solved: SolvedContact = field(repr=False)
+
+    @cached_property
+    def nonlinearity(self) -> float:
+        """
+        Return how much more the bent tubes press than linear ones would, as a share [-].
+
+        To first order, from the work of the contact forces: zero in the paper's model.
+        """
+        points, contact = self.solved.points, self.solved.contact
+        if points.bent.is_straight or not contact.forces.any():
+            return 0.0
+        linear = points.about(straight_tubes(self.structure))
+        moved = points.skin + contact.displacements - linear.skin
+        given = linear.displacements(contact.push)
+        work, linear_work = ((contact.push.conj() * each).real.sum() for each in (moved, given))
+        return float(linear_work / work - 1.0)

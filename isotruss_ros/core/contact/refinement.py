@@ -13,18 +13,22 @@ of the answer lie there alone, and close enough.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from isotruss_ros.core.contact.contact import estimate_contact
 from isotruss_ros.core.contact.contact_points import (
     ContactPoints,
     ContactState,
     find_contact_points,
+    points_on_members,
 )
 from isotruss_ros.core.contact.flattening import Flattening
 from isotruss_ros.core.contact.grasp_analysis import SolvedContact
 from isotruss_ros.core.contact.surfaces import Surface
+from isotruss_ros.core.errors import SolverError, StructureError
+from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, Flags, Points
+from isotruss_ros.core.statics.bent_tubes import BentTubes, straight_tubes
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 
@@ -38,6 +42,13 @@ LENGTH_SPREAD = 0.02
 #: Regions are found in so many steps, or points are placed wherever tubes are within reach.
 MAX_STEPS = 3
 EVERYWHERE = np.array([-np.inf, np.inf])
+#: Points of one region are no farther apart than this [m]. Tubes are cut at places that are so far
+#: apart, and are bent anew from straight ones where these move by more than that.
+ONE_REGION, CUT_LATTICE, SAME_CUT = 0.03, 0.04, 0.05
+#: Tubes are linearised anew until no node moves by more than this [m], at most so often.
+SETTLED_MOTION, MAX_BENDS = 3e-6, 12
+#: Tubes go so much of the way to where forces would bend them: less where they give way there.
+BENT_SHARES = (1.0, 0.5, 0.2, 0.0)
 
 #: Solves (8) at points that meet a surface; to begin with forces and normals if there are any.
 ContactSolver = Callable[..., ContactState]
@@ -76,6 +87,9 @@ def refine_contact(
         found = search.find(SEARCH * spacing, None, estimate_contact)
         if not _touched(found.spans).any():
             return search.find(spacing, None, solver)
+        if budget is not None:
+            # The estimate does not slide, and presses far too hard at corners.
+            found = search.find(SEARCH * spacing, None, solver)
     for step in range(MAX_STEPS):
         if settled:
             break
@@ -84,6 +98,7 @@ def refine_contact(
         touches = budget is None or _touched(found.spans).any()
         if not len(found.points.points) or not touches:
             return search.find(spacing, None, solver)
+    found = search.bend(found)
     # Whatever the search began with, the answer is the same.
     within = _within(found.points, found.spans + search.room)
     return found._replace(kept=np.flatnonzero(within))
@@ -148,7 +163,9 @@ class _Search:
         division = _division(regions, self.spacing, self.budget)
         within = limited & _touched(regions)
         windows = np.where(within, regions + SEARCH * self.room, EVERYWHERE)
-        solved = self.find(self.spacing / division, windows, begin)
+        solved = self._solve_bent(
+            before, lambda bent: self.find(self.spacing / division, windows, begin, bent)
+        )
         found = solved.spans
         # A member whose contact has left its window may be touched elsewhere.
         inside = ((found + self.room - windows) * self.room <= 0.0).all()
@@ -161,14 +178,103 @@ class _Search:
         distance: float,
         windows: Array | None,
         solve: ContactSolver,
+        bent: BentTubes | None = None,
     ) -> SolvedContact:
         """Place points with a spacing, and solve with the surface resolved by them."""
         points = find_contact_points(
-            self.structure, self.surface, distance, self.flattening, windows
+            self.structure, self.surface, distance, self.flattening, windows, bent
         )
-        contact = solve(points, self.surface.resolved(distance))
+        return self._measure(points, solve(points, self.surface.resolved(distance)))
+
+    def _measure(self, points: ContactPoints, contact: ContactState) -> SolvedContact:
         count = len(self.structure.config.robot.member_names)
         return measure_contact(points, contact, count)
+
+    def _solve_bent(
+        self,
+        before: SolvedContact,
+        solve: Callable[[BentTubes], SolvedContact],
+        again: bool = False,
+    ) -> SolvedContact:
+        """Solve with tubes as contact forces bend them, or less where they give way at that."""
+        for share in BENT_SHARES:
+            try:
+                bent = bend_tubes(self.structure, before, self.surface.body, share, again)
+                return solve(bent)
+            except (SolverError, StructureError):
+                if share == BENT_SHARES[-1]:
+                    raise
+        raise AssertionError
+
+    def bend(self, found: SolvedContact) -> SolvedContact:
+        """Solve at the same points until the tubes are linearised where they are."""
+        for _ in range(MAX_BENDS):
+            points, contact = found.points, found.contact
+            if points.distance(contact.push) <= SETTLED_MOTION:
+                return found
+            surface = self.surface.resolved(points.spacing)
+
+            def solve(
+                bent: BentTubes,
+                points: ContactPoints = points,
+                contact: ContactState = contact,
+                surface: Surface = surface,
+            ) -> SolvedContact:
+                there = points.about(bent)
+                found = self.solver(there, surface, contact.forces, contact.normals)
+                return self._measure(there, found)
+
+            found = self._solve_bent(found, solve, again=True)
+        names = self.structure.config.robot.member_names
+        touched = ', '.join(names[i] for i in np.flatnonzero(_touched(found.spans)))
+        raise SolverError(
+            f'{touched}: the bent tubes did not settle in {MAX_BENDS} steps; the object is '
+            'pressed in too deeply'
+        )
+
+
+def bend_tubes(
+    structure: Structure,
+    found: SolvedContact,
+    body: ConvexObject,
+    share: float = 1.0,
+    again: bool = False,
+) -> BentTubes:
+    """
+    Return the tubes linearised about where contact forces bend them, cut where these act.
+
+    :param structure: the frame of the robot from now on.
+    :param found: where the object is touched, and with what force.
+    :param body: the object.
+    :param share: of the way from where the tubes were linearised before [-].
+    :param again: whether they stay cut where they are as long as that is near.
+    """
+    points, contact = found.points, found.contact
+    touching = np.flatnonzero(contact.forces > 0.0)
+    if not len(touching):
+        return straight_tubes(structure)
+    member, place = points.member[touching], points.place[touching]
+    apart = (np.diff(member) != 0) | (np.diff(place) > ONE_REGION)
+    region, forces = np.append(0, np.cumsum(apart)), np.abs(contact.push[touching])
+    middle = np.bincount(region, forces * place) / np.bincount(region, forces)
+    members, known = member[np.searchsorted(region, np.arange(len(middle)))], points.bent
+    # Counted from the deepest point: whatever the search began with, the cuts are the same.
+    config, topology = structure.config, structure.config.robot.topology
+    start = config.points[topology.b[members]]
+    along = config.points[topology.c[topology.following[members]]] - start
+    axis = along / np.abs(along)
+    toward = axis * np.where(((body.middle - start) * axis.conj()).imag < 0.0, 1j, -1j)
+    deepest = body.center + body.turn * body.shape.support_points(toward / body.turn)
+    foot = ((deepest - start) * axis.conj()).real
+    cuts = foot + CUT_LATTICE * np.round((middle - foot) / CUT_LATTICE)
+    straight = BentTubes(structure, members, np.clip(cuts, 0.0, np.abs(along)))
+    if np.array_equal(known.members, members):
+        if again and np.abs(known.places - middle).max() < CUT_LATTICE:
+            straight = replace(straight, places=known.places)
+        if np.abs(known.places - straight.places).max() < SAME_CUT:
+            return known.bent_to(points.displace(contact.push, share), straight)
+    there = points_on_members(straight, member, place, points.spacing)
+    return straight.bent_to(there.displace(contact.push[touching], share), straight)
 
 
 def _touched(regions: Array) -> Flags:

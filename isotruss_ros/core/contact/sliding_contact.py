@@ -161,11 +161,9 @@ def _bend(
     """Return the directions of the bent centre lines at points with neighbours (2, c), (c,)."""
     before, after = neighbours
     moved = points.bend(displacements, push)
-    straight = points.points[after] - points.points[before]
-    turned = (moved[after] - moved[before]) * straight.conj()
-    size: Array = np.abs(turned)
-    turned = np.divide(turned, size, out=np.ones_like(turned), where=size > 0.0)
-    return turned * points.axis
+    along = moved[after] - moved[before]
+    size: Array = np.abs(along)
+    return np.divide(along, size, out=points.axis.copy(), where=size > 0.0)
 
 
 def _find_neighbours(contact_points: ContactPoints) -> Indices:

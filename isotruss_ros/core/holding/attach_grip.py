@@ -18,6 +18,7 @@ import itertools
 from isotruss_ros.core.holding.build_statics import (
     AS_MODELLED,
     build_statics,
+    find_dents,
     find_pressed,
     start_at,
 )
@@ -146,24 +147,26 @@ def _find_rest(
     """Return the equilibrium at given contacts near where the object was measured, if any."""
     body, contacts = statics.body, statics.contacts
     closure = rest(statics, body)
-    state, motion = None, None
-    if before is not None and _is_like(before, statics):
+    found, motion = None, None
+    if before is not None and before.tubes[:2] == tubes[:2] and _is_like(before, statics):
         travel = config.roller_positions - before.config.roller_positions
-        state = _solve_nearby(before, travel, statics, wrench, closure)
-        if state is not None:
-            motion = travel, state.unknowns - before.state.unknowns
-    if state is None:
+        found = _solve_nearby(before, travel, statics, wrench, closure)
+        if found is not None:
+            motion = travel, found[1].unknowns - before.state.unknowns
+    if found is None:
         start = _search_centered(statics, wrench, steps)
-        state = None if start is None else statics.solve(start, wrench, closure, steps)
-    if state is not None and tubes.flattening and len(contacts.owners) > len(contacts.ends):
+        found = None if start is None else statics.settle(start, wrench, closure, steps)
+    if found is not None and not tubes.paper_model and len(contacts.owners) > len(contacts.ends):
         # How deep a face's ends dent the skin rests on how the tube is bent over them, and on how
         # the object has turned.
+        statics, state = found
         turned = body.moved_to(state.unknowns[:3])
-        dented = build_statics(config, turned, contacts, tubes, state.normals)
-        statics = replace(statics, indentation=dented.indentation)
-        state = statics.solve(state.unknowns, wrench, closure, steps)
-    if state is None:
+        dents = find_dents(statics.bent.structure, turned, contacts, tubes, state.normals)
+        statics = replace(statics, indentation=dents)
+        found = statics.settle(state.unknowns, wrench, closure, steps)
+    if found is None:
         return None
+    statics, state = found
     angles = np.angle(state.normals * np.exp(-1j * state.unknowns[2]))
     travel = travel_rates(config, contacts.members) @ config.roller_positions
     return HeldGrip(
@@ -212,13 +215,14 @@ def _is_like(grip: HeldGrip, statics: ContactStatics) -> bool:
 
 def _solve_nearby(
     grip: HeldGrip, travel: Array, statics: ContactStatics, wrench: Array, closure: Closure
-) -> ContactForces | None:
+) -> tuple[ContactStatics, ContactForces] | None:
     """Return the equilibrium that is where it is expected and presses alike, if any is."""
-    start, places = grip.ahead(travel), grip.state.places
-    found = statics.solve(start, wrench, closure, FEW_STEPS)
+    start, places, known = grip.ahead(travel), grip.state.places, grip.state
+    bent = grip.statics.bent.update(known.loads, known.feet, statics.bent.structure)
+    found = replace(statics, bent=bent).settle(start, wrench, closure, FEW_STEPS)
     if found is None:
         return None
-    moved = np.abs(found.unknowns - start)
+    moved = np.abs(found[1].unknowns - start)
     far = max(float(moved[CENTER].max()), float(moved[places.feet].max()))
     alike = (moved[places.normal] <= LIKE * np.abs(start[places.normal])).all()
     return found if far <= NEAR and bool(alike) else None

@@ -26,8 +26,8 @@ from isotruss_ros.core.model.contact_patch import contact_patch, PLANNED_DEPTH
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
-from isotruss_ros.core.statics.member_compliance import MemberCompliance
-from isotruss_ros.core.statics.structure import structure_of
+from isotruss_ros.core.statics.bent_tubes import BentTubes
+from isotruss_ros.core.statics.structure import Structure, structure_of
 import numpy as np
 
 #: Tubes of the robot file, which flatten.
@@ -82,7 +82,7 @@ def build_statics(
     normals: Points | None = None,
 ) -> ContactStatics:
     """
-    Return the equations of an object at some contacts.
+    Return the equations of an object at some contacts, the tubes straight yet.
 
     :param config: configuration of the robot.
     :param body: the object in its place.
@@ -92,21 +92,29 @@ def build_statics(
     :raises StructureError: see `structure_of`.
     """
     structure = structure_of(config, tubes.pressure)
-    compliance = MemberCompliance(structure, contacts.members, tubes.stiffness_scale)
-    aside = (compliance.axis.conj() * (body.middle - compliance.start)).imag
-    sides = np.where(aside > 0.0, -1.0, 1.0)
-    tables: list[SkinIndentation] = []
-    if tubes.flattening:
-        pressures = None if tubes.pressure is None else structure.pressures
-        bent = 1j * sides * compliance.axis if normals is None else normals
-        tables = _dents(config, body, contacts, bent, pressures)
+    starts, straight = facing_lines(config, body, contacts.members)
+    points, _ = body.shape.surface_at(contacts.corners, straight * body.turn.conjugate())
+    # On the right of a member the object is on the side of its normals.
+    starting, ending = member_lines(config)[contacts.members].T
+    axis = (ending - starting) / np.abs(ending - starting)
+    sides = np.sign((straight * axis.conj()).imag)
+    feet = ((body.center + body.turn * points - starts) * axis.conj()).real
+    bent = BentTubes(
+        structure,
+        contacts.members,
+        np.clip(feet, 0.0, np.abs(ending - starting)),
+        tubes.stiffness_scale,
+        tubes.paper_model,
+    )
     return ContactStatics(
-        compliance=compliance,
+        bent=bent,
         body=body,
         contacts=contacts,
         tube_radius=0.5 * config.robot.description.tube_diameter,
         sides=sides,
-        indentation=Indentation(tables, tubes.stiffness_scale),
+        indentation=find_dents(
+            structure, body, contacts, tubes, straight if normals is None else normals
+        ),
     )
 
 
@@ -117,21 +125,42 @@ def start_at(statics: ContactStatics, body: ConvexObject) -> Array:
     :param statics: the equations.
     :param body: the object where it was measured.
     """
-    places, compliance = statics.places, statics.compliance
+    places, bent = statics.places, statics.bent
     start = np.zeros(places.size)
     start[:3] = body.center.real, body.center.imag, body.pose.angle
     normals = statics.straight_normals
-    own = normals * body.turn.conjugate()
-    points, _ = body.shape.surface_at(statics.contacts.corners, own)
-    touched = body.center + body.turn * points
-    local = compliance.axis.conj() * (touched - compliance.start)
-    start[places.feet] = np.clip(local.real, 0.0, compliance.length)
-    depths = statics.tube_radius + statics.sides * local.imag
+    points, _ = body.shape.surface_at(statics.contacts.corners, normals * body.turn.conjugate())
+    start[places.feet] = bent.places
+    across = (bent.axis.conj() * (body.center + body.turn * points - bent.start)).imag
+    depths = statics.tube_radius + statics.sides * across
     depths = np.maximum(depths, PLANNED_DEPTH * statics.tube_radius)
-    own = np.einsum('iaia->ia', compliance.at(start[places.feet]).matrix)[:, 1]
+    own = np.einsum('iaia->ia', bent.matrix)[:, 1]
     _, dent = statics.indentation(depths / own)
     start[places.normal] = depths / (own + dent)
     return start
+
+
+def find_dents(
+    structure: Structure,
+    body: ConvexObject,
+    contacts: PressedContacts,
+    tubes: TubeModel,
+    normals: Points,
+) -> Indentation:
+    """
+    Return the dents at all contacts.
+
+    :param structure: the frame of the robot.
+    :param body: the object in its place.
+    :param contacts: its contacts.
+    :param tubes: what is assumed of the tubes.
+    :param normals: (k,) of the tubes, from the object.
+    """
+    if tubes.paper_model:
+        return Indentation()
+    pressures = None if tubes.pressure is None else structure.pressures
+    tables = _dents(structure.config, body, contacts, normals, pressures)
+    return Indentation(tables, tubes.stiffness_scale)
 
 
 def _dents(

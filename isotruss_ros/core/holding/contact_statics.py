@@ -6,9 +6,9 @@ The equilibrium of a convex object at several contacts, friction loading the tub
 
 Of any shape, at k contacts on two members or three:
 
-    X_i = P_i + s_i e_i + u_i,  u = C f,  f_i = (N_i + i T_i) nu_i      deformed point of contact
+    X_i = P_i + s_i e_i + u_i,  u = u_0 + C f + D s                     deformed point of contact
     X_i = c + R(theta) p(nu_i) + rho_i nu_i                             touch
-    w = sum f_i,  m = sum of arms x f_i                                 balance
+    w = sum f_i,  m = sum of arms x f_i,  f_i = (N_i + i T_i) nu_i      balance
 
 with p(nu) the point of the surface whose normal is nu, and rho_i from there to the centre line.
 A beam bends away from what presses on it: of a polygon it touches corners, and a face that lies on
@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import cmath
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import functools
 import math
 from typing import NamedTuple
@@ -38,7 +38,7 @@ from isotruss_ros.core.holding.contact_forces import (
 )
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, Points
-from isotruss_ros.core.statics.member_compliance import MemberCompliance
+from isotruss_ros.core.statics.bent_tubes import BentTubes, MAX_BENDS, SETTLED_MOTION
 from isotruss_ros.core.statics.section import Pressure
 import numpy as np
 from scipy.linalg import lapack
@@ -49,7 +49,7 @@ MAX_STEPS = 40
 #: In one step contacts and object move at most this share of the object's size ...
 MAX_MOVE = 0.5
 #: ... and tubes incline at most by this [rad]. A tube that inclines by more than the other has
-#: folded long before: there the linear structure has balances that mean nothing.
+#: folded long before: there the structure has balances that mean nothing.
 MAX_TURN, MAX_INCLINATION = 0.2, 0.5
 #: What turns forces into lengths, so that one tolerance serves both [m/N].
 SOFTNESS = 1e-4
@@ -62,12 +62,12 @@ class TubeModel(NamedTuple):
     What is assumed of the tubes that hold an object.
 
     :ivar stiffness_scale: stiffness of the robot against that of the model.
-    :ivar flattening: whether the tubes' sections flatten where they are touched.
+    :ivar paper_model: whether tubes are linear about straight ones, and their sections stay round.
     :ivar pressure: gauge [Pa], see `tube_pressures`; that of the robot file if None.
     """
 
     stiffness_scale: float = 1.0
-    flattening: bool = True
+    paper_model: bool = False
     pressure: Pressure | None = None
 
 
@@ -87,7 +87,7 @@ class ContactStatics:
     """
     The equations of a convex object at k contacts.
 
-    :ivar compliance: of the structure on the members of the contacts.
+    :ivar bent: how the tubes give at the contacts.
     :ivar body: the object where it was measured.
     :ivar contacts: the k contacts.
     :ivar tube_radius: [m].
@@ -95,11 +95,11 @@ class ContactStatics:
         its start), -1 on the left.
     :ivar indentation: depths (k,) of the dents in the skin [m] for normal forces (k,) [N], and
         their derivatives [m/N].
-    :ivar given: (k, 3) what loads elsewhere move the members by at the contacts, along and across
-        [m], and incline them by [-]; one number for all.
+    :ivar given: (k, 3) what is added to touch along and across [m], and to inclination [rad]; one
+        number for all.
     """
 
-    compliance: MemberCompliance
+    bent: BentTubes
     body: ConvexObject
     contacts: PressedContacts
     tube_radius: float
@@ -120,7 +120,15 @@ class ContactStatics:
     @property
     def straight_normals(self) -> Points:
         """Return the normals of the tubes as long as they are straight, from the object (k,)."""
-        return self._aside * self.compliance.axis
+        return self._aside * self.bent.axis
+
+    def loads(self, unknowns: Array) -> Array:
+        """
+        Return the loads on the tubes, (k, 3) forces along and across [N] and moments [N m].
+
+        :param unknowns: see `ContactForces`.
+        """
+        return self._push(unknowns).loads
 
     def load_rates(self, unknowns: Array, change: Array) -> Array:
         """
@@ -153,7 +161,7 @@ class ContactStatics:
         """Return (3, k, 3) of the balance by loads, and the Jacobian, as far as they are given."""
         places, count = self.places, len(self.sides)
         pushes, jacobian = np.zeros((3, count, 3)), np.zeros((places.size, places.size))
-        forces = -self.compliance.axis[:, None] * [1.0, 1j]
+        forces = -self.bent.axis[:, None] * [1.0, 1j]
         pushes[:2, :, :2] = forces.real, forces.imag
         rows = jacobian[: 3 * count].reshape(count, 3, -1)
         rows[:, :2, :2] = forces.view(np.float64).reshape(count, 2, 2)
@@ -174,11 +182,11 @@ class ContactStatics:
         :param closure: the remaining equations, of friction or of rolling.
         """
         places, count, arm = self.places, len(self.sides), self.body.arm
-        axis, moment = self.compliance.axis, places.balance.start + 2
+        axis, moment = self.bent.axis, places.balance.start + 2
         center, turn = complex(unknowns[0], unknowns[1]), cmath.rect(1.0, unknowns[ANGLE])
-        feet, slopes = unknowns[places.feet], np.tan(unknowns[places.inclinations])
+        feet = unknowns[places.feet]
         local, skin, softs, force, loads, rates = self._push(unknowns)
-        normals, back, contact = axis * local, axis.conj(), self.compliance.at(feet)
+        normals, back = axis * local, axis.conj()
         own = normals * turn.conjugate()
         points, radii = self.body.shape.surface_at(self.contacts.corners, own)
         # Along and across the members. As the object turns under a tube, the point that touches
@@ -188,28 +196,28 @@ class ContactStatics:
 
         pushes, jacobian = self._constant
         residual, jacobian = np.empty(places.size), jacobian.copy()
-        by_loads = np.concatenate([contact.matrix.reshape(3 * count, count, 3), pushes])
+        by_loads = np.concatenate([self.bent.matrix.reshape(3 * count, count, 3), pushes])
         by_loads[moment, :, 0], by_loads[moment, :, 1] = arms.imag / arm, -arms.real / arm
         residual[: moment + 1] = by_loads.reshape(moment + 1, -1) @ loads.ravel()
         bends = np.einsum('rkc,cnk->rnk', by_loads, rates)
         first = places.inclinations.start
         jacobian[: moment + 1, first:] = bends.reshape(moment + 1, -1)
 
-        gaps = back * (self.compliance.start - center) - arms + feet - skin * local
+        gaps = back * (self.bent.start - center) - arms + feet - skin * local
         touch = residual[: 3 * count].reshape(count, 3)
-        touch += self.given
+        touch += self.given + self.bent.given + self.bent.rates @ feet
         touch[:, 0] += gaps.real
         touch[:, 1] += gaps.imag
-        touch[:, 2] -= slopes
+        touch[:, 2] -= unknowns[places.inclinations]
         rows = jacobian[: 3 * count].reshape(count, 3, -1)
         rows[:, 0, ANGLE], rows[:, 1, ANGLE] = -swung.real, -swung.imag
-        rows[:, :, places.feet] += contact.rates(loads)
+        rows[:, :, places.feet] += self.bent.rates
         # Of each contact by its own inclination and normal force.
         own = np.einsum('kank->kan', rows[:, :, POSE:].reshape(count, 3, 4, count))
         turned = np.array([-1j * (radii + skin) * local, softs * local]).T
         own[:, 0, 1:3] += turned.real
         own[:, 1, 1:3] += turned.imag
-        own[:, 2, 1] -= 1.0 + slopes**2
+        own[:, 2, 1] -= 1.0
 
         residual[places.balance] += wrench
         jacobian[moment, places.inclinations] += radii * unknowns[places.normal] / arm
@@ -277,6 +285,35 @@ class ContactStatics:
             if singular or not size.max() < np.inf:
                 return None
             unknowns = unknowns + step / max(1.0, float((size / longest).max()))
+        return None
+
+    def settle(
+        self,
+        start: Array,
+        wrench: Array,
+        closure: Closure,
+        steps: int = MAX_STEPS,
+        reach: float = SETTLED_MOTION,
+    ) -> tuple[ContactStatics, ContactForces] | None:
+        """
+        Return the equilibrium near a start, and the equations with the tubes bent there.
+
+        :param start: (3 + 4k,) unknowns to begin with.
+        :param wrench: (fx, fy, m / arm) on the object [N].
+        :param closure: what settles the equations that statics leaves open.
+        :param steps: most states that are looked at, each time that tubes have bent.
+        :param reach: tubes are not linearised anew where nodes move by less than this [m].
+        :return: None if it is not found.
+        """
+        statics, unknowns = self, start
+        for _ in range(MAX_BENDS):
+            state = statics.solve(unknowns, wrench, closure, steps)
+            if state is None:
+                return None
+            if statics.bent.distance(state.loads, state.feet) <= reach:
+                return statics, state
+            bent = statics.bent.update(state.loads, state.feet)
+            statics, unknowns = replace(statics, bent=bent), state.unknowns
         return None
 
 

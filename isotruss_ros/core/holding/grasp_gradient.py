@@ -12,26 +12,23 @@ and by the change of the grasp, both of which stay.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import functools
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.contact_forces import slip_conditions
 from isotruss_ros.core.holding.held_grip import HeldGrip
-from isotruss_ros.core.holding.loaded_tubes import (
-    ContactRates,
-    GraspParameters,
-    LoadedTubes,
-    TubeRates,
-)
+from isotruss_ros.core.holding.loaded_tubes import GraspParameters, LoadedTubes
 from isotruss_ros.core.holding.settled_grasp import SettledGrasp
-from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.records import Record
 import numpy as np
 
+#: Wrench of differences along a response, as a share of the squeeze [-].
+STEP = 3e-3
 #: Values that differ by less than this share are equally large.
-TIE = 1e-7
+TIE = 1e-5
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -69,8 +66,8 @@ class GraspGradient(
     needs_most: tuple[str, ...]
     utilisation: Array
     most_used: tuple[str, ...]
-    # For second derivatives: with three more columns, those of a unit wrench.
-    _changes: tuple[LoadedTubes, ContactRates, TubeRates, Array] | None
+    # For second derivatives: how parameters and unknowns change, behind them by a unit wrench.
+    _changes: tuple[LoadedTubes, Array] | None
 
     @property
     def squeeze(self) -> Array:
@@ -120,7 +117,7 @@ class GraspGradient(
             rolled, placed = self.settled.lost.slip_margin_rates()
             rates[0, places.rollers], rates[0, places.place] = rolled, placed
             return rates, ()
-        *_, change = self._changes
+        _, change = self._changes
         return _slip_margin_rates(self.settled, change[:, :-3], self._response, self.parameters)
 
 
@@ -134,22 +131,23 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
     are computed where slip margin or stiffness are asked for.
 
     :param settled: where the object rests.
-    :raises GraspError: the equilibrium is indifferent.
+    :raises GraspError: the equilibrium is indifferent, or that of the paper model.
     """
     grip = settled.equilibrium
     if grip is None:
         return _lost_gradient(settled)
     if grip.response is None:
         raise GraspError('an indifferent equilibrium has no derivatives')
+    if grip.tubes.paper_model:
+        raise GraspError('the paper model has no derivatives; must be that of bent tubes')
     parameters = GraspParameters.of(grip.config)
     chosen = np.eye(parameters.size, parameters.size + 3)
     tubes = LoadedTubes(grip, chosen, parameters)
     state, places = grip.state, grip.state.places
     change = -np.linalg.solve(state.jacobian, tubes.equation_rates())
     change[:, -3:] = -np.linalg.inv(grip.tangent)[:, places.balance]
-    contacts = tubes.contact_rates(change)
-    rates = tubes.respond(contacts)
-    used, utilisation = tubes.utilisation(rates.ends)
+    rates = tubes.respond(tubes.contact_rates(change))
+    used, utilisation = tubes.utilisation(rates)
     members = np.eye(len(grip.members))[grip.contacts.owners].T
     presses, rubs = (members @ change[each, :-3] for each in (places.normal, places.friction))
     needs = np.abs(grip.friction_forces) / grip.normal_forces
@@ -164,7 +162,7 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
         needs_most=tuple(grip.member_names[i] for i in most),
         utilisation=utilisation[:, :-3],
         most_used=tuple(names[i] for i in _find_largest(used)),
-        _changes=(tubes, contacts, rates, change),
+        _changes=(tubes, change),
     )
 
 
@@ -205,54 +203,40 @@ def _friction_rates(grip: HeldGrip, most: int, presses: Array, rubs: Array) -> A
     return (np.sign(friction) * rubs[most] - need * presses[most]) / normal
 
 
-def _response_rates(
-    grip: HeldGrip, tubes: LoadedTubes, contacts: ContactRates, rates: TubeRates, change: Array
-) -> Array:
-    """Return how the response to a unit wrench (fx, fy, m / arm) changes, (3 + 4k, n, 3)."""
-    statics, state, places = grip.statics, grip.state, grip.state.places
-    normals, turn = state.normals[:, None], grip.body.turn
-    points, radii = grip.body.shape.surface_at(statics.contacts.corners, state.normals / turn)
-    radius_rates = grip.body.shape.radius_rates(state.normals / turn)[:, None]
-    axis, radii, arms = statics.compliance.axis[:, None], radii[:, None], (turn * points)[:, None]
-    rubs, scale = state.friction_forces[:, None], grip.tubes.stiffness_scale
-    push = state.normal_forces[:, None] + 1j * rubs
-    skin = statics.tube_radius - statics.indentation(state.normal_forces)[0][:, None]
-    curves = statics.indentation.second_rates(state.normal_forces)[0][:, None]
-    turns, angles, spins = contacts.normals, change[2], tubes.spins
-    slopes = np.tan(state.unknowns[places.inclinations])[:, None]
-    # How arms and forces change, in the plane.
-    swung = 1j * (angles * arms + radii * normals * (turns - angles))
-    pushed = (contacts.forces + 1j * turns * push) * normals
-    left = np.empty((places.size, change.shape[1] - 3, 3))
+def _response_rates(grip: HeldGrip, tubes: LoadedTubes, change: Array) -> Array:
+    """
+    Return how the response to a unit wrench (fx, fy, m / arm) changes, (3 + 4k, n, 3).
+
+    J y_w = -F_w stays, so that (y_w)' = -J^-1 J' y_w; J' y_w is the difference, along the response
+    to a wrench, of what all parameters do to the equations.
+    """
+    size = STEP * grip.squeeze
+    left = np.empty((len(change), change.shape[1] - 3, 3))
     for i, j in enumerate(range(-3, 0)):
-        turned, angle = turns[:, j, None], angles[j]
-        dents = (curves * contacts.forces.real + tubes.softened) * contacts.forces[:, j, None].real
-        forces = contacts.forces * turned + contacts.forces[:, j, None] * turns
-        forces = (1j * forces - turns * turned * push) * normals
-        couples = dents * rubs + contacts.dents * contacts.forces[:, j, None].imag
-        couples += contacts.dents[:, j, None] * contacts.forces.imag
-        give, slope = tubes.respond_again(rates, j, forces, couples)
-        give, slope = give / scale, slope / scale
-        give += tubes.softer * rates.give[:, j, None] / scale
-        slope += tubes.softer * rates.slope[:, j, None] / scale
-        # The point that touches moves on the surface, whose radius there changes.
-        grown = radius_rates * (turns - angles)
-        arm_rates = 1j * grown * (turned - angle) * normals - angles * angle * arms
-        arm_rates -= radii * normals * (turns * turned - angles * angle)
-        away = -(change[0, j] + 1j * change[1, j]) - swung[:, j, None]
-        away = away + (contacts.dents[:, j, None] - 1j * skin * turned) * normals
-        apart = dents + 1j * contacts.dents * turned + 1j * contacts.dents[:, j, None] * turns
-        apart = (apart + skin * turns * turned) * normals - arm_rates - 1j * spins * away
-        gap = apart / axis + give
-        bends = change[places.inclinations]
-        slope -= 2.0 * slopes * (1.0 + slopes**2) * bends * bends[:, j, None]
-        torque = arm_rates.conj() * push * normals + swung.conj() * pushed[:, j, None]
-        torque += swung[:, j, None].conj() * pushed + arms.conj() * forces
-        balance = np.stack([forces.real, forces.imag, torque.imag / statics.body.arm]).sum(axis=1)
-        closure = grown * (angle - turned)
-        touch = np.stack([gap.real, gap.imag, slope], axis=1).reshape(3 * len(gap), -1)
-        left[..., i] = np.concatenate([touch, -balance, closure])[:, :-3]
-    return -np.linalg.solve(grip.tangent, left.reshape(places.size, -1)).reshape(left.shape)
+        ahead, behind = (
+            _equation_changes(grip, tubes, change, step * change[:, j]) for step in (size, -size)
+        )
+        left[..., i] = (ahead - behind)[:, :-3] / (2.0 * size)
+    return -np.linalg.solve(grip.tangent, left.reshape(len(change), -1)).reshape(left.shape)
+
+
+def _equation_changes(grip: HeldGrip, tubes: LoadedTubes, change: Array, moved: Array) -> Array:
+    """Return how the equations change in all columns, at unknowns moved by (3 + 4k,)."""
+    statics, places = grip.statics, grip.state.places
+    unknowns = grip.state.unknowns + moved
+
+    def sticking(unknowns: Array, normals: Points) -> tuple[Array, Array]:
+        return np.zeros(len(normals)), statics.rolling_rows(unknowns, normals)
+
+    _, there = statics.equations(unknowns, grip.wrench, sticking)
+    bent = statics.bent.update(there.loads, there.feet)
+    statics = replace(statics, bent=bent)
+    _, there = statics.equations(unknowns, grip.wrench, sticking)
+    body = grip.body.moved_to(unknowns[:3])
+    tubes = tubes.at(replace(grip, statics=statics, state=there, body=body))
+    left = tubes.equation_rates()
+    left[places.closure] = there.jacobian[places.closure][:, places.inclinations] @ tubes.spins
+    return there.jacobian @ change + left
 
 
 def _slip_margin_rates(

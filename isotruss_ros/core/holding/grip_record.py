@@ -43,7 +43,7 @@ class GripRecord(NamedTuple):
         :param grip: in equilibrium without a load.
         """
         own = grip.tubes.pressure is not None
-        pressures = grip.statics.compliance.structure.pressures if own else None
+        pressures = grip.statics.bent.structure.pressures if own else None
         return cls(grip.config.roller_positions, grip.contacts, grip.state.unknowns, pressures)
 
     def restore(
@@ -64,7 +64,7 @@ class GripRecord(NamedTuple):
         contacts, tubes = self.contacts, TubeModel(pressure=self.pressures)
         turned = np.exp(1j * self.unknowns[Places.of(len(contacts.members)).inclinations])
         try:
-            straight = build_statics(there, body, contacts, tubes._replace(flattening=False))
+            straight = build_statics(there, body, contacts, tubes._replace(paper_model=True))
             normals = straight.straight_normals * turned
             statics = build_statics(there, body, contacts, tubes, normals)
             angles = np.angle(normals * body.turn.conjugate())
@@ -72,6 +72,9 @@ class GripRecord(NamedTuple):
             anchors = statics.anchors(self.unknowns, normals, travel, angles)
         except IndexError as error:
             raise GraspError('held grip: the object has no such corners') from error
+        loads = statics.loads(self.unknowns)
+        bent = statics.bent.bend(loads, self.unknowns[statics.places.feet])
+        statics = replace(statics, bent=bent)
         closure = stick(statics, anchors, travel, angles, NOTHING)
         residual, _ = statics.equations(self.unknowns, np.zeros(3), closure)
         # Dents are those of where contacts began: what they differ by stays, and so do the forces.

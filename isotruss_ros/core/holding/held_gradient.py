@@ -9,9 +9,11 @@ from dataclasses import dataclass
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.held_grip import HeldGrip, travel_rates
+from isotruss_ros.core.holding.loaded_frame import held_joints
 from isotruss_ros.core.holding.loaded_tubes import GraspParameters, LoadedTubes
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
+from isotruss_ros.core.statics.bent_tubes import FOLLOWED_MOTION
 import numpy as np
 
 
@@ -58,7 +60,7 @@ def held_gradient(grip: HeldGrip) -> HeldGradient:
     chosen[parameters.rollers, :rollers] = np.eye(rollers)
     chosen[parameters.wrench, rollers:stiffness] = np.diag([1.0, 1.0, grip.arm])
     chosen[parameters.stiffness, stiffness] = 1.0
-    tubes = LoadedTubes(grip, chosen, parameters)
+    tubes = LoadedTubes(grip, chosen, parameters, reach=FOLLOWED_MOTION)
     left = tubes.equation_rates()
     # What stays as contacts roll, see `stick`: normals turn with the members.
     rolling = statics.rolling_rows(state.unknowns, state.normals)
@@ -67,17 +69,11 @@ def held_gradient(grip: HeldGrip) -> HeldGradient:
     left[places.closure, :rollers] += statics.sides[:, None] * travel
     left[places.closure, anchors] -= np.eye(count)
     change = -np.linalg.solve(grip.tangent, left)
-    given = tubes.respond(tubes.contact_rates(change))
-    joints, scale = len(config.robot.topology.joint_names), grip.tubes.stiffness_scale
-    displaced = tubes.displacements[:joints, :2].ravel() / scale
-    given = given.displacements[:joints, :2].reshape(2 * joints, -1)
-    moved = tubes.moved[:joints]
-    by_state = np.stack([moved.real, moved.imag], axis=1).reshape(2 * joints, -1) + given / scale
-    by_state -= np.outer(displaced, chosen[parameters.stiffness]) / scale
+    by_state = tubes.joints(tubes.respond(tubes.contact_rates(change)))
     members = np.eye(len(grip.members))[grip.contacts.owners].T
     return HeldGradient(
         change[:3],
         members @ change[places.normal],
         by_state,
-        config.nodes[:joints].ravel() + displaced,
+        held_joints(grip).ravel(),
     )

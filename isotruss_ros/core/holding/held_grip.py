@@ -23,7 +23,8 @@ from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
-from isotruss_ros.core.statics.wrinkling import load_sections, SectionLoads
+from isotruss_ros.core.statics.bent_tubes import BentTubes
+from isotruss_ros.core.statics.wrinkling import find_utilisation, Utilisation
 import numpy as np
 from scipy.linalg import lapack
 
@@ -48,7 +49,7 @@ class HoldStatus(enum.Enum):
 
     @property
     def at_rest(self) -> bool:
-        """Return whether the linear model holds the object, even if a tube wrinkles."""
+        """Return whether the model holds the object, even if a tube wrinkles."""
         return self in (HoldStatus.HELD, HoldStatus.WRINKLES)
 
 
@@ -158,7 +159,7 @@ class HeldGrip:
         if self.normal_forces.min() <= 0.0:
             return HoldStatus.NO_CONTACT
         feet = self.state.feet
-        if not ((feet >= 0.0) & (feet <= self.statics.compliance.length)).all():
+        if not ((feet >= 0.0) & (feet <= self.statics.bent.length)).all():
             return HoldStatus.OFF_MEMBER
         return HoldStatus.SLIPS if self.required_friction > friction else HoldStatus.HELD
 
@@ -229,25 +230,26 @@ class HeldGrip:
         return self.contacts.members[first]
 
     @functools.cached_property
-    def end_forces(self) -> Array:
-        """Return the forces of the nodes on the members of the frame, see `FrameState`, (n, 6)."""
-        compliance = self.statics.compliance
-        at_feet = compliance.at(self.state.feet)
-        carried = at_feet.carried(self.state.loads)
-        return compliance.structure.frame.end_forces(at_feet.pieces, carried)
+    def sections(self) -> Utilisation:
+        """Return how near to wrinkling the forces of the object bring the tubes."""
+        bent, state = self.statics.bent, self.state
+        forces = bent.end_forces(state.loads, state.feet)
+        return find_utilisation(bent.structure, bent.frame, *forces)
 
     @functools.cached_property
-    def sections(self) -> SectionLoads:
-        """Return what the sections of the tubes bear under the forces of the object."""
-        loads = self.state.loads
-        return load_sections(
-            self.statics.compliance.structure,
-            self.end_forces,
-            self.contacts.members,
-            self.state.feet,
-            loads[:, 0] + 1j * loads[:, 1],
-            loads[:, 2],
-        )
+    def nonlinearity(self) -> float:
+        """Return how much more bent tubes press than linear ones, as a share, to first order."""
+        bent, (loads, feet) = self.statics.bent, (self.state.loads, self.state.feet)
+        if bent.linear:
+            return 0.0
+        straight = BentTubes(bent.structure, bent.members, feet, bent.stiffness)
+        moved = straight.respond(loads, feet) - bent.respond(loads, feet)
+        # What linear tubes leave open, closed by forces and motions.
+        right = np.zeros(self.state.places.size)
+        right[: moved.size] = -moved.ravel()
+        _, _, change, singular = lapack.dgesv(self.state.jacobian, right)
+        more = float(change[self.state.places.normal].sum())
+        return 0.0 if singular else -more / float(self.state.normal_forces.sum())
 
     @property
     def pulling_end(self) -> int | None:
@@ -278,7 +280,7 @@ class HeldGrip:
     def response(self) -> GripResponse | None:
         """Return the response of pose and forces to a wrench; None if singular."""
         places, count, members = self.state.places, len(self.anchors), len(self.members)
-        apart = self.statics.compliance.axis.conj() * _opening(self.statics, self.state)
+        apart = self.statics.bent.axis.conj() * _opening(self.statics, self.state)
         right = np.zeros((places.size, 4))
         right[places.balance, :3] = -np.eye(3)
         touch = right[: 3 * count, 3].reshape(count, 3)
@@ -321,8 +323,8 @@ def _opening(statics: ContactStatics, state: ContactForces) -> Points:
     owners = statics.contacts.owners
     if owners[-1] > 1:
         return 0.5 * state.normals
-    compliance = statics.compliance
-    touched = compliance.start + compliance.axis * state.feet - statics.tube_radius * state.normals
+    bent = statics.bent
+    touched = bent.start + bent.axis * state.feet - statics.tube_radius * state.normals
     apart = touched[owners == 1].mean() - touched[owners == 0].mean()
     return np.where(owners == 1, 0.5, -0.5) * apart / abs(apart)
 

@@ -36,24 +36,9 @@ def held_joints(grip: HeldGrip) -> Array:
 
     :param grip: how the object is held.
     """
-    moved = displace_nodes(grip, grip.state.loads[..., None])
+    moved = grip.statics.bent.displacements(grip.state.loads, grip.state.feet)
     count = len(grip.config.robot.topology.joint_names)
-    return grip.config.nodes[:count] + moved[:count, :2, 0]
-
-
-def displace_nodes(grip: HeldGrip, loads: Array) -> Array:
-    """
-    Return the displacements (n, 3, c) of the frame's nodes in c cases of loads [m, rad].
-
-    :param grip: how the object is held.
-    :param loads: (k, 3, c) on the contacts: forces along and across the members [N], moments
-        [N m].
-    """
-    compliance = grip.statics.compliance
-    frame, at_feet = compliance.structure.frame, compliance.at(grip.state.feet)
-    carried = [at_feet.carried(case).ravel() for case in loads.transpose(2, 0, 1)]
-    moved = frame.displacements(at_feet.pieces, np.column_stack(carried))
-    return moved / grip.tubes.stiffness_scale
+    return grip.config.nodes[:count] + moved[:count, :2]
 
 
 def lowest_frequency(grip: HeldGrip) -> float | None:
@@ -87,7 +72,7 @@ def _inertia_of_robot(grip: HeldGrip) -> Array:
     """Return the generalised mass of modules and tubes for unit wrenches (3, 3)."""
     description, topology = grip.config.robot.description, grip.config.robot.topology
     loads = grip.statics.load_rates(grip.state.unknowns, grip.response.change)
-    moved = displace_nodes(grip, loads)
+    moved = grip.statics.bent.node_changes(loads)
     nodes, first = moved[:, 0] + 1j * moved[:, 1], frame_layout(grip.config.robot).b
     b, c = nodes[first], nodes[first + 1]
     half = 0.5 * description.tube_mass * grip.config.member_lengths

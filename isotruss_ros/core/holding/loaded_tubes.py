@@ -5,16 +5,19 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import functools
 from typing import NamedTuple
 
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.arrays import Array, Points
-from isotruss_ros.core.statics.cut_frame import CutFrame, FrameRates, structure_rates
-from isotruss_ros.core.statics.frame import FrameState
-from isotruss_ros.core.statics.wrinkling import find_most_used
+from isotruss_ros.core.statics.bent_tubes import SETTLED_MOTION
+from isotruss_ros.core.statics.frame_rates import section_rates
+from isotruss_ros.core.statics.wrinkling import find_utilisation, use_sections
 import numpy as np
+
+#: Of differences of the utilisation, as a share of loads and sections [-].
+STEP = 1e-6
 
 
 class GraspParameters(NamedTuple):
@@ -79,69 +82,76 @@ class TubeRates(NamedTuple):
     Derivatives of the tubes of a robot by p parameters.
 
     :ivar give: (k, p) displacements of the contacts, along + i across the members [m].
-    :ivar slope: (k, p) of the bent centre lines there [-].
-    :ivar displacements: (n, 3, p) of the nodes of the cut frame [m, rad].
-    :ivar ends: (c, 6, p) end forces of its members [N], [N m].
-    :ivar multipliers: (e, p) of its constraints.
-    :ivar frame: how the frame itself changes.
+    :ivar slope: (k, p) inclinations of the bent centre lines there [rad].
+    :ivar nodes: (n, 3, p) where the nodes of the cut frame are [m, rad].
+    :ivar forces: (c, 3, p) N, M1 and M2 of its members [N], [N m].
     """
 
     give: Points
     slope: Array
-    displacements: Array
-    ends: Array
-    multipliers: Array
-    frame: FrameRates
+    nodes: Array
+    forces: Array
 
 
 class LoadedTubes:
     """
-    The frame of a robot with the contacts of a held object as nodes, as p columns change it.
+    The tubes of a robot that bend under a held object, as p columns change it.
 
     :ivar moved: (N, p) velocities of the nodes of the configuration, x + iy [m].
     :ivar spins: (k, p) turns of the members [rad].
     :ivar dents: (k, p) changes of the dents under forces that stay [m].
-    :ivar softened: (k, p) the same of their derivatives by the forces [m/N].
-    :ivar softer: (p,) changes of the compliance of robot and tubes, as a share.
+    :ivar sections: see `section_rates`.
     :param grip: how the object is held.
     :param chosen: (n, p) how the parameters change in each column.
     :param parameters: which row of these is which.
+    :param sections: as they were found before; found if None.
+    :param reach: tubes are linearised anew where nodes move by more than this [m].
     """
 
-    def __init__(self, grip: HeldGrip, chosen: Array, parameters: GraspParameters) -> None:
+    def __init__(
+        self,
+        grip: HeldGrip,
+        chosen: Array,
+        parameters: GraspParameters,
+        sections: Array | None = None,
+        reach: float = SETTLED_MOTION,
+    ) -> None:
         self._grip, self._chosen, self._parameters = grip, chosen, parameters
-        compliance, state, statics = grip.statics.compliance, grip.state, grip.statics
+        state, statics = grip.state, grip.statics
+        bent = statics.bent
+        if bent.distance(state.loads, state.feet) > reach:
+            bent = bent.update(state.loads, state.feet)
+        self._bent = bent
         nodes = grip.config.node_jacobian.T.copy().view(np.complex128).T
         self.moved = moved = nodes @ chosen[parameters.rollers]
         self._inflated = inflated = chosen[parameters.pressures]
-        self._structure = compliance.structure
-        located = self._structure.locate(grip.contacts.members, state.feet)
-        self._frame = CutFrame(self._structure.frame, *located[:2])
-        self._rates = structure_rates(self._structure, moved, inflated)
         topology, members = grip.config.robot.topology, grip.contacts.members
         # Velocities of the pinch points at which the members start.
         self._starts = moved[topology.b[members]]
         ahead = moved[topology.c[topology.following[members]]] - self._starts
-        span = compliance.length * compliance.axis
-        self.spins: Array = (ahead / span[:, None]).imag
+        self.spins: Array = (ahead / (bent.length * bent.axis)[:, None]).imag
+        self.sections = section_rates(bent, moved, inflated) if sections is None else sections
         normal = state.normal_forces
         self._push = (normal + 1j * state.friction_forces) * state.normals
         depths, self._soft = statics.indentation(normal)
         self._skin = statics.tube_radius - depths
-        couples = -self._skin * state.friction_forces
-        self._state = self._frame.solve(self._loads(self._push[:, None], couples[:, None])[..., 0])
-        curves, dents, softened = statics.indentation.second_rates(normal)
+        _, dents, _ = statics.indentation.second_rates(normal)
         blown = inflated[topology.tube[members]]
-        stiffer = chosen[parameters.stiffness] / grip.tubes.stiffness_scale
-        self.softer = -stiffer
+        self._stiffer = stiffer = chosen[parameters.stiffness] / grip.tubes.stiffness_scale
         self.dents = dents[:, None] * blown - np.outer(self._soft * normal, stiffer)
-        self.softened = softened[:, None] * blown
-        self.softened -= np.outer(curves * normal + self._soft, stiffer)
 
-    @property
-    def displacements(self) -> Array:
-        """Return those of the nodes of the cut frame, joints first, (n, 3) [m, rad]."""
-        return self._state.displacements
+    def at(self, grip: HeldGrip) -> LoadedTubes:
+        """
+        Return the same columns about another state in the same configuration.
+
+        :param grip: how the object is held there.
+        """
+        return LoadedTubes(grip, self._chosen, self._parameters, self.sections)
+
+    @functools.cached_property
+    def _by_sections(self) -> tuple[Array, Array, Array]:
+        """Return what sections and rest lengths change, see `BentTubes.section_changes`."""
+        return self._bent.section_changes(self.sections)
 
     def contact_rates(self, change: Array) -> ContactRates:
         """
@@ -162,18 +172,15 @@ class LoadedTubes:
         """Return the derivatives of the residual at constant unknowns, (3 + 4k, p)."""
         grip, spins = self._grip, self.spins
         statics, state, body = grip.statics, grip.state, grip.body
-        places, axis = state.places, statics.compliance.axis[:, None]
-        normals, scale = state.normals[:, None], grip.tubes.stiffness_scale
+        places, axis, normals = state.places, self._bent.axis[:, None], state.normals[:, None]
         zero = np.zeros_like(spins)
         give, slope, *_ = self.respond(ContactRates(zero, spins, zero + 0j, self.dents))
-        own = statics.compliance.at(state.feet).respond(state.loads)
         points, radii = body.shape.surface_at(statics.contacts.corners, state.normals / body.turn)
         # Points of the surface whose normals turn with the members.
         arms, swept = (body.turn * points)[:, None], 1j * radii[:, None] * spins * normals
-        away = statics.compliance.start[:, None] - state.center - arms
+        away = self._bent.start[:, None] - state.center - arms
         gap = self._starts - swept - 1j * spins * away + self.dents * normals
-        gap = gap / axis + give / scale + (own[:, 0] + 1j * own[:, 1])[:, None] * self.softer
-        slope = slope / scale + own[:, 2, None] * self.softer
+        gap = gap / axis + give
         forces = self._push[:, None]
         turned = 1j * spins * forces
         torque = (swept.conj() * forces + arms.conj() * turned).imag.sum(axis=0)
@@ -197,96 +204,84 @@ class LoadedTubes:
 
         :param contacts: how these change.
         """
-        grip, frame, state = self._grip, self._frame, self._grip.state
-        axis = grip.statics.compliance.axis[:, None]
+        bent, state = self._bent, self._grip.state
+        frame, tangent, axis = bent.frame, bent.tangent, bent.axis[:, None]
         forces = contacts.forces * state.normals[:, None]
         forces += 1j * contacts.normals * self._push[:, None]
         couples = contacts.dents * state.friction_forces[:, None]
         couples -= self._skin[:, None] * contacts.forces.imag
-        places = self._starts + axis * (1j * self.spins * state.feet[:, None] + contacts.feet)
-        rates = FrameRates(
-            np.concatenate([self._rates.points, places]),
-            self._rates.flexibility[:, frame.whole],
-            self._rates.rows,
-        )
-        changes = frame.rates(self._state, rates, self._loads(forces, couples))
-        return TubeRates(*self._give(self._state, rates, *changes[:2]), *changes, rates)
+        local = forces / axis
+        loads = np.stack([local.real, local.imag, couples], axis=1)
+        # A robot that is stiffer by a share bears its loads as if they were less.
+        loads -= state.loads[..., None] * self._stiffer
+        by_sections, inclined, rates = self._by_sections
+        by_loads, by_places = bent.changes(loads, contacts.feet)
+        nodes = by_sections + by_loads + by_places.nodes
+        still = tangent.displacements[frame.nodes]
+        there = bent.axis * state.feet + still[:, 0] + 1j * still[:, 1]
+        give = nodes[frame.nodes, 0] + 1j * nodes[frame.nodes, 1]
+        give -= self._starts + 1j * self.spins * there[:, None]
+        # Along the member a contact moves by itself.
+        give = give / axis - contacts.feet
+        slope = bent.inclination_changes(by_loads + by_places.nodes) + by_places.inclined
+        slope += inclined - self.spins
+        changed, _ = frame.force_changes(tangent, np.arange(len(frame.length)), nodes)
+        share = bent.share
+        return TubeRates(give / share, slope / share, nodes, changed + rates + by_places.forces)
 
-    def respond_again(
-        self, rates: TubeRates, place: int, forces: Points, couples: Array
-    ) -> tuple[Points, Array]:
+    def joints(self, rates: TubeRates) -> Array:
         """
-        Return how much more the tubes give once one of the parameters has changed.
+        Return how the joints move, (2 j, p), x and y of joint after joint [m].
 
-        That one moves contacts along their members and changes their forces, nothing else.
-
-        :param rates: of all parameters.
-        :param place: of the one among them.
-        :param forces: (k, p) mixed second derivatives of the forces, x + iy [N].
-        :param couples: (k, p) the same of the couples [N m].
-        :return: give (k, p) and slope (k, p), mixed second derivatives, see `TubeRates`.
+        :param rates: of the tubes.
         """
-        frame, own = self._frame, self._frame.members
-        points = rates.frame.points[:, place]
-        longer = ((points[own.end] - points[own.start]) / frame.axis).real
-        changes = rates.displacements, rates.ends
-        still = frame.mixed_rates(self._state, changes, rates.frame, longer)
-        state = replace(
-            self._state,
-            displacements=rates.displacements[..., place],
-            end_forces=rates.ends[..., place],
-            multipliers=rates.multipliers[:, place],
-        )
-        moved, ends, _ = frame.rates(state, rates.frame, self._loads(forces, couples), still)
-        return self._give(state, rates.frame, moved, ends)
+        count = len(self._grip.config.robot.topology.joint_names)
+        moved = self.moved[:count]
+        moved = np.stack([moved.real, moved.imag], axis=1)
+        changes = moved + (rates.nodes[:count, :2] - moved) / self._bent.share
+        return changes.reshape(2 * count, -1)
 
-    def _loads(self, forces: Points, couples: Array) -> Array:
-        """Return loads (n, 3, p) on the nodes: those at the contacts."""
-        loads = np.zeros((len(self._frame.points), 3, forces.shape[1]))
-        loads[self._frame.nodes] = np.stack([forces.real, forces.imag, couples], axis=1)
-        return loads
-
-    def _give(
-        self, state: FrameState, rates: FrameRates, moved: Array, ends: Array
-    ) -> tuple[Points, Array]:
-        """Return how contacts give as the frame changes from a state, see `TubeRates`."""
-        frame, nodes = self._frame, self._frame.nodes
-        still = state.displacements[nodes]
-        give = moved[nodes, 0] + 1j * moved[nodes, 1]
-        give -= 1j * self.spins * (still[:, 0] + 1j * still[:, 1])[:, None]
-        # The mean slope of both sides is that of the section, sheared by the mean force across.
-        sheared = 0.5 * (ends[frame.before, 4] - ends[frame.behind, 1])
-        across = 0.5 * (state.end_forces[frame.before, 4] - state.end_forces[frame.behind, 1])
-        slope = moved[nodes, 2] + sheared / frame.members.shear[frame.before, None]
-        slope += across[:, None] * rates.flexibility[2, frame.before]
-        return give / self._grip.statics.compliance.axis[:, None], slope
-
-    def utilisation(self, ends: Array) -> tuple[Array, Array]:
+    def utilisation(self, rates: TubeRates) -> tuple[Array, Array]:
         """
         Return the utilisation of each member, (m,), with derivatives (m, p).
 
-        :param ends: (c, 6, p) changes of the end forces, see `respond`.
+        :param rates: of the tubes.
         """
-        robot = self._grip.config.robot
-        topology = robot.topology
+        grip, bent, robot = self._grip, self._bent, self._grip.config.robot
+        frame, (forces, bowing) = bent.frame, bent.end_forces(grip.state.loads, grip.state.feet)
+        most = find_utilisation(bent.structure, frame, forces, bowing)
         radius = 0.5 * robot.description.tube_diameter
-        first, owners = self._structure.pieces[0, 0], self._structure.owners.ravel()
-        pieces = np.flatnonzero(self._frame.whole >= first)
-        member = owners[self._frame.whole[pieces] - first]
-        forces, changes = self._state.end_forces[pieces], ends[pieces]
-        moment = np.concatenate([forces[:, 2], forces[:, 5]])
-        wall = np.pi * radius**2 * np.array(self._structure.pressures)[topology.tube[member]]
-        left = np.concatenate([wall - forces[:, 0], wall + forces[:, 3]])
-        bent = np.concatenate([changes[:, 2], changes[:, 5]]) * np.sign(moment)[:, None]
-        blown = np.pi * radius**2 * self._inflated[topology.tube[member]]
-        slack = np.concatenate([blown - changes[:, 0], blown + changes[:, 3]])
-        used = np.full(len(moment), np.inf)
-        np.divide(2.0 * np.abs(moment), radius * left, out=used, where=left > 0.0)
-        member = np.tile(member, 2)
-        last = find_most_used(used, member)
+        tube, piece = robot.topology.tube, most.piece
+        wall = np.pi * radius**2 * np.array(bent.structure.pressures)[tube]
+        ends, own = forces[piece], frame.members
+        loads = np.stack([-ends[:, 2], ends[:, 5], ends[:, 3] + wall, bowing[piece]])
+        scale = grip.tubes.stiffness_scale / bent.share
+        pull, first, second = (scale * rates.forces[piece]).swapaxes(0, 1)
+        pull, first, second = (
+            each + np.outer(force, self._stiffer)
+            for each, force in ((pull, ends[:, 3]), (first, ends[:, 2]), (second, ends[:, 5]))
+        )
+        bows = np.where(grip.tubes.paper_model, 0.0, rates.forces[piece, 0])
+        pulled = pull + np.pi * radius**2 * self._inflated[tube]
+        changes = np.stack([-first, second, pulled, bows])
+        sections = np.stack([frame.length[piece], own.flexural[piece], own.shear[piece]])
+        others = self.sections[[0, 2, 3]][:, piece]
+        # What is used at the same kind of place, a little to both sides.
+        loads, sections = loads[..., None], sections[..., None]
+        size = np.maximum(
+            (np.abs(changes) / np.abs(loads).max(axis=0)).max(axis=0),
+            (np.abs(others) / sections).max(axis=0),
+        )
+        small = STEP / np.maximum(size, np.finfo(float).tiny)
+        ahead, behind = (
+            np.take_along_axis(
+                use_sections(loads + step * changes, sections + step * others, radius)[0],
+                most.kind[None, :, None],
+                axis=0,
+            )[0]
+            for step in (small, -small)
+        )
         # A tube that has lost its tension bears no moment, more or less of it.
-        taut = left[last] > 0.0
-        rates = np.zeros((len(last), slack.shape[1]))
-        at = last[taut]
-        rates[taut] = (2.0 / radius * bent[at] - used[at, None] * slack[at]) / left[at, None]
-        return used[last], rates
+        taut = np.isfinite(ahead) & np.isfinite(behind)
+        change = np.subtract(ahead, behind, out=np.zeros_like(ahead), where=taut)
+        return most.used, change / (2.0 * small)

@@ -15,11 +15,17 @@ from dataclasses import replace
 from isotruss_ros.core.holding.build_statics import (
     build_statics,
     facing_lines,
+    find_dents,
     find_pressed,
     start_at,
 )
 from isotruss_ros.core.holding.contact_forces import PressedContacts
-from isotruss_ros.core.holding.contact_statics import Closure, ContactStatics, SOFTNESS, unwrapped
+from isotruss_ros.core.holding.contact_statics import (
+    Closure,
+    ContactStatics,
+    SOFTNESS,
+    unwrapped,
+)
 from isotruss_ros.core.holding.held_grip import HeldGrip, scaled_wrench, travel_rates
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths, member_lines
@@ -28,7 +34,7 @@ from isotruss_ros.core.model.contact_patch import MIN_FACE_LENGTH
 from isotruss_ros.core.model.convex_object import segment_gaps
 from isotruss_ros.core.model.shapes import Face
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
-from isotruss_ros.core.statics.member_compliance import MemberCompliance
+from isotruss_ros.core.statics.bent_tubes import BentTubes, FOLLOWED_MOTION
 from isotruss_ros.core.statics.section import Pressure
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
@@ -91,22 +97,23 @@ def roll_contacts(
     """
     moved, kept = config.roller_positions - grip.config.roller_positions, grip.state.unknowns
     same = contacts is grip.contacts
-    if same:  # with the same dents
-        structure = structure_of(config, grip.tubes.pressure)
-        scale = grip.tubes.stiffness_scale
-        compliance = MemberCompliance(structure, contacts.members, scale)
-        statics, start = replace(grip.statics, compliance=compliance), grip.ahead(moved)
-    else:
-        bent = grip.body.turn * np.exp(1j * angles)
-        statics = build_statics(config, grip.body, contacts, grip.tubes, bent)
-        start = kept = start_at(statics, grip.body)
     travel = travel_rates(config, contacts.members) @ config.roller_positions
-    closure = stick(statics, anchors, travel, angles, fresh)
-    state = statics.solve(start, wrench, closure, STEPS)
-    if state is None and start is not kept:
-        state = statics.solve(kept, wrench, closure, STEPS)
-    if state is None:
+    if same:  # with the same dents
+        start, structure = grip.ahead(moved), structure_of(config, grip.tubes.pressure)
+        loads, feet = grip.statics.loads(start), start[grip.state.places.feet]
+        bent = grip.statics.bent.update(loads, feet, structure)
+        statics = replace(grip.statics, bent=bent)
+    else:
+        normals = grip.body.turn * np.exp(1j * angles)
+        statics = build_statics(config, grip.body, contacts, grip.tubes, normals)
+        start = kept = start_at(statics, grip.body)
+    closure, reach = stick(statics, anchors, travel, angles, fresh), FOLLOWED_MOTION
+    settled = statics.settle(start, wrench, closure, STEPS, reach)
+    if settled is None and start is not kept:
+        settled = statics.settle(kept, wrench, closure, STEPS, reach)
+    if settled is None:
         return None
+    statics, state = settled
     if len(fresh):
         found = statics.anchors(state.unknowns, state.normals, travel, angles)
         anchors = anchors.copy()
@@ -253,14 +260,13 @@ def _depth_in(grip: HeldGrip, number: int, depth: float) -> float:
     """Return how deep the object is in another member, so deep as long as no tube bends [m]."""
     start, end = member_lines(grip.config)[[number]].T
     near, statics = segment_gaps(grip.body, start, end), grip.statics
-    members = [*grip.contacts.members.tolist(), number]
-    compliance = MemberCompliance(
-        statics.compliance.structure, members, grip.tubes.stiffness_scale
-    )
-    loads = np.vstack([grip.state.loads, np.zeros(3)])
+    members = np.append(grip.contacts.members, number)
     feet = np.append(grip.state.feet, near.shares * abs(end - start))
-    along, across, _ = compliance.at(feet).respond(loads)[-1].tolist()
-    moved = complex(along, across) * compliance.axis[-1]
+    bent = BentTubes(statics.bent.structure, members, feet, grip.tubes.stiffness_scale)
+    # The linear response to the loads is enough to tell whether another member touches.
+    loads = np.vstack([grip.state.loads, np.zeros(3)])
+    along, across, _ = bent.respond(loads, feet)[-1].tolist()
+    moved = complex(along, across) * bent.axis[-1]
     return depth - float((near.normals[0].conjugate() * moved).real)
 
 
@@ -278,5 +284,8 @@ def with_pressures(grip: HeldGrip, pressures: Pressure | None) -> HeldGrip:
     if pressures == grip.tubes.pressure:
         return grip
     tubes = grip.tubes._replace(pressure=pressures)
-    statics = build_statics(grip.config, grip.body, grip.contacts, tubes, grip.state.normals)
+    structure, state = structure_of(grip.config, pressures), grip.state
+    bent = grip.statics.bent.update(state.loads, state.feet, structure)
+    dents = find_dents(structure, grip.body, grip.contacts, tubes, state.normals)
+    statics = replace(grip.statics, bent=bent, indentation=dents)
     return replace(grip, tubes=tubes, statics=statics)

@@ -42,6 +42,7 @@ def settle_grasp(
     pressure: Pressure | None = None,
     members: Sequence[str] | None = None,
     previous: SettledGrasp | None = None,
+    paper_model: bool = False,
 ) -> SettledGrasp:
     """
     Return the equilibrium of a grasped object near its measured pose.
@@ -60,6 +61,7 @@ def settle_grasp(
     :param members: names `t/j-k` of the two members or three that hold it, as of a `Grip`. If None
         those that it presses into; of one in fewer than two the nearest.
     :param previous: that of a similar grasp, where the search begins.
+    :param paper_model: see `analyze_grasp`.
     :raises GraspError: an argument is not usable.
     :raises StructureError: a pressure is not usable, the robot is a mechanism, or its stiffness
         laws are contradictory.
@@ -70,7 +72,7 @@ def settle_grasp(
     if members is not None:
         numbers = find_members(config.robot, Grip(tuple(members), body).members).members
     before = None if previous is None else previous.equilibrium
-    tubes = TubeModel(pressure=pressure)
+    tubes = TubeModel(paper_model=paper_model, pressure=pressure)
     try:
         found = attach_grip(config, body, numbers, wrench, tubes, before)
     except NotHeldError as error:
@@ -115,7 +117,7 @@ def _judge(found: HeldGrip, given: Pose, friction: float) -> tuple[HoldStatus, s
         return HoldStatus.SLIPS, f'{HoldStatus.SLIPS.value}: {need}'
     if found.response is None or not found.response.stable:
         return HoldStatus.UNSTABLE, HoldStatus.UNSTABLE.value
-    used = found.sections.utilisation
+    used = found.sections.used
     worst = int(used.argmax())
     if used[worst] > 1.0:
         bears = f'{robot.member_names[worst]} bears {used[worst]:.3g} of its wrinkling moment'

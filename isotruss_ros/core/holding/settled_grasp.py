@@ -133,12 +133,17 @@ class SettledGrasp(
 
         Above 1 a tube wrinkles, and all numbers are outside of the model.
         """
-        return self._named(lambda grip: grip.sections.utilisation, every=True)
+        return self._named(lambda grip: grip.sections.used, every=True)
 
     @property
     def utilisation_places(self) -> dict[str, float]:
         """Return the positions of the utilisation from the starts of all members [m]."""
         return self._named(lambda grip: grip.sections.place, every=True)
+
+    @property
+    def nonlinearity(self) -> float:
+        """Return how much more bent tubes press than linear ones, see `GraspAnalysis`."""
+        return 0.0 if self.equilibrium is None else self.equilibrium.nonlinearity
 
     @property
     def stiffness(self) -> Array:

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from isotruss_ros.core.holding.build_statics import facing_lines
+from isotruss_ros.core.holding.build_statics import AS_MODELLED, facing_lines
+from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.distances import collision_model
 from isotruss_ros.core.kinematics.rigidity import Modes, rigidity_index
@@ -36,6 +37,7 @@ class Closing:
     friction_angle: float = 0.0  #: of the cones in which an open grip balances [rad]
     nominal_posture: Array | None = None  #: (r,) roller positions to be drawn to [m], if any
     facing: Points | None = None  #: (s,) unit normals, x + iy, to be turned to, if any
+    tubes: TubeModel = AS_MODELLED  #: what is assumed of them
     tally: SearchTally = field(default_factory=SearchTally)  #: what was looked at so far
 
     def normals(self, config: Configuration) -> Points:

@@ -91,8 +91,14 @@ def _judge(grasp: HeldGrip, closing: Closing, needs: GraspRequirements) -> Close
     moved = pose_difference(grasp.pose, closing.body.pose) * (1.0, 1.0, grasp.arm)
     stays = np.abs(moved).max() < PLACE_TOLERANCE
     body = closing.body if stays else closing.body.moved_to(grasp.pose)
-    analysis = analyze_grasp(grasp.config, body, needs.friction, needs.external_wrench)
-    loads = needs.find_loads(analysis, grasp.normal_forces, grasp.sections.utilisation)
+    analysis = analyze_grasp(
+        grasp.config,
+        body,
+        needs.friction,
+        needs.external_wrench,
+        paper_model=needs.paper_model,
+    )
+    loads = needs.find_loads(analysis, grasp.normal_forces, grasp.sections.used)
     margin = None
     if needs.squeeze is None or _reached(grasp, needs.squeeze):
         with closing.tally.recording():

@@ -10,6 +10,8 @@ from typing import NamedTuple
 
 from isotruss_ros.core.errors import ConfigurationError, GraspError, SolverError
 from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.build_statics import AS_MODELLED
+from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.grip_record import GripRecord
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, LEFT_MARGIN, NotHeldError
 from isotruss_ros.core.holding.roll_grip import roll_grip
@@ -45,6 +47,7 @@ def foresee_grip(
     friction: float,
     poses: Array,
     record: GripRecord | None = None,
+    tubes: TubeModel = AS_MODELLED,
 ) -> Foresight | None:
     """
     Carry an object along a path in the model, see `foresee_path`.
@@ -55,13 +58,14 @@ def foresee_grip(
     :param poses: see `foresee_path`.
     :param record: how the loop that holds the object has it; if None, or where that is no
         equilibrium, the object is held as it would be with unknown contact history.
+    :param tubes: what is assumed of the tubes.
     :return: None where no members hold the object: what they push has no slip margin.
     :raises IsotrussError: see `foresee_path`.
     """
     (friction,) = finite_array([friction], 1, 'friction', GraspError).tolist()
     held = None if record is None else record.restore(config, body)
     try:
-        held = held or attach_grip(config, body)
+        held = held or attach_grip(config, body, tubes=tubes)
     except NotHeldError:
         return None
     if held.hold(friction) is not HoldStatus.HELD:

@@ -9,6 +9,7 @@ from dataclasses import replace
 import math
 
 from isotruss_ros.core.errors import IsotrussError
+from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.planning.approach import approach
@@ -83,7 +84,9 @@ def close_grip(
 
 def _check_carry(grip: ClosedGrip, needs: GraspRequirements) -> None:
     """Raise unless a grip carries the object along its path without slipping."""
-    found = foresee_grip(grip.config, grip.body, needs.friction, np.array(needs.carry))
+    tubes = TubeModel(paper_model=needs.paper_model)
+    poses = np.array(needs.carry)
+    found = foresee_grip(grip.config, grip.body, needs.friction, poses, tubes=tubes)
     share = 0.0 if found is None else found.share
     if found is None or found.why:
         raise RequirementError('carry', share, 1.0)
@@ -114,6 +117,7 @@ def _planned(
         max_contact_force=loads['max_contact_force'],
         total_force=loads['max_total_force'],
         utilisation=loads['max_utilisation'],
+        nonlinearity=analysis.nonlinearity,
         travel=travel,
         rigidity=min(shape_margins(config).rigidity for config in configs),
         path=path,

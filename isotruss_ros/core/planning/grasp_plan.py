@@ -57,6 +57,7 @@ class PlannedGrasp(
     max_contact_force: float  #: largest sum of one member, of the object held fast or free [N]
     total_force: float  #: sum of the normal forces, likewise [N]
     utilisation: float  #: largest of all members, likewise; above 1 outside of the model
+    nonlinearity: float  #: see `GraspAnalysis.nonlinearity` [-]
     travel: float  #: path length of the roller that travels furthest [m]
     rigidity: float  #: the smallest rigidity index along the path, 1 at home
     path: Array  #: (k, r) roller positions from the current ones to the grasp [m]

@@ -52,7 +52,9 @@ def hold_between(config: Configuration, closing: Closing) -> HeldGrip:
     :raises StructureError: see `structure_of`.
     """
     try:
-        grasp = roll_grip(attach_grip(config, closing.body, np.array(closing.members)), config)
+        members = np.array(closing.members)
+        held = attach_grip(config, closing.body, members, tubes=closing.tubes)
+        grasp = roll_grip(held, config)
     except NotHeldError:
         grasp = None
     if grasp is None or len(grasp.members) != len(closing.members):

@@ -61,6 +61,7 @@ class GraspRequirements:
     measure: Measure = Measure.SLIP_MARGIN  #: what the grasps are ranked by
     direction: tuple[float, float, float] = (0.0, 1.0, 0.0)  #: for stiffness [m, m, rad]
     carry: tuple[tuple[float, float, float], ...] = ()  #: poses (x, y, angle) [m, rad]
+    paper_model: bool = False  #: see `analyze_grasp`
     count: int = 3  #: how many distinct grasps are wanted, at least 1
 
     def __post_init__(self) -> None:

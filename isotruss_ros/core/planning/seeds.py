@@ -9,6 +9,7 @@ from dataclasses import replace
 import itertools
 import math
 
+from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.manipulation.grip import find_members, members_at
@@ -67,7 +68,8 @@ def find_seeds(
             away = length * rng.standard_normal(len(config.roller_positions))
             posture = config.roller_positions + RANDOM_POSTURE * away
             cone *= rng.uniform(*RANDOM_CONES)
-        closing = Closing(body, group, (limit,), needs.min_rigidity, cone, posture)
+        tubes = TubeModel(paper_model=needs.paper_model)
+        closing = Closing(body, group, (limit,), needs.min_rigidity, cone, posture, tubes=tubes)
         normals = closing.normals(config)
         if len(group) == 2:
             facing = find_facing(body, normals, CONE_SHARE * cone, radius, turning)
@@ -113,7 +115,7 @@ def enclosing_members(config: Configuration, point: complex) -> tuple[int, ...]:
     count = topology.n_modules
     b, c = points[topology.b], points[topology.c]
     starts = np.concatenate([b, b, points[topology.joint]]) - point
-    ends = np.concatenate([points[topology.c[topology.following]], c, 0.5 * (b + c)]) - point
+    ends = np.concatenate([points[topology.end], c, 0.5 * (b + c)]) - point
     sights = np.exp(2j * np.pi * (np.arange(SIGHT_LINES)[:, None] + 0.5) / SIGHT_LINES)
     # Intersections of lines of sight and segments.
     one, other = starts * sights.conj(), ends * sights.conj()

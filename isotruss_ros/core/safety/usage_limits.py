@@ -81,6 +81,6 @@ class UsageLimits:
 
     def _take(self, grasp: HeldGrip) -> None:
         """Store the most utilised member and its utilisation."""
-        used = grasp.sections.utilisation
+        used = grasp.sections.used
         self._member = f'member {grasp.config.robot.member_names[int(used.argmax())]}'
         self._used = min(float(used.max()), MAX_UTILISATION_VALUE)

@@ -58,12 +58,13 @@ class Beams:
 
         :param beam: (c,) which of the beams each point is on.
         :param place: (c,) distance from its start [m].
-        :return: the shape functions (c, 2, 6): along and across the beam, by (ux, uy, theta) at
-            start and end; and the compliance (2, c, c) along the beams, and across them, under
-            unit forces at points while the ends are held [m/N], zero between beams.
+        :return: the shape functions (c, 3, 6): along and across the beam, and the rotation of its
+            sections, by (ux, uy, theta) at start and end; and the compliance (2, c, c)
+            along the beams, and across them, under unit forces at points while the ends are held
+            [m/N], zero between beams.
         """
         series = self.series
-        shapes = sum_series((series[:, :, :2] @ self.by_ends[:, None])[beam], place)
+        shapes = sum_series((series[:, :, :3] @ self.by_ends[:, None])[beam], place)
         behind = sum_series(series[beam, :, :3, 3:5], self.length[beam] - place)
         # Without the jump a load moves the end, which is moved back; z jumps where it acts.
         apart, first = np.maximum(place[:, None] - place, 0.0), series[beam, 1]

@@ -30,6 +30,10 @@ CHORD = np.array(
 )
 
 
+#: Of a derivative along the imaginary axis.
+STEP = 1e-30
+
+
 class EndForces(NamedTuple):
     """
     Forces of k bent members, with derivatives by l, t1 and t2.
@@ -39,12 +43,15 @@ class EndForces(NamedTuple):
     :ivar stiffness: (k, 3, 3) of (N, M1, M2) by (l, t1, t2).
     :ivar stressed: (k,) N, and (k,) M1 + M2, that act on the turned chord: before the step of
         Newton's method that makes the energy stationary in N as well.
+    :ivar rates: (k, 3) derivatives of N, M1 and M2 by the rest lengths, the ends fixed; None
+        unless they were asked for.
     """
 
     pull: Array
     moments: Array
     stiffness: Array
     stressed: tuple[Array, Array]
+    rates: Array | None = None
 
 
 class BeamColumns:
@@ -60,6 +67,7 @@ class BeamColumns:
     :param shear: (k,) GA [N], infinite for no shear deformation.
     :param pinned_start: (k,) whether the start transmits no moment.
     :param pinned_end: (k,) whether the end transmits no moment.
+    :param rated: whether derivatives by the rest lengths are wanted.
     """
 
     def __init__(
@@ -70,7 +78,11 @@ class BeamColumns:
         shear: Array,
         pinned_start: Flags,
         pinned_end: Flags,
+        rated: bool = False,
     ) -> None:
+        # Derivatives along the imaginary axis, which have no rounding of differences.
+        self._step = 1j * STEP if rated else 0.0
+        length = length + self._step
         self.length, self.stretch = length, length / axial
         bar = (flexural == 0.0) | (pinned_start & pinned_end)
         bend = np.where(bar, 1.0, flexural) / length
@@ -98,9 +110,10 @@ class BeamColumns:
         :param longer: (k,) l - l0 [m].
         :param turns: (k, 2) of the ends against the chord [rad].
         :param known: (k,) N about which they are linearised; that at which the energy is
-            stationary if None. Where displacements err by little, N of stiff members errs by
-            much: Newton's method is quicker in N, too.
+            stationary if None. Short steps of stiff members make N err by much, so that Newton's
+            method is quicker in N, too.
         """
+        longer = longer - self._step
         by_power = (self.rotary @ turns[:, :, None])[..., 0]
         straight, first, second = by_power
         _, bowed, hardened = (by_power * turns).sum(axis=-1)
@@ -108,7 +121,7 @@ class BeamColumns:
         pull = (longer + 0.5 * bowed) / give if known is None else known
         moments = straight + pull[:, None] * (first + pull[:, None] * second)
         slope = first + 2.0 * pull[:, None] * second
-        stiffness = np.empty((len(pull), 3, 3), dtype=pull.dtype)
+        stiffness = np.empty((len(pull), 3, 3), dtype=give.dtype)
         stiffness[:, 0, 0] = 1.0 / give
         stiffness[:, 0, 1:] = stiffness[:, 1:, 0] = slope / give[:, None]
         power = pull[:, None, None]
@@ -118,7 +131,37 @@ class BeamColumns:
         if known is not None:
             missing = (longer + 0.5 * bowed) / give - pull
             pull, moments = pull + missing, moments + slope * missing[:, None]
-        return EndForces(pull, moments, stiffness, stressed)
+        if not self._step:
+            return EndForces(pull, moments, stiffness, stressed)
+        rates = np.column_stack([pull, moments]).imag / STEP
+        real = pull.real, moments.real, stiffness.real, tuple(each.real for each in stressed)
+        return EndForces(*real, rates)
+
+
+def evaluate_rates(
+    values: tuple[Array, ...],
+    pins: tuple[Flags, Flags],
+    changes: Array,
+    turns: Array,
+    chord: Array,
+) -> Array:
+    """
+    Return how the forces (N, M1, M2) of members change while their ends stay, (k, 3).
+
+    Derivatives along the imaginary axis, which have no rounding of differences.
+
+    :param values: (k,) each: l0 [m], EA [N], EI [N m^2], GA [N].
+    :param pins: (k,) whether starts, and ends, transmit no moment.
+    :param changes: (4, k) of these values.
+    :param turns: (k, 2) of the ends against the chord [rad].
+    :param chord: (k,) l - l0 [m].
+    """
+    length, axial, flexural, shear = (
+        value + 1j * STEP * change for value, change in zip(values, changes, strict=True)
+    )
+    columns = BeamColumns(length, axial, flexural, shear, *pins)
+    found = columns.evaluate(chord - 1j * STEP * changes[0], turns)
+    return np.column_stack([found.pull, found.moments]).imag / STEP
 
 
 def _reciprocal(constant: Array, first: Array, second: Array) -> Array:

@@ -79,7 +79,8 @@ class Deformation(Record, headline=('reactions', 'displacements')):
         Moments inside a member count, with their growth by its compression. From 1 on a tube
         wrinkles, and all numbers are outside of the model.
         """
-        used, _ = find_utilisation(self.structure, self.frame, self.state)
+        forces = self.state.end_forces, self.state.bowing
+        used = find_utilisation(self.structure, self.frame, *forces).used
         return dict(zip(self.structure.config.robot.member_names, used.tolist(), strict=True))
 
     def limit_factor(self) -> float:

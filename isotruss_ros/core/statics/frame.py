@@ -11,8 +11,9 @@ which `bend` finds the equilibrium of the bent frame.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
+from typing import NamedTuple
 
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.kinematics.constraints import MAX_DENSE_COORDINATES
@@ -23,7 +24,12 @@ from isotruss_ros.core.numerics.factorization import (
     factorize,
     factorize_with_condition,
 )
-from isotruss_ros.core.statics.beam_column import BeamColumns, chord_stiffness, EndForces
+from isotruss_ros.core.statics.beam_column import (
+    BeamColumns,
+    chord_stiffness,
+    EndForces,
+    evaluate_rates,
+)
 from isotruss_ros.core.statics.frame_pattern import (
     FramePattern,
     LinearRows,
@@ -75,6 +81,22 @@ class FrameState:
     bowing: Array
 
 
+class EndResponse(NamedTuple):
+    """
+    The response of a linearised frame to unit loads on the ends of k members.
+
+    The last column is that without loads: what the state takes is not there any more.
+
+    :ivar moved: (3 n, 6 k + 1) displacements of all nodes.
+    :ivar multipliers: (c, 6 k + 1) of the constraints.
+    :ivar ends: (6 k, 6 k + 1) along and across the chord and by rotation at start and end of each.
+    """
+
+    moved: Array
+    multipliers: Array
+    ends: Array
+
+
 @dataclass(frozen=True, eq=False)
 class Tangent:
     """
@@ -85,27 +107,44 @@ class Tangent:
     :ivar axis: (k,) directions of the chords.
     :ivar length: (k,) of the chords [m].
     :ivar forces: of the members.
+    :ivar turn: (k, 6, 6) turn displacements of the plane into those along the chords.
+    :ivar stretched: (k,) l - l0 [m], and (k, 2) turns of the ends against the chords [rad].
     :ivar carried: (3 n,) loads and reactions that these displacements take [N], [N m].
     :ivar gaps: (c,) of the constraints.
     :ivar stiffness: (k, 6, 6) of the members along and across their chords.
-    :ivar matrix: that of (4), scaled.
-    :ivar factor: of the matrix.
-    :ivar scale: (f + c,) of its rows and columns.
-    :ivar solved: (f,) the displacements that are unknowns.
     """
 
     displacements: Array
     multipliers: Array
     axis: Points
     length: Array
+    turn: Array
+    stretched: tuple[Array, Array]
     forces: EndForces
     carried: Array
     gaps: Array
     stiffness: Array
-    matrix: Array | csc_matrix
-    factor: Factor
-    scale: Array
-    solved: Indices
+    _frame: Frame
+    _rows: tuple[Array, Array]  # entries of the constraints, and what their turning adds
+    _kept: dict[bytes, EndResponse] = field(default_factory=dict, repr=False)
+
+    @cached_property
+    def system(self) -> tuple[Array | csc_matrix, Array]:
+        """Return the matrix of (4), scaled, and the scaling (f + c,) of its rows and columns."""
+        matrices = self.turn.transpose(0, 2, 1) @ self.stiffness @ self.turn
+        return self._frame._assemble(matrices, *self._rows)
+
+    @cached_property
+    def factor(self) -> Factor:
+        """
+        Return the factor of the matrix.
+
+        :raises StructureError: the structure has no stiffness in its bent shape.
+        """
+        try:
+            return factorize(self.system[0].copy())
+        except np.linalg.LinAlgError as error:
+            raise StructureError('the structure has no stiffness in its bent shape') from error
 
     def respond(self, loads: Array, gaps: Array | float = 0.0) -> tuple[Array, Array]:
         """
@@ -114,13 +153,35 @@ class Tangent:
         :param loads: (3 n, p) [N], [N m].
         :param gaps: (c, p) that the constraints are to open by.
         """
-        free = len(self.solved)
-        right = np.zeros((len(self.scale), loads.shape[1]))
-        right[:free], right[free:] = loads[self.solved], gaps
-        found = self.scale[:, None] * self.factor.solve(self.scale[:, None] * right)
+        solved, scale = self._frame._pattern.solved, self.system[1][:, None]
+        free, right = len(solved), np.zeros((len(scale), loads.shape[1]))
+        right[:free], right[free:] = loads[solved], gaps
+        found = scale * self.factor.solve(scale * right)
         moved = np.zeros_like(loads)
-        moved[self.solved] = found[:free]
+        moved[solved] = found[:free]
         return moved, found[free:]
+
+    def under_end_loads(self, members: Indices) -> EndResponse:
+        """
+        Return how the frame answers to unit loads on the ends of members; kept.
+
+        :param members: (k,) which of the members.
+        """
+        key = members.tobytes()
+        if key not in self._kept:
+            frame = self._frame
+            size, turn = 6 * len(members), self.turn[members]
+            places = frame.places(members).ravel()
+            loads = np.zeros((len(self.carried), size + 1))
+            columns = np.arange(size).reshape(-1, 1, 6).repeat(6, axis=1).reshape(size, 6)
+            loads[places[:, None], columns] = turn.transpose(0, 2, 1).reshape(size, 6)
+            loads[:, size] = -self.carried
+            gaps = np.zeros((len(self.gaps), size + 1))
+            gaps[:, size] = -self.gaps
+            moved, multipliers = self.respond(loads, gaps)
+            ends = turn @ moved[places].reshape(len(members), 6, size + 1)
+            self._kept[key] = EndResponse(moved, multipliers, ends.reshape(size, size + 1))
+        return self._kept[key]
 
     @property
     def end_forces(self) -> Array:
@@ -142,13 +203,16 @@ class Frame:
     :ivar rows: constraints on the displacements.
     :ivar whole: (k,) of which members of the frame that was cut these are parts.
     :ivar beams: of the members between their ends, what `Beams` takes.
-    :ivar turn: (k, 6, 6) turn displacements of the plane into those along them.
+    :ivar nodes: (c,) the nodes at which another frame was cut to become this one.
+    :ivar before: (c,) the members that end at these.
+    :ivar behind: (c,) the members that begin there.
     :param points: (n,) nodes x + iy [m].
     :param members: what connects them.
     :param held: (n, 3) which of ux, uy, theta are held by supports.
     :param names: (n,) names of the nodes, for messages.
     :param rows: constraints on the displacements: linear ones, or on turns of spans.
     :param pattern: of a frame with the same connections and supports; made if None.
+    :param rated: see `BeamColumns`.
     """
 
     def __init__(
@@ -159,6 +223,7 @@ class Frame:
         names: Sequence[str],
         rows: LinearRows | TurnRows = NO_ROWS,
         pattern: FramePattern | None = None,
+        rated: bool = False,
     ) -> None:
         self.points = points
         self.members = members
@@ -168,12 +233,20 @@ class Frame:
         span = points[members.end] - points[members.start]
         self.length = length = np.abs(span)
         self.axis = span / length
-        self.turn = directions(self.axis)
         self.beams = length, *members[2:6]
-        self._columns = BeamColumns(length, *members[2:])
-        self._loaded: dict[bytes, tuple[Array, Array]] = {}
+        self._rated = rated
         self._pattern = pattern or FramePattern(members, held, rows)
         self.whole = np.arange(len(length))
+        self.nodes = self.before = self.behind = np.zeros(0, dtype=np.intp)
+
+    @cached_property
+    def turn(self) -> Array:
+        """Return the matrices that turn displacements into those along members, (k, 6, 6)."""
+        return directions(self.axis)
+
+    @cached_property
+    def _columns(self) -> BeamColumns:
+        return BeamColumns(self.length, *self.members[2:], rated=self._rated)
 
     @cached_property
     def rest(self) -> Tangent:
@@ -182,16 +255,20 @@ class Frame:
 
         :raises StructureError: the frame is a mechanism; names the nodes that move.
         """
-        return self.tangent(
-            np.zeros((len(self.points), 3)), np.zeros(self.rows.count), checked=True
-        )
+        tangent = self.tangent(np.zeros((len(self.points), 3)), np.zeros(self.rows.count))
+        matrix, scale = tangent.system
+        factor, condition = factorize_with_condition(matrix)
+        if factor is None or not condition < MAX_CONDITION:
+            moving = ', '.join(self._what_moves(matrix, scale))
+            raise StructureError(
+                f'the structure is a mechanism: {moving} can move without resistance; '
+                'support it or connect it'
+            )
+        tangent.__dict__['factor'] = factor
+        return tangent
 
     def tangent(
-        self,
-        displacements: Array,
-        multipliers: Array,
-        pull: Array | None = None,
-        checked: bool = False,
+        self, displacements: Array, multipliers: Array, pull: Array | None = None
     ) -> Tangent:
         """
         Linearise the frame about displacements.
@@ -199,8 +276,6 @@ class Frame:
         :param displacements: (n, 3) ux, uy [m], theta [rad].
         :param multipliers: (c,) of the constraints.
         :param pull: (k,) axial forces N, see `BeamColumns.evaluate`; those there if None [N].
-        :param checked: whether to look for a mechanism.
-        :raises StructureError: the frame is a mechanism there.
         """
         pattern, rows = self._pattern, self.rows
         ends = displacements.ravel()[pattern.places]
@@ -210,12 +285,11 @@ class Frame:
         axis = self.axis * span / length
         # Of the two lengths, without the rounding of their difference.
         longer = (2.0 * self.length * apart.real + np.abs(apart) ** 2) / (length + self.length)
-        forces = self._columns.evaluate(longer, ends[:, 2::3] - np.angle(span)[:, None], pull)
+        stretched = longer, ends[:, 2::3] - np.angle(span)[:, None]
+        forces = self._columns.evaluate(*stretched, pull)
         local = chord_stiffness(length, forces)
         turn = directions(axis)
-        matrices = turn.transpose(0, 2, 1) @ local @ turn
         values, gaps, pairs = rows.linearize(self.points, displacements, multipliers)
-        matrix, scale = self._assemble(matrices, values, pairs)
         across = forces.moments.sum(axis=1) / length
         pushed = np.zeros((len(length), 6))
         pushed[:, 3], pushed[:, 4], pushed[:, 2::3] = forces.pull, -across, forces.moments
@@ -224,20 +298,19 @@ class Frame:
         carried = np.bincount(
             pattern.places.ravel(), pushed.ravel(), minlength=len(self._held)
         ) + np.bincount(rows.column, values * multipliers[rows.row], minlength=len(self._held))
-        factor = self._factorize(matrix, scale, checked)
         return Tangent(
             displacements,
             multipliers,
             axis,
             length,
+            turn,
+            stretched,
             forces,
             carried,
             gaps,
             local,
-            matrix,
-            factor,
-            scale,
-            pattern.solved,
+            self,
+            (values, pairs),
         )
 
     def _assemble(
@@ -270,22 +343,6 @@ class Frame:
             return flat.reshape(size, size), scale
         places = pattern.matrix_rows, pattern.matrix_columns
         return coo_matrix((entries, places), shape=(size, size)).tocsc(), scale
-
-    def _factorize(self, matrix: Array | csc_matrix, scale: Array, checked: bool) -> Factor:
-        """Return the factor of the matrix of (4)."""
-        if not checked:
-            try:
-                return factorize(matrix.copy())
-            except np.linalg.LinAlgError as error:
-                raise StructureError('the structure has no stiffness in its bent shape') from error
-        factor, condition = factorize_with_condition(matrix)
-        if factor is None or not condition < MAX_CONDITION:
-            moving = ', '.join(self._what_moves(matrix, scale))
-            raise StructureError(
-                f'the structure is a mechanism: {moving} can move without resistance; '
-                'support it or connect it'
-            )
-        return factor
 
     def _what_moves(self, matrix: Array | csc_matrix, scale: Array) -> list[str]:
         """Return the nodes that move in mechanisms."""
@@ -341,7 +398,7 @@ class Frame:
         :raises StructureError: the frame is a mechanism.
         """
         tangent = self.rest if start is None else start
-        origin, reach = tangent.displacements, np.inf
+        origin, reach, every = tangent.displacements, np.inf, np.arange(len(self.length))
         for count in range(MAX_NEWTON_ITERATIONS):
             left = (loads.ravel() - tangent.carried)[:, None]
             step, multipliers = tangent.respond(left, -tangent.gaps[:, None])
@@ -352,7 +409,8 @@ class Frame:
             # What ends elsewhere than the linear response tends to is another branch.
             elif not np.abs(displacements - origin)[:, :2].max() <= growth * reach:
                 return None
-            pull = self._pull_after(tangent, step[:, 0])
+            changes, _ = self.force_changes(tangent, every, step.reshape(-1, 3, 1))
+            pull = tangent.forces.pull + changes[:, 0, 0]
             with np.errstate(over='ignore', invalid='ignore', divide='ignore'):
                 tangent = self.tangent(
                     displacements, tangent.multipliers + multipliers[:, 0], pull
@@ -361,13 +419,140 @@ class Frame:
                 return tangent
         return None
 
-    def _pull_after(self, tangent: Tangent, step: Array) -> Array:
-        """Return the axial forces (k,) of the members after a step (3 n,) of the nodes [N]."""
-        turn, length = directions(tangent.axis), tangent.length
-        ends = (turn @ step[self._pattern.places][:, :, None])[..., 0]
-        turned = (ends[:, 4] - ends[:, 1]) / length
-        moved = np.stack([ends[:, 3] - ends[:, 0], ends[:, 2] - turned, ends[:, 5] - turned], 1)
-        return tangent.forces.pull + (tangent.forces.stiffness[:, 0] * moved).sum(axis=1)
+    def locate(self, piece: Indices, within: Array) -> tuple[Indices, Array]:
+        """
+        Return the members that points are on, and distances (c,) from their starts [m].
+
+        :param piece: (c,) numbers of the members of the frame before it was cut.
+        :param within: (c,) distances from their starts [m].
+        """
+        return piece, within
+
+    def places(self, parts: Indices) -> Indices:
+        """
+        Return where the displacements of members' ends are among all, (p, 6).
+
+        :param parts: (p,) which members.
+        """
+        return self._pattern.places[parts]
+
+    def force_rates(self, tangent: Tangent, parts: Indices, changes: Array) -> Array:
+        """
+        Return how (N, M1, M2) of members change as their nodes stay where they are, (p, 3, c).
+
+        :param tangent: the state.
+        :param parts: (p,) which members.
+        :param changes: (4, p, c) of their rest lengths [m], EA [N], EI [N m^2] and GA [N].
+        """
+        own, count = self.members, changes.shape[2]
+        each = parts.repeat(count)
+        values = self.length[each], own.axial[each], own.flexural[each], own.shear[each]
+        pins = own.pinned_start[each], own.pinned_end[each]
+        longer, turns = tangent.stretched
+        found = evaluate_rates(values, pins, changes.reshape(4, -1), turns[each], longer[each])
+        return found.reshape(len(parts), count, 3).swapaxes(1, 2)
+
+    def nodal_forces(self, tangent: Tangent, parts: Indices, rates: Array) -> Array:
+        """
+        Return what the ends of members carry more, in the plane, (p, 6, c).
+
+        :param tangent: the state.
+        :param parts: (p,) which members.
+        :param rates: (p, 3, c) of their N, M1 and M2.
+        """
+        pull, first, second = rates.swapaxes(0, 1)
+        across = (first + second) / tangent.length[parts, None]
+        ends = np.stack([-pull, across, first, pull, -across, second], axis=1)
+        return tangent.turn[parts].swapaxes(1, 2) @ ends
+
+    def slopes(self, tangent: Tangent, parts: Indices, end: Indices) -> Array:
+        """
+        Return the inclinations of bent centre lines at ends of members, (p,) [rad].
+
+        Of the section, less what the force across shears it by: (t - Q/GA) / (1 + N/GA) against
+        the chord.
+
+        :param tangent: the state.
+        :param parts: (p,) which members.
+        :param end: (p,) 1 for their starts, 2 for their ends.
+        """
+        turned, skew, softness, _ = self._shear(tangent, parts, end)
+        return turned + skew / softness
+
+    def slope_rates(
+        self,
+        tangent: Tangent,
+        parts: Indices,
+        end: Indices,
+        rates: Array,
+        shear_rates: Array | float,
+    ) -> Array:
+        """
+        Return how `slopes` change with (N, M1, M2) and GA, the nodes where they are, (p, c).
+
+        :param tangent: the state.
+        :param parts: (p,) which members.
+        :param end: see `slopes`.
+        :param rates: (p, 3, c) of N, M1 and M2.
+        :param shear_rates: (p, c) of GA, as a share.
+        """
+        _, skew, softness, shear = (x[:, None] for x in self._shear(tangent, parts, end))
+        across = tangent.forces.moments[parts].sum(axis=1)[:, None] / tangent.length[parts, None]
+        change = (rates[:, 1] + rates[:, 2]) / tangent.length[parts, None] - across * shear_rates
+        pulled = rates[:, 0] - tangent.forces.pull[parts, None] * shear_rates
+        return -(change + skew / softness * pulled) / shear / softness
+
+    def force_changes(self, tangent: Tangent, parts: Indices, moved: Array) -> tuple[Array, Array]:
+        """
+        Return how (N, M1, M2) of members change as the nodes move (p, 3, c), and chords (p, c).
+
+        :param tangent: the state.
+        :param parts: (p,) which members.
+        :param moved: (n, 3, c) of all nodes.
+        """
+        chords, _ = self._chord_changes(tangent, parts, moved)
+        return tangent.forces.stiffness[parts] @ chords, chords[:, 0]
+
+    def _chord_changes(
+        self, tangent: Tangent, parts: Indices, moved: Array
+    ) -> tuple[Array, Array]:
+        """Return changes of (l, t1, t2) of members (p, 3, c), and turns of the chords (p, c)."""
+        ends = tangent.turn[parts] @ moved.reshape(-1, moved.shape[2])[self.places(parts)]
+        longer = ends[:, 3] - ends[:, 0]
+        turned = (ends[:, 4] - ends[:, 1]) / tangent.length[parts, None]
+        turns = np.stack([longer, ends[:, 2] - turned, ends[:, 5] - turned], axis=1)
+        return turns, turned
+
+    def slope_changes(self, tangent: Tangent, parts: Indices, end: Indices, moved: Array) -> Array:
+        """
+        Return how `slopes` change as the nodes move, (p, c).
+
+        :param tangent: the state.
+        :param parts: (p,) which members.
+        :param end: see `slopes`.
+        :param moved: (n, 3, c) of all nodes.
+        """
+        turns, turned = self._chord_changes(tangent, parts, moved)
+        longer, length = turns[:, 0], tangent.length[parts, None]
+        forces = tangent.forces.stiffness[parts] @ turns
+        _, skew, softness, shear = self._shear(tangent, parts, end)
+        across = tangent.forces.moments[parts].sum(axis=1)[:, None] / length
+        change = (forces[:, 1] + forces[:, 2] - across * longer) / length
+        skewed = (skew / softness)[:, None]
+        slope = (
+            turns[np.arange(len(parts)), end] - (change + skewed * forces[:, 0]) / shear[:, None]
+        )
+        return turned + slope / softness[:, None]
+
+    def _shear(
+        self, tangent: Tangent, parts: Indices, end: int
+    ) -> tuple[Array, Array, Array, Array]:
+        """Return turn of the chord, t - Q/GA, 1 + N/GA and GA of members, (p,) each."""
+        shear, forces = self.members.shear[parts], tangent.forces
+        turned = np.angle(tangent.axis[parts] * self.axis[parts].conj())
+        across = forces.moments[parts].sum(axis=1) / tangent.length[parts]
+        skew = tangent.stretched[1][parts, end - 1] - across / shear
+        return turned, skew, 1.0 + forces.pull[parts] / shear, shear
 
     def is_stable(self, tangent: Tangent) -> bool:
         """
@@ -375,7 +560,7 @@ class Frame:
 
         :param tangent: there.
         """
-        return count_negative_pivots(tangent.matrix, self.rows.count) == self.rows.count
+        return count_negative_pivots(tangent.system[0], self.rows.count) == self.rows.count
 
     def state(self, tangent: Tangent, loads: Array) -> FrameState:
         """
@@ -395,58 +580,6 @@ class Frame:
     def _reactions(self, missing: Array) -> Array:
         """Return the support reactions (n, 3) from the residual of the balance (3 n,)."""
         return np.where(self._held, missing, 0.0).reshape(-1, 3)
-
-    def compliance(self, members: Indices) -> Array:
-        """
-        Return the displacements of the ends of members under unit loads on these ends; kept.
-
-        :param members: (k,) which of the members.
-        :return: (6 k, 6 k), along and across the member and by rotation at start and end of each;
-            symmetric.
-        :raises StructureError: see `solve`.
-        """
-        return self._under_end_loads(members)[1]
-
-    def _under_end_loads(self, members: Indices) -> tuple[Array, Array]:
-        """Return all displacements (3 n, 6 k), and what `compliance` returns; both kept."""
-        key = members.tobytes()
-        if key in self._loaded:
-            return self._loaded[key]
-        size, turn = 6 * len(members), self.turn[members]
-        places = self._pattern.places[members].ravel()
-        loads = np.zeros((len(self._held), size))
-        columns = np.arange(size).reshape(-1, 1, 6).repeat(6, axis=1).reshape(size, 6)
-        loads[places[:, None], columns] = turn.transpose(0, 2, 1).reshape(size, 6)
-        found = self.rest.respond(loads)[0] if size else loads
-        ends = (turn @ found[places].reshape(len(members), 6, size)).reshape(size, size)
-        self._loaded[key] = found, ends
-        return found, ends
-
-    def displacements(self, members: Indices, loads: Array) -> Array:
-        """
-        Return the displacements of all nodes where members carry loads inside, (n, 3, c).
-
-        :param members: (p,) which of them do.
-        :param loads: (6 p, c) on their ends, in their frames, that move these as the loads do, for
-            each of c cases [N], [N m].
-        :raises StructureError: see `solve`.
-        """
-        return (self._under_end_loads(members)[0] @ loads).reshape(-1, 3, loads.shape[1])
-
-    def end_forces(self, members: Indices, loads: Array) -> Array:
-        """
-        Return the forces of the nodes on all members, some of which carry loads inside.
-
-        :param members: (p,) which of them do.
-        :param loads: (p, 6) on their ends, in their frames, that move these as the loads do [N],
-            [N m].
-        :return: (k, 6), see `FrameState`.
-        :raises StructureError: see `solve`.
-        """
-        moved = self._under_end_loads(members)[0] @ loads.ravel()
-        forces = self._end_forces(moved[self._pattern.places])
-        np.subtract.at(forces, members, loads)
-        return forces
 
     @property
     def _local(self) -> Array:

@@ -167,6 +167,7 @@ class FramePattern:
     """
 
     def __init__(self, members: Members, held: Flags, rows: LinearRows | TurnRows) -> None:
+        self._rows = rows
         ends = np.stack([members.start, members.end], axis=1)
         self.places = (3 * ends[:, :, None] + np.arange(3)).reshape(-1, 6)
         free = ~held.ravel()
@@ -193,3 +194,81 @@ class FramePattern:
         self.matrix_columns = np.concatenate([second, self.bound, self.multiplier, other])
         size = len(self.solved) + rows.count
         self.flat_places = self.matrix_rows * size + self.matrix_columns
+        self._cuts: dict[bytes, CutPattern] = {}
+
+    def cut(self, members: Members, held: Flags, piece: Indices, order: Indices) -> CutPattern:
+        """
+        Return the pattern of a frame cut at some points; the last ones are kept.
+
+        :param members: what connects the nodes.
+        :param held: (3 n,) which displacements are held by supports.
+        :param piece: (c,) numbers of the members with points inside.
+        :param order: (c,) of the points along them.
+        """
+        key = piece.tobytes() + order.tobytes()
+        if key not in self._cuts:
+            if len(self._cuts) >= MAX_CUTS:
+                self._cuts.clear()
+            self._cuts[key] = CutPattern.of(members, held, self._rows, piece, order)
+        return self._cuts[key]
+
+
+#: Patterns of cut frames that are kept.
+MAX_CUTS = 64
+
+
+class CutPattern(NamedTuple):
+    """
+    What frames that are cut between the same nodes share; new nodes are their last ones.
+
+    The members themselves become their first parts; the others are the last members.
+
+    :ivar whole: (k + c,) of which members these are parts.
+    :ivar members: what connects the nodes, the sections those before.
+    :ivar held: (n + c, 3) which of ux, uy, theta are held by supports.
+    :ivar nodes: (c,) the nodes at the points.
+    :ivar before: (c,) the parts that end at the points.
+    :ivar behind: (c,) the parts that begin there.
+    :ivar pattern: of the frame.
+    """
+
+    whole: Indices
+    members: Members
+    held: Flags
+    nodes: Indices
+    before: Indices
+    behind: Indices
+    pattern: FramePattern
+
+    @classmethod
+    def of(
+        cls,
+        members: Members,
+        held: Flags,
+        rows: LinearRows | TurnRows,
+        piece: Indices,
+        order: Indices,
+    ) -> CutPattern:
+        """
+        Return what frames that are cut at some points share.
+
+        :param members: of the frame before.
+        :param held: (3 n,) its supports.
+        :param rows: its constraints.
+        :param piece: (c,) numbers of the members with points inside.
+        :param order: (c,) of the points along them.
+        """
+        count, parts = len(piece), len(members.start)
+        whole = np.concatenate([np.arange(parts), piece])
+        cut = Members(*(each[whole] for each in members))
+        start, end, *_, pinned_start, pinned_end = cut
+        pinned_start[parts:] = pinned_end[parts:] = False
+        nodes, behind = len(held) // 3 + np.arange(count), parts + np.arange(count)
+        # From the far ends of the members: what is left of each is its part from its start.
+        for i in reversed(order.tolist()):
+            own, part = piece[i], behind[i]
+            start[part], end[part], pinned_end[part] = nodes[i], end[own], pinned_end[own]
+            end[own], pinned_end[own] = nodes[i], False
+        before = np.array([np.flatnonzero(end == node)[0] for node in nodes], dtype=np.intp)
+        still = np.concatenate([held, np.zeros(3 * count, dtype=bool)]).reshape(-1, 3)
+        return cls(whole, cut, still, nodes, before, behind, FramePattern(cut, still, rows))

@@ -92,7 +92,7 @@ class Structure:
 def _frame_points(robot: Mechanism, nodes: Points) -> Points:
     """Return the nodes (n,) of a robot's frame [m], from those of its configuration (N,)."""
     topology, layout = robot.topology, frame_layout(robot)
-    side = nodes[topology.c[topology.following]] - nodes[topology.b]
+    side = nodes[topology.end] - nodes[topology.b]
     ahead = robot.description.module.guide_ring_distance * side / np.abs(side)
     points = np.empty(len(layout.node_names), dtype=np.complex128)
     b, joints = layout.b, len(topology.joint_names)

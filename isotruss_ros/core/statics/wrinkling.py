@@ -15,7 +15,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
-from isotruss_ros.core.statics.frame import Frame, FrameState
+from isotruss_ros.core.statics.bent_tubes import BentTubes
+from isotruss_ros.core.statics.frame import Frame
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 
@@ -53,97 +54,152 @@ def wrinkling_moment(pressure: float, radius: float) -> float:
 
 
 def load_sections(
-    structure: Structure,
+    tubes: BentTubes,
     end_forces: Array,
     member: Indices,
     place: Array,
     local: Points,
-    couples: Array,
+    bow: Array | float = 0.0,
 ) -> SectionLoads:
     """
     Return moments and compressions of the tubes, and how near to wrinkling they bring them.
 
-    Moments are piecewise linear between the loads, and are largest at one of them or at an end
-    of a piece of tube.
+    Of pieces that bear loads inside, moments are largest at one of these or at an end.
 
-    :param structure: the frame of the robot.
-    :param end_forces: (k, 6) on all members of the frame, see `FrameState.end_forces`.
+    :param tubes: of the robot.
+    :param end_forces: (k, 6) on all members of their frame, see `FrameState.end_forces`.
     :param member: (c,) the members of the robot that the loads act on.
     :param place: (c,) distance from that member's start [m].
     :param local: (c,) the forces along + i across these members [N].
-    :param couples: (c,) with them, counter-clockwise [N m].
+    :param bow: (c,) distance of the bent centre lines from the chords of their pieces [m].
     """
-    config, frame = structure.config, structure.frame
-    topology, file = config.robot.topology, config.robot.description
-    m, radius = topology.n_modules, 0.5 * file.tube_diameter
-    piece, within, ahead = structure.locate(member, place)
+    piece, within, ahead = tubes.locate(member, place)
     along, across = ahead * local.real, ahead * local.imag
     # At each load: all that acts on the piece between its start and there.
     apart = within[:, None] - within
     before = (piece[:, None] == piece) & (apart > 0.0)
     there = end_forces[piece]
-    moment = there[:, 1] * within - there[:, 2] - before @ couples
-    moment += np.where(before, apart, 0.0) @ across
     compression = there[:, 0] + before @ along
-    # At the ends of all pieces, of the moments the sizes alone.
-    pieces, owners = structure.pieces.ravel(), structure.owners.ravel()
-    ends, length = end_forces[pieces], frame.length[pieces]
-    ring, whole = file.module.guide_ring_distance, config.member_lengths[topology.previous]
-    starts = np.concatenate([np.zeros(m), whole, np.full(m, ring)])
-    stops = starts + np.repeat([1.0, -1.0, 1.0], m) * length
-    moments = np.concatenate([moment, moment - couples, ends[:, 2], ends[:, 5]])
-    left = np.concatenate([-compression, -compression - along, -ends[:, 0], ends[:, 3]])
-    members = np.concatenate([member, member, owners, owners])
-    pressure = np.array(structure.pressures)[topology.tube]
-    left += (pressure * (np.pi * radius**2))[members]
-    used = np.full(len(moments), np.inf)
-    np.divide(np.abs(moments), 0.5 * radius * left, out=used, where=left > 0.0)
-    places = np.concatenate([place, place, starts, stops])
-    last = find_most_used(used, members)
+    moment = there[:, 1] * within - there[:, 2] - compression * bow
+    moment += np.where(before, apart, 0.0) @ across
     larger = np.maximum(compression, compression + along)
+    pulls = np.zeros(len(end_forces))
+    if not tubes.is_straight:
+        pulls = tubes.tangent.forces.pull.copy()
+        pulls[piece] = 0.0
+    _, members, used, places = _use_pieces(tubes.structure, tubes.frame, end_forces, pulls)
+    left = _wall_pull(tubes.structure, member) - larger
+    inside = np.full(len(moment), np.inf)
+    radius = 0.5 * tubes.structure.config.robot.description.tube_diameter
+    np.divide(np.abs(moment), 0.5 * radius * left, out=inside, where=left > 0.0)
+    used, places = np.append(used, inside), np.append(places, place)
+    last = find_most_used(used, np.append(np.tile(members, 3), member))
     return SectionLoads(ahead * moment, larger, used[last], places[last])
 
 
-def find_utilisation(structure: Structure, frame: Frame, state: FrameState) -> tuple[Array, Array]:
+class Utilisation(NamedTuple):
     """
-    Return how near to wrinkling loads bring the members of a robot, and where they are nearest.
+    How near to wrinkling loads bring the m members of a robot.
+
+    :ivar used: (m,) largest |M| / M_w of each, infinite where compression takes all of the pull.
+    :ivar place: (m,) where along the member that is, from its start [m].
+    :ivar piece: (m,) the member of the frame that it is on.
+    :ivar kind: (m,) 0 at its start, 1 at its end, 2 inside.
+    """
+
+    used: Array
+    place: Array
+    piece: Indices
+    kind: Indices
+
+
+def find_utilisation(
+    structure: Structure, frame: Frame, end_forces: Array, pulls: Array
+) -> Utilisation:
+    """
+    Return how near to wrinkling loads bring the members of a robot.
 
     Between loads the moment of a compressed piece is part of a sine, which may peak inside.
 
     :param structure: of the robot.
     :param frame: its frame, cut where tubes bear loads.
-    :param state: the response to the loads.
-    :return: (m,) largest |M| / M_w of each member, infinite where compression alone takes all of
-        the pull; and (m,) its distance from the member's start [m].
+    :param end_forces: (k, 6) on its members, see `FrameState`.
+    :param pulls: (k,) axial forces that change the moments inside these [N].
     """
-    config = structure.config
-    topology, radius = config.robot.topology, 0.5 * config.robot.description.tube_diameter
-    first = structure.pieces[0, 0]
-    pieces = np.flatnonzero(frame.whole >= first)
-    member = structure.owners.ravel()[frame.whole[pieces] - first]
-    length, flexural, shear = frame.length[pieces], *(x[pieces] for x in frame.members[3:5])
-    ends, pull = state.end_forces[pieces], state.bowing[pieces]
-    begin, end = -ends[:, 2], ends[:, 5]
-    # M = begin cos(k x) + sine sin(k x); without compression the ends bear most.
-    wave = np.sqrt(np.maximum(-pull, 0.0) / flexural / (1.0 + pull / shear))
-    turned = np.maximum(wave * length, TINY)
-    sine = (end - begin * np.cos(turned)) / np.sin(turned)
-    crest = np.arctan2(sine, begin) % np.pi
-    inside = np.where((wave > 0.0) & (crest < turned), crest / turned * length, 0.0)
-    peak = np.where(inside > 0.0, np.hypot(begin, sine), np.abs(begin))
-    moments = np.concatenate([begin, end, peak])
+    pieces, member, used, places = _use_pieces(structure, frame, end_forces, pulls)
+    last = find_most_used(used.ravel(), np.tile(member, 3))
+    kind, piece = np.divmod(last, len(pieces))
+    return Utilisation(used.ravel()[last], places.ravel()[last], pieces[piece], kind)
+
+
+def _use_pieces(
+    structure: Structure, frame: Frame, end_forces: Array, pulls: Array
+) -> tuple[Indices, Indices, Array, Array]:
+    """
+    Return the pieces of tube, their members, |M| / M_w (3, p) and the places of these.
+
+    At the starts, the ends and inside, where pulls (k,) change the moment.
+    """
+    config, (pieces, member) = structure.config, tube_pieces(structure, frame)
+    ends, topology = end_forces[pieces], config.robot.topology
+    begun, ended = (_wall_pull(structure, member) + pull for pull in (-ends[:, 0], ends[:, 3]))
+    used, inside = use_sections(
+        (-ends[:, 2], ends[:, 5], np.stack([begun, ended, ended]), pulls[pieces]),
+        np.stack([frame.length[pieces], *(each[pieces] for each in frame.members[3:5])]),
+        0.5 * config.robot.description.tube_diameter,
+    )
     start = config.points[topology.b[member]]
     along = (config.points[topology.c[topology.following[member]]] - start).conj()
     along /= np.abs(along)
     origin = ((frame.points[frame.members.start[pieces]] - start) * along).real
     ahead = (frame.axis[pieces] * along).real
-    places = np.concatenate([origin, origin + ahead * length, origin + ahead * inside])
-    wall = np.pi * radius**2 * np.array(structure.pressures)[topology.tube[member]]
-    left = np.concatenate([wall - ends[:, 0], wall + ends[:, 3], wall + ends[:, 3]])
-    used = np.full(len(moments), np.inf)
-    np.divide(2.0 * np.abs(moments), radius * left, out=used, where=left > 0.0)
-    last = find_most_used(used, np.tile(member, 3))
-    return used[last], places[last]
+    places = origin + ahead * np.stack([np.zeros(len(pieces)), frame.length[pieces], inside])
+    return pieces, member, used, places
+
+
+def _wall_pull(structure: Structure, member: Indices) -> Array:
+    """Return the pull of the walls of members (c,) without axial force, p pi R^2 [N]."""
+    robot = structure.config.robot
+    area = 0.25 * np.pi * robot.description.tube_diameter**2
+    return area * np.array(structure.pressures)[robot.topology.tube[member]]
+
+
+def tube_pieces(structure: Structure, frame: Frame) -> tuple[Indices, Indices]:
+    """
+    Return the members of a cut frame that are tubes, and the members of the robot they are on.
+
+    :param structure: of the robot.
+    :param frame: its frame, cut where tubes bear loads.
+    """
+    first = structure.pieces[0, 0]
+    pieces = np.flatnonzero(frame.whole >= first)
+    return pieces, structure.owners.ravel()[frame.whole[pieces] - first]
+
+
+def use_sections(
+    loads: Array | tuple[Array, ...], sections: Array, radius: float
+) -> tuple[Array, Array]:
+    """
+    Return |M| / M_w of pieces at their starts, ends and inside (3, ...), and where the last is.
+
+    :param loads: moments of the sections at start and end [N m], pull of the wall [N], at these
+        three places or everywhere, and pull that changes the moment inside [N]; (...) each.
+    :param sections: (3, ...) length [m], EI [N m^2] and GA [N].
+    :param radius: of the tubes [m].
+    """
+    begin, end, left, pull = loads
+    length, flexural, shear = sections
+    # M = begin cos(k x) + sine sin(k x); without compression the ends bear most.
+    wave = np.sqrt(np.maximum(-pull, 0.0) / flexural / (1.0 + pull / shear))
+    turned = np.maximum(wave * length, TINY)
+    sine = (end - begin * np.cos(turned)) / np.sin(turned)
+    crest = np.arctan2(sine, begin) % np.pi
+    within = (wave > 0.0) & (crest < turned)
+    peak = np.where(within, np.hypot(begin, sine), 0.0)
+    moments = np.abs(np.stack([begin, end, peak]))
+    used = np.full(moments.shape, np.inf)
+    np.divide(2.0 * moments, radius * left, out=used, where=left > 0.0)
+    return used, np.where(within, crest / turned * length, 0.0)
 
 
 def find_most_used(used: Array, member: Indices) -> Indices:

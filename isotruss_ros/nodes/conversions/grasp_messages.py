@@ -75,14 +75,14 @@ def to_wrench_message(wrench: Sequence[float]) -> Wrench:
 
 
 def read_query(
-    request: AnalyzeGrasp.Request, spacing: float, flattening: bool = True
+    request: AnalyzeGrasp.Request, spacing: float, paper_model: bool = False
 ) -> GraspQuery:
     """
     Return the query of a request; the analysis checks the other values.
 
     :param request: request of the service `analyze_grasp`.
     :param spacing: spacing of the contact points along the tubes [m].
-    :param flattening: whether the tubes flatten at contacts.
+    :param paper_model: see `analyze_grasp`.
     :raises MessageError: no object, two of them, or an invalid one.
     """
     body = _read_described(request)
@@ -91,7 +91,7 @@ def read_query(
     wrench = _planar(request.external_wrench)
     rollers = tuple(request.roller_positions)
     friction = request.friction if body.friction is None else body.friction
-    return GraspQuery(rollers, body, friction, wrench, spacing, flattening)
+    return GraspQuery(rollers, body, friction, wrench, spacing, paper_model)
 
 
 def _read_described(request: AnalyzeGrasp.Request) -> ConvexObject | None:
@@ -162,6 +162,7 @@ def to_state_message(report: GraspReport, frame: str) -> GraspState:
     state.members = list(utilisation)
     state.utilisation = [used for used, _ in utilisation.values()]
     state.utilisation_places = [place for _, place in utilisation.values()]
+    state.nonlinearity = analysis.nonlinearity
     state.stiffness = analysis.stiffness.ravel()
     state.computing_time = report.grasp.computing_time
     return state

@@ -168,7 +168,7 @@ def _analyze(
             query.external_wrench,
             pressure=query.pressures,
             spacing=query.spacing,
-            flattening=query.flattening,
+            paper_model=query.paper_model,
             previous=None if last is None else last.analysis,
         )
         held = record and record.restore(config, query.body, np.array(query.external_wrench))
@@ -180,6 +180,7 @@ def _analyze(
                 query.external_wrench,
                 pressure=query.pressures,
                 previous=None if last is None else last.settled,
+                paper_model=query.paper_model,
             )
         else:
             settled = assess_equilibrium(held.pose, held, query.friction)

@@ -51,7 +51,7 @@ class GraspQuery(NamedTuple):
     :ivar friction: coefficient between tube and object.
     :ivar external_wrench: wrench (fx, fy, m) on the object about its frame's origin [N, N m].
     :ivar spacing: spacing of the contact points along the tubes [m].
-    :ivar flattening: whether the tubes flatten at contacts, see `analyze_grasp`.
+    :ivar paper_model: see `analyze_grasp`.
     :ivar pressures: (t,) gauge pressures of the tubes, in the order of the robot file; None: those
         of the robot file [Pa].
     """
@@ -61,7 +61,7 @@ class GraspQuery(NamedTuple):
     friction: float
     external_wrench: tuple[float, float, float]
     spacing: float
-    flattening: bool = True
+    paper_model: bool = False
     pressures: tuple[float, ...] | None = None
 
 

@@ -60,7 +60,7 @@ def test_polygons_of_many_sides_converge_to_the_disc():
     for name, force in disc.contact_forces.items():
         assert fine.contact_forces[name] == pytest.approx(force, rel=5e-3)
         assert fine.contact_lengths[name] == pytest.approx(disc.contact_lengths[name], rel=0.02)
-        assert fine.contact_widths[name] == pytest.approx(disc.contact_widths[name], rel=0.1)
+        assert fine.contact_widths[name] == pytest.approx(disc.contact_widths[name], rel=0.12)
     assert fine.required_friction == pytest.approx(disc.required_friction, rel=0.02)
     assert fine.closure_margin == pytest.approx(disc.closure_margin, rel=0.01)
     assert fine.stiffness == pytest.approx(disc.stiffness, rel=0.01, abs=5.0)
@@ -160,7 +160,7 @@ def test_any_shape_at_any_depth_has_an_answer(seed, depth, flattening):
     shape = random_shape(generator, generator.uniform(0.05, 0.3))
     module = HOME.robot.module_names[generator.integers(9)]
     held = pressed_into(HOME, module, shape, generator.uniform(-3.0, 3.0), depth)
-    analysis = analyze_grasp(HOME, held, flattening=flattening)
+    analysis = analyze_grasp(HOME, held, paper_model=not flattening)
     assert analysis.normal_forces.min(initial=0.0) >= 0.0
     assert analysis.gaps.min(initial=0.0) >= -GAP_TOLERANCE
     stiffness = np.linalg.eigvalsh(analysis.stiffness)

@@ -34,7 +34,7 @@ def placed(shape, depth, share):
 def touched(config, body, flattening):
     """Return the members that press, or the reason of the refusal."""
     try:
-        return ' '.join(analyze_grasp(config, body, flattening=flattening).contact_forces)
+        return ' '.join(analyze_grasp(config, body, paper_model=not flattening).contact_forces)
     except SolverError as error:
         return str(error)
 

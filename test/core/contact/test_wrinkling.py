@@ -11,7 +11,6 @@ from isotruss_ros.core.contact.contact_points import ContactState, find_contact_
 from isotruss_ros.core.contact.contact_regions import find_wrinkling
 from isotruss_ros.core.contact.refinement import measure_contact
 from isotruss_ros.core.statics.structure import structure_of
-from isotruss_ros.core.statics.wrinkling import load_sections
 import numpy as np
 import pytest
 import robots
@@ -71,18 +70,6 @@ def test_a_clamped_tube_under_one_force(shear, share, angle):
     # On the side of the object the wall loses what bending takes.
     expected = (PULL - worst) / (2 * np.pi * RADIUS) - middle / (np.pi * RADIUS**2)
     assert tension[at] == pytest.approx(max(expected, 0.0), rel=1e-6)
-
-
-def test_a_couple_changes_the_moment_behind_it():
-    structure, within, couples = clamped(1.9e3), np.array([0.5, 0.2]), np.array([0.7, 0.4])
-    tube = structure.pieces.ravel()[-1]
-    # In equilibrium: 0.3 N m at the start, two couples, and what is left at the end.
-    ends = np.zeros((len(structure.frame.length), 6))
-    ends[tube, [2, 5]] = 0.3, -1.4
-    members, forces = np.zeros(2, dtype=int), np.zeros(2, dtype=complex)
-    result = load_sections(structure, ends, members, within, forces, couples)
-    assert result.moment == pytest.approx([-0.3 - 0.4, -0.3])
-    assert result.utilisation == pytest.approx([1.4 / (0.5 * RADIUS * PULL)])
 
 
 def test_more_compression_than_pull_is_beyond_all_bounds():

@@ -24,7 +24,7 @@ UNLOADED = np.zeros(3)
 @pytest.fixture(scope='module')
 def statics():
     """Return the equations of a disc between the two members at the tip."""
-    return build_statics(CONFIG, DISC, MODEL.contacts, TubeModel(flattening=False))
+    return build_statics(CONFIG, DISC, MODEL.contacts, TubeModel(paper_model=True))
 
 
 def test_without_a_past_the_place_along_the_bisector_is_the_given_one(statics):
@@ -75,7 +75,7 @@ def with_unknowns(grip, **parts):
 )
 def test_a_grasp_holds_where_all_members_press_on_their_length_and_stick(normal, feet, hold):
     """Feet are shares of the lengths of their members."""
-    places = np.array(feet) * MODEL.statics.compliance.length
+    places = np.array(feet) * MODEL.statics.bent.length
     grasp = with_unknowns(MODEL, normal=normal, friction=[0.01, -0.06], feet=places)
     assert grasp.hold(0.5) is hold
 

@@ -35,7 +35,7 @@ def judge(shift=0.0, other=-0.01, needed=0.3, friction=0.5, stable=True, used=0.
         members=np.arange(2),
         required_friction=needed,
         response=SimpleNamespace(stable=stable),
-        sections=SimpleNamespace(utilisation=np.full(len(NAMES), used)),
+        sections=SimpleNamespace(used=np.full(len(NAMES), used)),
     )
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(settle_grasp_module, 'member_depths', lambda *_: depths)

@@ -10,7 +10,7 @@ from isotruss_ros.core import Disc
 from isotruss_ros.core.holding import roll_grip as roll_grip_module
 from isotruss_ros.core.holding.roll_grip import _depth_in, _join
 from isotruss_ros.core.model.convex_object import segment_gaps
-from isotruss_ros.core.statics.member_compliance import MemberCompliance
+from isotruss_ros.core.statics.bent_tubes import BentTubes
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
@@ -36,17 +36,19 @@ def test_a_member_that_does_not_hold_moves_with_the_structure(members, diameter,
         # Where it is nearest to the object, on a lattice.
         shares = np.linspace(0.0, 1.0, 100001)
         share = shares[np.abs(start + shares * (end - start) - body.middle).argmin()]
-        compliance = MemberCompliance(structure_of(HOME), [*grip.members, number])
         feet = np.append(grip.state.feet, share * abs(end - start))
         loads = np.vstack([grip.state.loads, np.zeros(3)])
-        along, across, _ = compliance.at(feet).respond(loads)[-1]
-        moved = (along + 1j * across) * compliance.axis[-1]
+        bent = BentTubes(structure_of(HOME), np.append(grip.members, number), feet)
+        for _ in range(5):
+            bent = bent.update(loads, feet)
+        along, across, _ = bent.respond(loads, feet)[-1]
+        moved = (along + 1j * across) * bent.axis[-1]
         before, after = (
             segment_gaps(body, np.array([start + by]), np.array([end + by])).gaps[0]
             for by in (0.0, moved)
         )
         deeper = _depth_in(replace(grip, body=body), number, 0.01) - 0.01
-        assert deeper == pytest.approx(before - after, rel=1e-2)
+        assert deeper == pytest.approx(before - after, rel=0.1)
 
 
 @pytest.mark.parametrize('force', [None, -0.1])

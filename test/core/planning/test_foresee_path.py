@@ -49,8 +49,10 @@ def test_a_path_ends_where_the_margin_is_the_least_one():
 
 
 def test_a_path_ends_where_friction_does():
-    found = foresee(held('brick'), (0.0, 0.0, 0.8))
-    assert found.share < 0.3
+    grip = held('brick')
+    start = np.array(grip.pose)
+    found = foresee_path(grip, 0.9 * grip.required_friction, np.array([start, start + 0.1]))
+    assert found.share == 0.0
     assert found.why == 'the balance needs more friction than there is'
 
 

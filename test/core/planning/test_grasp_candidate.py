@@ -3,6 +3,7 @@
 
 """Candidates are sent, squeezed and judged: the answer is that of squeezing here."""
 
+import copy
 import pickle
 
 from isotruss_ros.core import ConvexObject, GraspRequirements, load_robot
@@ -22,7 +23,8 @@ def judge(**values):
 
 def test_what_was_sent_is_judged_as_here():
     grasp, tally = judge()
-    here, counts = judge_candidate(HOME, SEED, GraspRequirements())
+    # The seed counts what was looked at: each candidate has its own.
+    here, counts = judge_candidate(HOME, copy.deepcopy(SEED), GraspRequirements())
     assert (grasp.path == here.path).all()
     assert (grasp.config.points == here.config.points).all()
     assert grasp.slip_margin == here.slip_margin > 0.0

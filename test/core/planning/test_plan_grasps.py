@@ -372,7 +372,7 @@ def test_a_search_that_waits_for_others_stops_when_it_is_told_to(monkeypatch):
     assert all(future.cancelled() for future in executor.futures)
 
 
-@pytest.mark.parametrize(('turn', 'found'), [(0.3, True), (2.5, False)])
+@pytest.mark.parametrize(('turn', 'found'), [(0.15, True), (2.5, False)])
 def test_a_grasp_carries_the_object_along_the_path_asked_for(turn, found):
     needs = GraspRequirements(module='north/P', friction=0.6, count=1)
     path = ((0.0, 0.0, 0.0), (0.0, 0.0, turn))

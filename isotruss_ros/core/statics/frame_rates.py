@@ -1,0 +1,52 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+How the frame of a robot changes with its rollers and pressures.
+
+About the bent state nothing changes but rest lengths and sections of the tubes: nodes, bisections
+and supports are where they are.
+"""
+
+from __future__ import annotations
+
+from isotruss_ros.core.numerics.arrays import Array, Points
+from isotruss_ros.core.statics.bent_tubes import BentTubes
+from isotruss_ros.core.statics.structure import frame_layout
+from isotruss_ros.core.statics.wrinkling import tube_pieces
+import numpy as np
+
+
+def section_rates(tubes: BentTubes, moved: Points, inflated: Array) -> Array:
+    """
+    Return how tubes change with p parameters as places on them stay, (4, c, p).
+
+    Rest length [m], EA [N], EI [N m^2] and GA [N] of the members of the cut frame; modules stay.
+
+    :param tubes: cut at the places.
+    :param moved: (N, p) of the nodes of the configuration, x + iy [m].
+    :param inflated: (t, p) of the gauge pressures of the tubes [Pa].
+    """
+    structure, frame = tubes.structure, tubes.frame
+    topology = structure.config.robot.topology
+    start, end = topology.b, topology.c[topology.following]
+    side = structure.config.points[end] - structure.config.points[start]
+    longer = ((moved[end] - moved[start]) / side[:, None]).real * np.abs(side)[:, None]
+    pressures = np.array(structure.pressures)[topology.tube]
+    lengths = structure.config.member_lengths
+    by_length, by_pressure = structure.tube.flexibility_rates(lengths, pressures)
+    softer = by_length[:, :, None] * longer + by_pressure[:, :, None] * inflated[topology.tube]
+    pieces, member = tube_pieces(structure, frame)
+    found = np.zeros((4, len(frame.length), moved.shape[1]))
+    stiff = np.stack(frame.members[2:5])[:, pieces, None]
+    found[1:, pieces] = -(stiff**2) * softer[:, member]
+    # Along a member, its far end moves with pinch point and guide ring; pieces CE run backward.
+    shifts, b = (
+        np.zeros((len(frame.points), moved.shape[1])),
+        frame_layout(structure.config.robot).b,
+    )
+    shifts[b + 1] = shifts[b + 3] = longer[topology.previous]
+    ahead = np.where(np.isin(frame.whole[pieces], structure.pieces[1]), -1.0, 1.0)
+    ends, starts = frame.members.end[pieces], frame.members.start[pieces]
+    found[0, pieces] = ahead[:, None] * (shifts[ends] - shifts[starts])
+    return found

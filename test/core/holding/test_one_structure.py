@@ -1,0 +1,83 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""`deform`, `analyze_grasp` and `settle_grasp` bend one structure."""
+
+from dataclasses import replace
+
+from isotruss_ros.core import analyze_grasp, deform, Disc, load_robot, place_between, Polygon
+from isotruss_ros.core.holding.attach_grip import attach_grip, rest
+from isotruss_ros.core.holding.contact_statics import TubeModel
+from isotruss_ros.core.holding.loaded_frame import held_joints
+from isotruss_ros.core.manipulation.grip import members_at
+import numpy as np
+import pytest
+
+ROBOT = load_robot('nine_member')
+JOINTS = len(ROBOT.topology.joint_names)
+BOX = Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)])
+
+on_grasps = pytest.mark.parametrize(
+    ('shape', 'depth'), [(Disc(0.3), 0.02), (Disc(0.3), 0.035), (BOX, 0.02)]
+)
+
+
+def placed(shape, depth):
+    """Return an object pressed into a corner."""
+    members = members_at(ROBOT, 'north/Z')
+    return place_between(ROBOT.home, members, shape, angle=0.3, indentation=depth).body
+
+
+def deform_by(members, places, plane, couples, paper_model=False):
+    """Return the deformation under forces x + iy and couples at places of members."""
+    loads = {}
+    for member, *load in zip(members, places, plane.real, plane.imag, couples, strict=True):
+        loads.setdefault(ROBOT.member_names[member], []).append(load)
+    return deform(ROBOT.home, {}, tube_loads=loads, paper_model=paper_model)
+
+
+@on_grasps
+@pytest.mark.parametrize('paper_model', [False, True])
+def test_a_held_object_bends_the_structure_as_its_forces_do(shape, depth, paper_model):
+    grip = attach_grip(ROBOT.home, placed(shape, depth), tubes=TubeModel(paper_model=paper_model))
+    loads = grip.state.loads
+    plane = (loads[:, 0] + 1j * loads[:, 1]) * grip.statics.bent.axis
+    bent = deform_by(grip.contacts.members, grip.state.feet, plane, loads[:, 2], paper_model)
+    moved = held_joints(grip) - ROBOT.home.nodes[:JOINTS]
+    expected = bent.state.displacements[:JOINTS, :2]
+    share = 3e-6 if paper_model else 1e-6
+    assert moved == pytest.approx(expected, abs=share * np.abs(expected).max())
+    used = list(bent.utilisation.values())
+    assert grip.sections.used == pytest.approx(used, rel=1e-5, abs=1e-9)
+
+
+@on_grasps
+def test_contact_forces_bend_the_structure_as_loads_on_its_tubes_do(shape, depth):
+    analysis = analyze_grasp(ROBOT.home, placed(shape, depth))
+    points, contact, *_ = analysis.solved
+    touching = np.flatnonzero(contact.forces > 0.0)
+    push = contact.push[touching]
+    bent = deform_by(points.member[touching], points.place[touching], push, 0.0 * push.real)
+    expected, nodes = bent.state.displacements, bent.frame.nodes
+    place = (bent.frame.points + expected @ (1.0, 1j, 0.0))[nodes]
+    centre_lines = points.bend(contact.displacements, contact.push)[touching]
+    # One node stands for the points of a region: of displacements up to 35 mm.
+    assert np.abs(centre_lines - place).max() < 3e-3 * np.abs(expected[nodes, :2]).max()
+    used = list(bent.utilisation.values())
+    assert list(analysis.utilisation.values()) == pytest.approx(used, abs=0.01)
+
+
+@on_grasps
+def test_the_share_of_nonlinearity_is_that_of_the_forces(shape, depth):
+    body = placed(shape, depth)
+    analysis = analyze_grasp(ROBOT.home, body)
+    bent = attach_grip(ROBOT.home, body)
+    # Linear tubes, which flatten as well.
+    straight = replace(bent.statics.bent, before=None, linear=True)
+    statics = replace(bent.statics, bent=straight)
+    wrench = np.zeros(3)
+    _, linear = statics.settle(bent.state.unknowns, wrench, rest(statics, body))
+    assert 0.02 < analysis.nonlinearity < 0.13
+    share = 1.0 - linear.normal_forces.sum() / bent.state.normal_forces.sum()
+    assert bent.nonlinearity == pytest.approx(share, rel=0.45)
+    assert analyze_grasp(ROBOT.home, body, paper_model=True).nonlinearity == 0.0
