@@ -12,7 +12,7 @@ from isotruss_msgs.action import PlanGrasp
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.inputs import InputError
-from isotruss_ros.core.planning.searcher import Answer, Outcome, Searcher
+from isotruss_ros.core.planning.searcher import Answer, Searcher, SearchOutcome
 from isotruss_ros.core.planning.workers import MAX_WORKERS
 from isotruss_ros.nodes.conversions.plan_messages import (
     read_goal,
@@ -76,7 +76,7 @@ class GraspPlanner(ManagedNode):
         """End the search and its processes."""
         self._searcher.close()
         if self._goal.active:
-            self._end(Answer(Outcome.FAILED, 'the node was deactivated'))
+            self._end(Answer(SearchOutcome.FAILED, 'the node was deactivated'))
 
     def destroy_node(self) -> None:
         """Destroy the node and end the processes."""
@@ -107,9 +107,9 @@ class GraspPlanner(ManagedNode):
 
     def _refuse(self, error: IsotrussError) -> PlanGrasp.Result:
         missing = isinstance(error, InputError | ConfigurationError)
-        outcome = Outcome.NO_JOINT_STATES if missing else Outcome.BAD_GOAL
+        outcome = SearchOutcome.NO_JOINT_STATES if missing else SearchOutcome.BAD_GOAL
         if isinstance(error, BusyError):
-            outcome = Outcome.FAILED
+            outcome = SearchOutcome.FAILED
         return to_result_message(Answer(outcome, str(error)), self.robot)
 
     def _begin(self, arguments: tuple[Any, ...]) -> None:

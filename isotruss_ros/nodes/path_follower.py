@@ -17,7 +17,7 @@ from isotruss_ros.core import IsotrussError, Robot
 from isotruss_ros.core.errors import GraspError, NoMotionError, PathError
 from isotruss_ros.core.inputs import InputError, require_fresh
 from isotruss_ros.core.paths.object_path import ObjectPath
-from isotruss_ros.core.paths.path_servo import Outcome, PathServo, ServoFeedback
+from isotruss_ros.core.paths.path_servo import PathOutcome, PathServo, ServoFeedback
 from isotruss_ros.core.paths.path_tracking import Tracking, TrackingSettings
 from isotruss_ros.core.planning.foresee_path import foresee_grip
 from isotruss_ros.nodes.conversions.grip_messages import read_grip
@@ -98,8 +98,8 @@ class PathFollower(ManagedNode):
             self._read,
             self._refuse,
             self._begin,
-            cancelled=lambda: self._end(Outcome.CANCELLED, 'cancelled by the client'),
-            preempted=lambda: self._end(Outcome.PREEMPTED, 'a newer goal took over'),
+            cancelled=lambda: self._end(PathOutcome.CANCELLED, 'cancelled by the client'),
+            preempted=lambda: self._end(PathOutcome.PREEMPTED, 'a newer goal took over'),
             supervised=True,
         )
 
@@ -110,7 +110,7 @@ class PathFollower(ManagedNode):
 
     def deactivate(self) -> None:
         """Bring the object to rest."""
-        self._end(Outcome.STOPPED, 'the node was deactivated')
+        self._end(PathOutcome.STOPPED, 'the node was deactivated')
 
     def details(self) -> dict[str, object]:
         """Return the state of the goal."""
@@ -151,7 +151,7 @@ class PathFollower(ManagedNode):
         """Start the feasibility check of a path."""
         self._last, (path, settings) = None, asked
         if path is None:
-            self._end(Outcome.REACHED, 'the object is there already')
+            self._end(PathOutcome.REACHED, 'the object is there already')
             return
         foreseen = self._thread.submit(
             _check_path, self.robot, self.values, self._servo, path, self.now()
@@ -173,7 +173,7 @@ class PathFollower(ManagedNode):
     def _refuse(self, error: IsotrussError) -> FollowObjectPath.Result:
         return to_path_result(_find_outcome(error), str(error), None, None)
 
-    def _end(self, outcome: Outcome, message: str) -> None:
+    def _end(self, outcome: PathOutcome, message: str) -> None:
         """Publish a zero twist and the result of the goal, if there is one."""
         if not self._goal.active:
             return
@@ -188,7 +188,7 @@ class PathFollower(ManagedNode):
         if not self._goal.active:
             return
         if (loss := self._goal.find_loss(self._servo.timeout)) is not None:
-            self._end(Outcome.STOPPED, loss)
+            self._end(PathOutcome.STOPPED, loss)
             return
         if self._waiting is not None:
             self._publish_twist(np.zeros(3))
@@ -208,12 +208,12 @@ class PathFollower(ManagedNode):
     def _abort_on_stopped_clock(self, now: float) -> None:
         """Abort the goal: inputs do not age while the clock is stopped."""
         self.inputs.clear()
-        self._end(Outcome.STOPPED, f'simulated time stopped at {now:.3f} s')
+        self._end(PathOutcome.STOPPED, f'simulated time stopped at {now:.3f} s')
 
 
-def _find_outcome(error: IsotrussError) -> Outcome:
+def _find_outcome(error: IsotrussError) -> PathOutcome:
     """Return the final outcome of a goal: a missing input, or an infeasible path."""
-    return Outcome.STOPPED if isinstance(error, InputError) else Outcome.BAD_GOAL
+    return PathOutcome.STOPPED if isinstance(error, InputError) else PathOutcome.BAD_GOAL
 
 
 def _read_status(message: ManipulationStatus) -> ServoFeedback:

@@ -30,7 +30,7 @@ def bare(span, axial, flexural, shear):
     held = np.array([[True] * 3] * 3 + [[False] * 3])
     frame = Frame(np.array([0.0, span, 1e3, 1e3 + 1.0]), members, held, list('0123'))
     topology = SimpleNamespace(
-        n_modules=1, b=one - 1, c=one, following=one - 1, previous=one - 1, tube=one - 1
+        n_modules=1, b=one - 1, c=one, end=one, following=one - 1, previous=one - 1, tube=one - 1
     )
     return SimpleNamespace(
         frame=frame,

@@ -13,10 +13,10 @@ from isotruss_ros.nodes.pick_and_place.action_steps import (
     ActionStep,
     CANCEL_TICKS,
     CancelledError,
-    Outcome,
     RETRY_TICKS,
     set_parameters,
     StepError,
+    StepOutcome,
 )
 import pytest
 from rclpy.task import Future
@@ -122,7 +122,7 @@ def test_a_server_that_sends_no_feedback_ends_the_steps_after_the_timeout(server
     now += 0.02
     with pytest.raises(StepError, match=r'no feedback for 0\.2 s') as ended:
         next(steps)
-    assert ended.value.outcome is Outcome.STOPPED
+    assert ended.value.outcome is StepOutcome.STOPPED
     assert server.cancels == 1
 
 
@@ -143,7 +143,7 @@ def test_a_server_that_is_missing_ends_the_steps(server, when):
     with pytest.raises(StepError, match='no node offers the action work') as error:
         next(steps)
     # Under a goal something may have moved.
-    expected = Outcome.NOT_READY if when == 'before' else Outcome.STOPPED
+    expected = StepOutcome.NOT_READY if when == 'before' else StepOutcome.STOPPED
     assert error.value.outcome is expected
 
 
@@ -184,7 +184,7 @@ def test_a_server_that_was_started_again_ends_the_steps(server, accepted):
     server.start_again()
     with pytest.raises(StepError, match='work does not know the goal') as error:
         last_of(steps)
-    assert error.value.outcome is Outcome.STOPPED
+    assert error.value.outcome is StepOutcome.STOPPED
     assert server.asked_for == server.goal_id
 
 
@@ -256,7 +256,7 @@ def test_steps_that_are_closed_cancel_their_goal(server, answered):
 
 @pytest.mark.parametrize('cancelled', [False, True], ids=['alone', 'and a cancel'])
 def test_a_fault_cancels_the_goal_and_is_the_error_once_that_has_ended(server, cancelled):
-    fault = StepError(Outcome.NOT_HELD, 'lost')
+    fault = StepError(StepOutcome.NOT_HELD, 'lost')
     faults = iter([None, None, fault])
     step = ActionStep(None, None, 'work', server.publish, lambda: inf)
     steps = step.run('goal', lambda feedback: feedback, lambda: next(faults))
@@ -328,4 +328,4 @@ def test_a_service_that_is_missing_ends_the_steps(waited):
     service.ready = False
     with pytest.raises(StepError, match='no node offers the service') as error:
         next(steps)
-    assert error.value.outcome is Outcome.NOT_READY
+    assert error.value.outcome is StepOutcome.NOT_READY

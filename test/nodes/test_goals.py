@@ -13,7 +13,7 @@ from isotruss_msgs.action import (
     PlanGrasp,
 )
 from isotruss_ros.core import Pose
-from isotruss_ros.core.planning.searcher import Answer, Outcome
+from isotruss_ros.core.planning.searcher import Answer, SearchOutcome
 from isotruss_ros.nodes.conversions.messages import to_pose_message
 from isotruss_ros.nodes.grasp_planner import GraspPlanner
 from isotruss_ros.nodes.manipulation.node import Manipulation
@@ -75,7 +75,7 @@ GOALS = {
 def test_random_goals_are_answered_and_do_no_harm(name, monkeypatch):
     kind, good = GOALS[name]
     joint_trajectory_action.install(monkeypatch)
-    none = Answer(Outcome.FAILED, 'processes would search')
+    none = Answer(SearchOutcome.FAILED, 'processes would search')
     monkeypatch.setattr(GraspPlanner, '_begin', lambda node, _: node._end(none))
     rng = np.random.default_rng(7)
     with world(lambda: kind(overrides(command_timeout=1.0))) as w:

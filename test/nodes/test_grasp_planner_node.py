@@ -22,7 +22,7 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.planning.describe_plan import NEAR_SPEED_SHARE
 from isotruss_ros.core.planning.grasp_plan import Progress
-from isotruss_ros.core.planning.searcher import Answer, Outcome
+from isotruss_ros.core.planning.searcher import Answer, SearchOutcome
 from isotruss_ros.nodes import grasp_planner
 from isotruss_ros.nodes.conversions.messages import to_pose_message
 from isotruss_ros.nodes.conversions.object_messages import to_object_message
@@ -79,7 +79,7 @@ def test_a_found_grip_names_its_members():
     needs = GraspRequirements(friction=0.9, squeeze=12.0, count=1)
     plan = plan_grasps(ROBOT.home, body, needs, seed=1, thorough=False)
     assert plan.grasps, plan.closest_violation
-    message = to_result_message(Answer(Outcome.FOUND, '', plan), ROBOT).grasps[0]
+    message = to_result_message(Answer(SearchOutcome.FOUND, '', plan), ROBOT).grasps[0]
     assert message.module == ''
     assert message.members == list(plan.grasps[0].grip.members)
     assert len(message.members) in (2, 3)
@@ -207,7 +207,7 @@ def seconds(duration):
 def test_the_result_has_the_grasps_and_trajectories_that_can_be_followed():
     plan = plan_grasps(ROBOT.home, ConvexObject.disc(CENTER, DIAMETER), thorough=False)
     assert plan.grasps
-    result = to_result_message(Answer(Outcome.FOUND, 'found', plan), ROBOT)
+    result = to_result_message(Answer(SearchOutcome.FOUND, 'found', plan), ROBOT)
     assert (result.code, result.message) == (Result.FOUND, 'found')
     assert result.violated_requirement == ''
     assert_same(result, plan)
@@ -229,7 +229,7 @@ def test_the_result_has_the_grasps_and_trajectories_that_can_be_followed():
 
 def test_the_result_names_the_closest_violation():
     plan = plan_grasps(ROBOT.home, ConvexObject.disc((9.0, 9.0), DIAMETER))
-    result = to_result_message(Answer(Outcome.NONE_FOUND, 'none', plan), ROBOT)
+    result = to_result_message(Answer(SearchOutcome.NONE_FOUND, 'none', plan), ROBOT)
     assert not result.grasps
     violation = (result.violated_requirement, result.violation_value, result.violation_bound)
     assert violation == ('enclosed', 0.0, 1.0)
@@ -262,7 +262,7 @@ class StandIn:
         return None if self.begun is None else self.found
 
     def cancel(self):
-        self.reply = Answer(Outcome.CANCELLED, 'cancelled')
+        self.reply = Answer(SearchOutcome.CANCELLED, 'cancelled')
 
     def close(self):
         self.begun, self.closed = None, True
@@ -287,10 +287,10 @@ def ended(w, handle):
 @pytest.mark.parametrize(
     ('outcome', 'status'),
     [
-        (Outcome.FOUND, GoalStatus.STATUS_SUCCEEDED),
-        (Outcome.NONE_FOUND, GoalStatus.STATUS_ABORTED),
-        (Outcome.TIME_OUT, GoalStatus.STATUS_ABORTED),
-        (Outcome.FAILED, GoalStatus.STATUS_ABORTED),
+        (SearchOutcome.FOUND, GoalStatus.STATUS_SUCCEEDED),
+        (SearchOutcome.NONE_FOUND, GoalStatus.STATUS_ABORTED),
+        (SearchOutcome.TIME_OUT, GoalStatus.STATUS_ABORTED),
+        (SearchOutcome.FAILED, GoalStatus.STATUS_ABORTED),
     ],
 )
 def test_passes_the_goal_on_and_ends_with_the_answer(planner, outcome, status):
@@ -324,7 +324,7 @@ def test_refuses_a_goal_while_it_searches(planner):
     assert 'another search is running' in result.message
     assert not handle.ended
     assert Manager(planner, 'grasp_planner').state() == 'active'
-    planner.searcher.reply = Answer(Outcome.FOUND, '')
+    planner.searcher.reply = Answer(SearchOutcome.FOUND, '')
     ended(planner, handle)
     assert planner.send_goal(goal()).accepted
 

@@ -9,8 +9,8 @@ from interfaces import node_classes
 from isotruss_msgs.action import FollowObjectPath, PlanGrasp
 from isotruss_msgs.msg import GraspState, ManipulationStatus
 from isotruss_ros.core import Status
-from isotruss_ros.core.paths.path_servo import Outcome as PathOutcome
-from isotruss_ros.core.planning.searcher import Outcome as SearchOutcome
+from isotruss_ros.core.paths.path_servo import PathOutcome
+from isotruss_ros.core.planning.searcher import SearchOutcome
 from isotruss_ros.nodes.grasp.grasp_report import GraspCode
 from manual_world import check_refused, world
 from probe import overrides

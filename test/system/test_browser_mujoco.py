@@ -21,6 +21,8 @@ from browser import (
 from geometry_msgs.msg import WrenchStamped
 from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.demo.processes import running_nodes
+from isotruss_ros.viewer.names import OBJECTS
+from isotruss_ros.viewer.requests import INITIAL_CHOICE
 import numpy as np
 from probe import world
 import pytest
@@ -60,9 +62,10 @@ class Session:
         for _ in range(times):
             thumb.press(key)
 
-    def choose(self, label, name):
-        """Choose from the menu with a label."""
-        self.page.get_by_label(label, exact=True).first.click()
+    def choose_object(self, name):
+        """Choose from the first menu that has objects."""
+        menus = self.page.locator('input:not([type])').all()
+        next(menu for menu in menus if menu.input_value() in (INITIAL_CHOICE, *OBJECTS)).click()
         self.page.get_by_role('option', name=name, exact=True).click()
 
     def drag(self, color, step_x, step_y):
@@ -159,7 +162,7 @@ def test_a_force_pulls_at_the_object_by_its_slider(session):
 
 @pytest.mark.parametrize('kind', ['box', 'ellipse', 'disc'])
 def test_an_object_of_the_menu_is_held_and_follows_its_handle(session, kind):
-    session.choose('object', kind)
+    session.choose_object(kind)
     session.page.get_by_text(f'object {kind}: active').wait_for()
     session.until(lambda: count_green(pixels(session.page)) > SOME)
     before = session.w.place()

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-An object held fast: contact with the tubes, closure by friction, equations (5) to (10).
+A fixed object: contact with the tubes, closure by friction, equations (5) to (10).
 
 Entry points: `analyze_grasp.analyze_grasp`, which returns a `GraspAnalysis`.
 Imports `core.statics` and what is below it.

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The statics of an object held fast: contact forces, closure by friction and stiffness."""
+"""Statics of a fixed object: contact forces, closure by friction and stiffness."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import lapack
 
-#: Contact points closer than this are one point to the tube, further apart they miss the object.
-SPACINGS = (1e-4, 0.1)
-#: Overlap of a member that may bear no force [tube diameters]: contact points miss so much of a
-#: corner, or at the end of a tube. A third of it refuses grasps that barely touch a third member.
+#: Range of the spacing of contact points [m].
+SPACING_RANGE = (1e-4, 0.1)
+#: Largest overlap of a member without force [tube diameters]: missed by contact points at a corner
+#: or at the end of a tube. A third of it refuses grasps that barely touch a third member.
 MAX_FREE_OVERLAP = 0.05
-#: Contact points that are spent in any case on an object that is no disc.
-BUDGET = 80
+#: Smallest number of contact points on an object other than a disc [-].
+MIN_CONTACT_POINTS = 80
 
 
 @single_threaded
@@ -58,7 +58,7 @@ def analyze_grasp(
     paper_model: bool = False,
 ) -> GraspAnalysis:
     """
-    Analyse an object held fast: contact (5) to (9), closure by friction (10), stiffness.
+    Analyse a fixed object: contact (5) to (9), closure by friction (10), stiffness.
 
     :param config: where the robot is; its rollers do not turn.
     :param body: the object, in its place.
@@ -84,8 +84,10 @@ def analyze_grasp(
     """
     mu, wrench = check_load(body, friction, external_wrench)
     (gap,) = finite_array([spacing], 1, 'spacing [m]', GraspError).tolist()
-    if not SPACINGS[0] <= gap <= SPACINGS[1]:
-        raise GraspError(f'spacing {spacing!r} m: must be from {SPACINGS[0]} to {SPACINGS[1]} m')
+    if not SPACING_RANGE[0] <= gap <= SPACING_RANGE[1]:
+        raise GraspError(
+            f'spacing {spacing!r} m: must be from {SPACING_RANGE[0]} to {SPACING_RANGE[1]} m'
+        )
     round_ = body.shape.is_round
     sliding = not (paper_model or round_)
     solver = _solver(method, sliding)
@@ -98,7 +100,7 @@ def analyze_grasp(
         kernel, before = flattening_of(config.robot, structure.pressures), None
         if previous is not None and previous.contact_spans:
             before = previous.solved
-        budget = BUDGET if sliding else None
+        budget = MIN_CONTACT_POINTS if sliding else None
         solved = refine_contact(structure, surface, gap, kernel, solver, before, budget)
     contact_points, found, *_, kept = solved
     _require_touch(structure, body, contact_points, found)
@@ -157,7 +159,7 @@ def _solve_straight(
     solver: ContactSolver,
     previous: GraspAnalysis | None,
 ) -> SolvedContact:
-    """Return the contact of tubes whose sections stay round."""
+    """Return the contact of tubes without flattening."""
     points = find_contact_points(structure, surface, spacing)
     count, forces = len(points.points), None
     if previous is not None and len(previous.normal_forces) == count:
@@ -184,7 +186,7 @@ def check_load(
 
 
 def _solver(method: str, sliding: bool) -> ContactSolver:
-    """Return what solves (8), tubes sliding on an object that is not round or not."""
+    """Return the solver of (8), with sliding tubes if the object is not round."""
     solvers: dict[str, ContactSolver] = {
         'exact': solve_sliding_contact if sliding else solve_contact,
         'relaxation': relax_contact,
@@ -206,7 +208,7 @@ def _pressed(
     margin: float,
     round_: bool,
 ) -> tuple[Array, Array]:
-    """Return the wrench (3,) on the object, and the levers (c,) of friction."""
+    """Return the wrench (3,) on the object, and the moment arms (c,) of friction."""
     if round_:
         force = contact.forces @ contact.normals
         return np.array([-force.real, -force.imag, 0.0]), np.ones(len(contact.forces))
@@ -219,14 +221,14 @@ def _pressed(
 
 
 def _about_middle(body: ConvexObject, wrench: Array) -> Array:
-    """Return (fx, fy, m / arm) about the middle of the area, which no frame moves [N]."""
+    """Return (fx, fy, m / arm) about the centroid of the area, independent of the frame [N]."""
     away = body.middle - body.center
     x, y, moment = wrench
     return np.array([x, y, (moment - away.real * y + away.imag * x) / body.arm])
 
 
 def _stiffness(contact_points: ContactPoints, contact: ContactState, center: complex) -> Array:
-    """Return the wrench (3, 3) that a small motion of the object with its contacts takes."""
+    """Return the stiffness (3, 3): wrench per small motion of the object with its contacts."""
     touching = np.flatnonzero(contact.forces > 0.0)
     if len(touching) == 0:
         return np.zeros((3, 3))

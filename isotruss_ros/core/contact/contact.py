@@ -21,26 +21,26 @@ from isotruss_ros.core.numerics.qp import GAP_TOLERANCE, solve_complementarity
 import numpy as np
 from scipy.linalg import lapack
 
-#: Forces are along normals to this, as a share of the largest.
-SMOOTH = 1e-6
+#: Relative tolerance of forces along normals [-].
+NORMAL_TOLERANCE = 1e-6
 MAX_NORMAL_UPDATES = 30
 MAX_STEPS = 300
-#: Where a member flattens, contact is about as wide as what is this share of the largest depth.
-WIDE = 0.7
-#: K1 of (9) as a share of 2 / lambda_max(W), beyond which the iteration diverges.
-GAIN = 0.9
+#: Share of the largest depth that bounds the estimated contact of a flattening member [-].
+CONTACT_DEPTH_SHARE = 0.7
+#: K1 of (9) relative to 2 / lambda_max(W), beyond which the iteration diverges [-].
+RELAXATION_GAIN = 0.9
 MAX_RELAXATIONS = 2_000_000
-#: Where the gap is larger than this, what is left of the force is no contact [m].
-TOUCHING = 1e-7
-#: A force that has faded to this share of the largest is none.
-NEGLIGIBLE = 1e-9
-#: Below this is nothing: keeps divisions defined before the first contact.
+#: Largest gap of a contact [m]; remaining forces at larger gaps are not contact.
+MAX_CONTACT_GAP = 1e-7
+#: Negligible force relative to the largest [-].
+NEGLIGIBLE_FORCE_SHARE = 1e-9
+#: Lower bounds of divisors before the first contact.
 TINY = 1e-300
 SMALL_FORCE = 1e-100
-#: Normals follow the deformed points, and the end is looked for, every so many steps of (9).
-STEPS_BETWEEN_LOOKS = 200
-#: Complementarity holds to this in (9), gap [m] and force as a share of the largest.
-RELAXED = 1e-2 * GAP_TOLERANCE
+#: Steps of (9) between updates of normals and convergence checks [-].
+STEPS_PER_CHECK = 200
+#: Tolerance of complementarity in (9): gap [m], and force relative to the largest [-].
+RELAXATION_TOLERANCE = 1e-2 * GAP_TOLERANCE
 
 
 def solve_contact(
@@ -50,7 +50,7 @@ def solve_contact(
     normals: Points | None = None,
 ) -> ContactState:
     """
-    Solve (8): gaps and forces not negative, and one of them zero everywhere.
+    Solve the contact LCP (8): nonnegative gaps and forces, complementary at each point.
 
     :param contact_points: points that the object could touch.
     :param surface: what the points meet, see `find_contact_points`.
@@ -81,7 +81,7 @@ def solve_contact(
             pressing, sizes = push * turned.conj(), np.abs(push)
             if (
                 (pressing.real >= 0.0).all()
-                and (np.abs(pressing.imag) <= SMOOTH * sizes.max(initial=0.0)).all()
+                and (np.abs(pressing.imag) <= NORMAL_TOLERANCE * sizes.max(initial=0.0)).all()
                 and (left >= -GAP_TOLERANCE).all()
                 and (left[places] <= GAP_TOLERANCE).all()
             ):
@@ -100,7 +100,7 @@ def _settle_normals(
     gaps: Array,
     surface: Surface,
 ) -> Points:
-    """Return the forces (a,), x + iy [N], that close gaps (a,), along normals that follow."""
+    """Return the forces (a,), x + iy [N], that close gaps (a,), with updated normals."""
     count = len(places)
     if count == 0:
         return np.zeros(0, dtype=np.complex128)
@@ -125,14 +125,14 @@ def _settle_normals(
         forces = pressing * local
         change = float(np.abs(turned - local).max())
         local, gaps = turned, left - (moved * turned.conj()).real
-        if change < 0.01 * SMOOTH:
+        if change < 0.01 * NORMAL_TOLERANCE:
             break
     return axis * forces
 
 
 def estimate_contact(contact_points: ContactPoints, surface: Surface) -> ContactState:
     """
-    Solve (8) for the normals of the undeformed tubes; the normals of the answer are new ones.
+    Solve (8) with the normals of the undeformed tubes; the result has updated normals.
 
     :param contact_points: points that the object could touch.
     :param surface: what the points meet.
@@ -151,7 +151,7 @@ def estimate_contact(contact_points: ContactPoints, surface: Surface) -> Contact
 
 def face_tubes(contact_points: ContactPoints, surface: Surface) -> Points:
     """
-    Return the normals (c,) with which undeformed tubes meet the object.
+    Return the normals (c,) of undeformed tubes on the object.
 
     Those of the centre lines: the skin may be beyond the centre of a small object.
 
@@ -163,7 +163,7 @@ def face_tubes(contact_points: ContactPoints, surface: Surface) -> Points:
 
 def open_gaps(away: Points, normals: Points, surface: Surface) -> Array:
     """
-    Return the gaps along normals that there are without forces, (c,) [m].
+    Return the gaps along normals without forces, (c,) [m].
 
     :param away: (c,) points, from the surface's centre, x + iy [m].
     :param normals: (c,) outward unit normals, x + iy.
@@ -174,7 +174,7 @@ def open_gaps(away: Points, normals: Points, surface: Surface) -> Array:
 
 def guess_contact(contact_points: ContactPoints, gaps: Array) -> Flags:
     """
-    Return where contact is likely: where each member is deepest, and as deep if it flattens.
+    Return the likely contact points: the deepest of each member, more if it flattens.
 
     :param contact_points: points that the object could touch.
     :param gaps: (c,) without forces [m].
@@ -183,7 +183,7 @@ def guess_contact(contact_points: ContactPoints, gaps: Array) -> Flags:
     deepest = np.full(int(member.max(initial=-1)) + 1, np.inf)
     np.minimum.at(deepest, member, gaps)
     if contact_points.dents.any():
-        deepest = np.where(deepest < 0.0, WIDE * deepest, deepest)
+        deepest = np.where(deepest < 0.0, CONTACT_DEPTH_SHARE * deepest, deepest)
     return gaps <= deepest[member]
 
 
@@ -194,7 +194,7 @@ def relax_contact(
     normals: Points | None = None,
 ) -> ContactState:
     """
-    Solve (8) by (9): forces grow where the gap is negative and fade where it is positive.
+    Solve (8) by the relaxation (9): forces increase at negative and decrease at positive gaps.
 
     The tangential term of (9) is not needed: forces are normal from the start. K1 = 0.9 * 2 /
     lambda_max(W), and K3 = K1 / (largest force), so that fading is never quicker than growing.
@@ -209,7 +209,7 @@ def relax_contact(
     if normals is None:
         normals = face_tubes(contact_points, surface)
     forces = np.zeros(len(away)) if forces is None else forces.copy()
-    for _ in range(MAX_RELAXATIONS // STEPS_BETWEEN_LOOKS):
+    for _ in range(MAX_RELAXATIONS // STEPS_PER_CHECK):
         gaps = open_gaps(away, normals, surface)
         compliance = contact_points.normal_compliance(normals)
         # Points without force that are not touched take no part: they do not bound the gain.
@@ -217,12 +217,12 @@ def relax_contact(
         if len(part):
             forces[part] = _steps(gaps[part], compliance[np.ix_(part, part)], forces[part])
         largest = forces.max(initial=TINY)
-        forces = np.where(forces > NEGLIGIBLE * largest, forces, 0.0)
+        forces = np.where(forces > NEGLIGIBLE_FORCE_SHARE * largest, forces, 0.0)
         displacements = contact_points.displacements(forces * normals)
         gap, normals, radii = surface.nearest(away + displacements)
         left = np.maximum(gap, 0.0) * forces / largest
-        if (gap > -RELAXED).all() and (left < RELAXED).all():
-            touching = np.where(gap < TOUCHING, forces, 0.0)
+        if (gap > -RELAXATION_TOLERANCE).all() and (left < RELAXATION_TOLERANCE).all():
+            touching = np.where(gap < MAX_CONTACT_GAP, forces, 0.0)
             push = touching * normals
             return ContactState(touching, gap, normals, displacements, radii, push)
     raise SolverError(
@@ -232,8 +232,8 @@ def relax_contact(
 
 def _steps(gaps: Array, compliance: Array, forces: Array) -> Array:
     """Return the forces (c,) after some steps of (9) with fixed normals."""
-    grow = GAIN * 2.0 / np.linalg.eigvalsh(compliance)[-1]
-    for _ in range(STEPS_BETWEEN_LOOKS):
+    grow = RELAXATION_GAIN * 2.0 / np.linalg.eigvalsh(compliance)[-1]
+    for _ in range(STEPS_PER_CHECK):
         gap = gaps + compliance @ forces
         fade = grow / max(forces.max(), SMALL_FORCE)
         forces = forces + grow * np.maximum(-gap, 0.0) - fade * np.maximum(gap, 0.0) * forces

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Points of the tubes that an object could touch, how the robot gives there, and contact."""
+"""Contact points of the tubes, with the compliance of the robot."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ import numpy as np
 @dataclass(frozen=True, eq=False)
 class ContactPoints:
     """
-    Points of the tubes that an object could touch, and how the whole robot gives there.
+    Possible contact points of the tubes, with the compliance of the whole robot.
 
     They are in the order of the members, and of the places on these.
 
@@ -144,12 +144,12 @@ class ContactPoints:
 
     @cached_property
     def across(self) -> Array:
-        """Return the compliance of the skin across the tube while the ends stand still, (c, c)."""
+        """Return the transverse compliance of the skin with fixed ends, (c, c)."""
         return self.inside[1] + self.dents
 
     def normal_compliance(self, normals: Points) -> Array:
         """
-        Return W = N^T (S^-1 + C) N of (8): how the skin gives along normals.
+        Return W = N^T (S^-1 + C) N of (8), the compliance of the skin along normals.
 
         :param normals: (c,) unit vectors x + iy along which unit forces act.
         :return: (c, c) symmetric but for rounding [m/N].
@@ -163,7 +163,7 @@ class ContactPoints:
 
     def displacements(self, forces: Points) -> Points:
         """
-        Return how the skin moves at all points, by the tubes' bending and its own dents.
+        Return the displacements of the skin at all points, by bending and dents.
 
         :param forces: (c,) x + iy [N].
         :return: (c,) x + iy [m].
@@ -176,7 +176,7 @@ class ContactPoints:
 
     def compliance(self, places: Indices) -> Array:
         """
-        Return displacements (2, a) along and across the tube for unit forces (2, a), [m/N]; kept.
+        Return the axial and transverse compliance (2, a, 2, a) [m/N], cached.
 
         :param places: (a,) of which points.
         """
@@ -192,7 +192,7 @@ class ContactPoints:
 
     def bend(self, displacements: Points, push: Points) -> Points:
         """
-        Return where the centre lines are, (c,) x + iy [m]: dents move the skin alone.
+        Return the deformed centre lines, (c,) x + iy [m], without the dents of the skin.
 
         :param displacements: (c,) of the skin, x + iy [m].
         :param push: (c,) forces on the tubes, x + iy [N].
@@ -204,7 +204,7 @@ class ContactPoints:
 @dataclass(frozen=True, eq=False)
 class ContactState:
     """
-    Where and how hard the object is touched.
+    Contact points with their forces.
 
     :ivar forces: (c,) normal forces, not negative [N].
     :ivar gaps: (c,) distances of the deformed tube from the surface, not negative [m].
@@ -231,7 +231,7 @@ def find_contact_points(
     bent: BentTubes | None = None,
 ) -> ContactPoints:
     """
-    Place contact points on the members where they come within reach of an object.
+    Place contact points on the members within reach of an object.
 
     :param structure: the frame of the robot.
     :param surface: what the points meet: the object's own surface, or where the tubes do not
@@ -274,7 +274,7 @@ def points_on_members(
     bent: BentTubes, member: Indices, place: Array, spacing: float
 ) -> ContactPoints:
     """
-    Return points of the centre lines at given places.
+    Return points of the centre lines at given positions.
 
     :param bent: the tubes, linearised.
     :param member: (c,) the member that each is on.
@@ -322,7 +322,7 @@ def points_on_members(
 def _reach(
     surface: Surface, start: Points, axis: Points, width: float, spacing: float
 ) -> tuple[Array, Array]:
-    """Return between which distances from their starts lines (m,) are within reach."""
+    """Return the intervals of lines (m,) within reach, from their starts."""
     # A tube that gives elsewhere may come into contact beyond the chord of the object.
     away, reach = (surface.center - start) * axis.conj(), surface.reach + 2.0 * spacing
     off = np.abs(away.imag) - width
@@ -339,7 +339,7 @@ def _reach(
 def _clip(
     start: Points, axis: Points, normals: Points, distances: Array, width: float
 ) -> tuple[Array, Array]:
-    """Return between which distances from their starts strips are within all tangents."""
+    """Return the intervals of strips inside all tangents, from their starts."""
     # Of the two edges of a strip, the one that is farther inside.
     slope = (axis[:, None] * normals.conj()).real
     lean = np.abs((axis[:, None] * normals.conj()).imag)

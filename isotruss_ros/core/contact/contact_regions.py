@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Contact regions: how widely the tubes touch the object, and with what pressure.
+Contact regions: lengths, widths and pressures of the tubes on the object.
 
 Where a section is flattened its wall is straight across the tube, so that it presses with the
 gauge pressure p and with what its tension along the tube, T, adds around an object whose surface
@@ -28,7 +28,7 @@ def find_wrinkling(
     structure: Structure, contact_points: ContactPoints, contact: ContactState
 ) -> tuple[SectionLoads, Array]:
     """
-    Return what the sections of a robot's tubes bear under contact forces, and their tension.
+    Return section loads and tension of a robot's tubes under contact forces.
 
     :param structure: the frame of the robot.
     :param contact_points: points that the object could touch.

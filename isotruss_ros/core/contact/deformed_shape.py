@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The lines by which a grasp is drawn: tubes as they were and bent, forces, contact regions."""
+"""Lines of a grasp for drawings: undeformed and bent tubes, forces, contact regions."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Points
 import numpy as np
 
-#: Points on each member from guide ring to guide ring.
-SAMPLES = 13
+#: Number of points on each member from guide ring to guide ring [-].
+POINTS_PER_MEMBER = 13
 
 
 def deformed_lines(analysis: GraspAnalysis) -> Points:
@@ -25,7 +25,7 @@ def deformed_lines(analysis: GraspAnalysis) -> Points:
     structure, touching = analysis.structure, analysis.normal_forces > 0.0
     config = structure.config
     length, ring = config.member_lengths, config.robot.description.module.guide_ring_distance
-    between = ring + (length - 2.0 * ring)[:, None] * np.linspace(0.0, 1.0, SAMPLES)
+    between = ring + (length - 2.0 * ring)[:, None] * np.linspace(0.0, 1.0, POINTS_PER_MEMBER)
     places = np.column_stack([np.zeros_like(length), between, length])
     drawn = np.repeat(np.arange(len(places)), places.shape[1])
     # Points of the lines, then of the forces.
@@ -40,7 +40,7 @@ def deformed_lines(analysis: GraspAnalysis) -> Points:
 
 def force_lines(body: ConvexObject, analysis: GraspAnalysis, scale: float) -> Points:
     """
-    Return (k, 2) tails and tips [m] of the forces on the object, which push at its surface.
+    Return (k, 2) tails and tips [m] of the forces on the object, with tips at its surface.
 
     :param body: the object.
     :param analysis: of the grasp.
@@ -76,6 +76,6 @@ def region_lines(
 
 
 def _feet(body: ConvexObject, points: Points) -> Points:
-    """Return what is nearest to points on the object's surface, (c,) [m]."""
+    """Return the nearest points of the object's surface, (c,) [m]."""
     found = body.nearest(points)
     return points - found.gaps * found.normals

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-How deep a tube's skin dents under what presses on it at one contact with a given force.
+Depth of the dent of a tube's skin at one contact by its normal force.
 
 The contact of the analysis on a tube whose centre line stands still: what is left is the dent of
 `flattening`. Each point of the skin presses across the tube, as in `sliding_contact`, so that the
@@ -30,9 +30,9 @@ import scipy
 #: Depths of the table of a disc as shares of the tube's or its own radius, whichever is smaller;
 #: of a corner of any shape, as shares of the tube's radius.
 DISC_DEPTHS, CORNER_DEPTHS = (0.8 * np.linspace(0.0, 1.0, n)[1:] ** 2 for n in (15, 10))
-#: Contact points across the chord in which the object overlaps the round tube.
-POINTS = 41
-POWER = 2.0 / 3.0
+#: Number of contact points on the chord of overlap of object and round tube [-].
+CHORD_POINTS = 41
+DEPTH_EXPONENT = 2.0 / 3.0
 #: Tables of corners are of outlines with points so many tube radii apart; beyond so many from the
 #: contact nothing is counted as part of it.
 OUTLINE, REACH = 0.02, 4.0
@@ -40,7 +40,7 @@ OUTLINE, REACH = 0.02, 4.0
 
 class SkinIndentation:
     """
-    The depth of a dent by the normal force, for one tube and one object.
+    Depth of a dent as a function of the normal force, for one tube and one object.
 
     :param depths: (n,) of dents, rising from above zero [m].
     :param presses: for each the spacing of points of the skin [m], and the forces on these (c,)
@@ -56,7 +56,9 @@ class SkinIndentation:
         kernel: Flattening,
         tube: int,
     ) -> None:
-        places = np.append(0.0, np.array([forces.sum() for _, forces in presses]) ** POWER)
+        places = np.append(
+            0.0, np.array([forces.sum() for _, forces in presses]) ** DEPTH_EXPONENT
+        )
         self._spline = spline = scipy.interpolate.CubicSpline(
             places, np.append(0.0, depths), bc_type='natural'
         )
@@ -68,7 +70,7 @@ class SkinIndentation:
 
     def __call__(self, force: float) -> tuple[float, float]:
         """
-        Return depth [m] and its derivative by the force [m/N]; beyond the table it goes on evenly.
+        Return depth [m] and its derivative [m/N], extrapolated linearly beyond the table.
 
         :param force: [N]; a pulling one has a depth below zero, for a search that passes it.
         """
@@ -79,16 +81,16 @@ class SkinIndentation:
         return math.copysign(depth, force), slope * per_force
 
     def _locate(self, force: float) -> tuple[int, float, float, float]:
-        """Return the piece of the table, where in it, how far beyond all, and place by force."""
+        """Return the interval of the table, the position in it and beyond, and its derivative."""
         size = max(abs(force), 1e-9)
-        place = size**POWER
+        place = size**DEPTH_EXPONENT
         inside = min(place, self._places[-1])
         piece = min(bisect_right(self._places, inside), len(self._pieces)) - 1
-        return piece, inside - self._places[piece], place - inside, POWER * place / size
+        return piece, inside - self._places[piece], place - inside, DEPTH_EXPONENT * place / size
 
     def second_rates(self, force: float) -> tuple[float, float, float]:
         """
-        Return the second derivative of the depth by the force [m/N^2], and what pressure changes.
+        Return the second derivative of the depth by the force [m/N^2], and those by pressure.
 
         :param force: [N].
         :return: besides it the derivatives, by the gauge pressure in the tube, of the depth [m/Pa]
@@ -100,12 +102,12 @@ class SkinIndentation:
         slope, bend = (float(self._spline(place, order)) for order in (1, 2))
         rate, steeper = (float(self._spline_rate(place, order)) for order in (0, 1))
         # The spline is natural: it does not bend where the table ends.
-        curve = bend * stretch**2 + slope * stretch * (POWER - 1.0) / size
+        curve = bend * stretch**2 + slope * stretch * (DEPTH_EXPONENT - 1.0) / size
         return sign * curve, sign * (rate + steeper * beyond), steeper * stretch
 
     @functools.cached_property
     def _place_rates(self) -> Array:
-        """Return how the places of the table move with the pressure, (n + 1,)."""
+        """Return the derivatives of the nodes of the table by the pressure, (n + 1,)."""
         kernel, tube, rates = self._kernel, self._tube, [0.0]
         for spacing, forces in self._presses:
             # The sum of q, where C q = -gaps, changes by -l . C' q, where C l = 1.
@@ -116,12 +118,12 @@ class SkinIndentation:
             apart = np.abs(closed[:, None] - closed)
             softer = kernel.compliance_rates(len(forces), spacing)[tube][apart]
             lost = float(by_gaps @ softer @ forces[closed])
-            rates.append(-POWER * forces.sum() ** (POWER - 1.0) * lost)
+            rates.append(-DEPTH_EXPONENT * forces.sum() ** (DEPTH_EXPONENT - 1.0) * lost)
         return np.array(rates)
 
     @functools.cached_property
     def _spline_rate(self) -> scipy.interpolate.PPoly:
-        """Return how the spline changes with the pressure: its places move, the depths stay."""
+        """Return the derivative of the spline by the pressure, at constant depths."""
         spline, moved = self._spline, self._place_rates
         third = 6.0 * spline.c[0]
         # Where a place moves by m, the spline changes by -m times its slope, and the curvature of
@@ -178,7 +180,7 @@ def skin_indentation(
     robot: Mechanism, tube: int, radius: float, pressures: tuple[float, ...] | None = None
 ) -> SkinIndentation:
     """
-    Return the dents of one tube by a disc; the tables of the last few are kept.
+    Return the dents of one tube by a disc; the last few tables are cached.
 
     :param robot: the robot.
     :param tube: number of the tube.
@@ -192,11 +194,11 @@ def skin_indentation(
 
 
 def _press_disc(kernel: Flattening, tube: int, radius: float, depth: float) -> tuple[float, Array]:
-    """Return how a cylinder presses on a tube that it dents this deep."""
+    """Return the contact of a cylinder with a tube at a given depth."""
     half = np.sqrt(radius**2 - (radius - depth) ** 2)
-    place = half * np.linspace(-1.0, 1.0, POINTS)
+    place = half * np.linspace(-1.0, 1.0, CHORD_POINTS)
     gaps = radius - depth - np.sqrt(radius**2 - place**2)
-    return _press(kernel, tube, 2.0 * half / (POINTS - 1), gaps)
+    return _press(kernel, tube, 2.0 * half / (CHORD_POINTS - 1), gaps)
 
 
 def _press(kernel: Flattening, tube: int, spacing: float, gaps: Array) -> tuple[float, Array]:
@@ -218,7 +220,7 @@ def corner_dents(
     pressures: tuple[float, ...] | None = None,
 ) -> SkinIndentation:
     """
-    Return the dents under one contact of an object; tables of the last contacts are kept.
+    Return the dents under one contact of an object; the last tables are cached.
 
     :param robot: the robot.
     :param tube: number of the tube.
@@ -248,7 +250,7 @@ def _outline(shape: Shape, spacing: float) -> Points:
 
 
 def _profile(shape: Shape, angle: float, point: complex, spacing: float) -> tuple[Array, Array]:
-    """Return places counter-clockwise along a tube, and heights of the surface there."""
+    """Return positions counter-clockwise along a tube, and heights of the surface there."""
     inward = -np.exp(1j * angle)
     seen = (_outline(shape, spacing) - point) * inward.conjugate()
     # Along the tube counter-clockwise, and into the object.
@@ -265,7 +267,7 @@ def _profile(shape: Shape, angle: float, point: complex, spacing: float) -> tupl
 def _press_corner(
     kernel: Flattening, tube: int, places: Array, heights: Array, reach: Array, depth: float
 ) -> tuple[float, Array]:
-    """Return how a surface presses on a tube that it dents this deep."""
+    """Return the contact of a surface with a tube at a given depth."""
     low = np.flatnonzero(heights <= depth)
     first, last = max(low[0] - 1, 0), min(low[-1] + 1, len(places) - 1)
     # Where the surface is as high as the depth, between two of its points.
@@ -274,7 +276,7 @@ def _press_corner(
         for pair in ([low[0], first], [low[-1], last])
     )
     begin, end = max(begin, -float(reach[0])), min(end, float(reach[1]))
-    spacing = max(end - begin, 1e-6) / POINTS
+    spacing = max(end - begin, 1e-6) / CHORD_POINTS
     # Points in the middle of pieces, so that these end where the contact may.
-    gaps = np.interp(begin + (np.arange(POINTS) + 0.5) * spacing, places, heights) - depth
+    gaps = np.interp(begin + (np.arange(CHORD_POINTS) + 0.5) * spacing, places, heights) - depth
     return _press(kernel, tube, spacing, gaps)

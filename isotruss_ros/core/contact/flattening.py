@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Flattening: how the section of an inflated tube gives where it is touched, besides bending.
+Flattening: local compliance of the section of an inflated tube under contact.
 
 An inextensible wall of radius R under the gauge pressure p gives to a line load by ring modes
 cos(n phi), n = 2, 3, ...; mode n meets the stiffness k_n = pi p (n^2 - 1) per unit length. The sum
@@ -30,14 +30,14 @@ from isotruss_ros.core.statics.tube_stiffness import tube_stiffness
 import numpy as np
 from numpy.typing import ArrayLike
 
-#: Steps of lambda_n toward its fixed point; each leaves less than a fifth of the error before.
-FIXED_POINT_STEPS = 12
+#: Fixed-point iterations of lambda_n [-]; each reduces the error to less than a fifth.
+FIXED_POINT_ITERATIONS = 12
 
 
 @dataclass(frozen=True, eq=False)
 class Flattening:
     """
-    The local compliance of tubes' sections against forces across the tube, from one side.
+    Local compliance of tubes' sections under transverse forces from one side.
 
     :ivar radius: R of the tubes [m].
     :ivar stiffness: (t, n) k_n of the modes that spread along each tube, per unit length [N/m^2].
@@ -56,12 +56,12 @@ class Flattening:
 
     @property
     def reach(self) -> Array:
-        """Return lambda_n, (t, n): the length over which each mode fades along the tube [m]."""
+        """Return lambda_n, (t, n): the decay length of each mode along the tube [m]."""
         return np.sqrt(self.tension / self.stiffness)
 
     def compliance(self, place: Array, member: Indices, tube: Indices, spacing: float) -> Array:
         """
-        Return how points give under unit forces at points, by the dents alone.
+        Return the compliance between points by dents alone.
 
         Each point stands for a piece of tube of one spacing, over which load and indentation are
         averaged. The sum over a long lattice is the integral of the kernel, whatever the spacing.
@@ -93,7 +93,7 @@ class Flattening:
 
     def compliance_rates(self, count: int, spacing: float) -> Array:
         """
-        Return how points that are 0, 1, ... spacings apart give by their tube's pressure.
+        Return derivatives by pressure of the compliance at 0, 1, ... spacings.
 
         :param count: of distances.
         :param spacing: of the points [m].
@@ -163,7 +163,7 @@ def flattening(
     tension, tension_rate = pulled, pulled / pressure
     if fabric is not None:
         wall, shear = fabric
-        for _ in range(FIXED_POINT_STEPS):
+        for _ in range(FIXED_POINT_ITERATIONS):
             share = wall / (wall + shear * n**2 * tension / stiffness / radius**2)
             tension = pulled + np.pi * radius * shear * share / n**2
         slower = np.pi * (shear * share) ** 2 / (wall * radius * stiffness)
@@ -183,7 +183,7 @@ def flattening(
 @functools.lru_cache(maxsize=8)
 def flattening_of(robot: Mechanism, pressures: tuple[float, ...] | None = None) -> Flattening:
     """
-    Return the local compliance of a robot's tubes; that of the last few robots is kept.
+    Return the local compliance of a robot's tubes; the last few are cached.
 
     :param robot: whose file has tube diameter and stiffness model.
     :param pressures: (t,) gauge, by tube in the order of the robot file; that of the file if None

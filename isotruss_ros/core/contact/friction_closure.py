@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Closure by friction: friction within its limits balances the normal forces, equation (10).
+Closure by friction: friction within its bounds balances the normal forces, equation (10).
 
 The wrenches that friction can bring about form a zonotope: a sum of segments, one for each
 contact. Its facets are planes spanned by pairs of segments, so that the smallest friction
@@ -21,25 +21,24 @@ from isotruss_ros.core.numerics.qp import find_nearest, solve_least_squares
 import numpy as np
 import scipy
 
-#: Closed when what is left is this small, against the forces involved.
+#: Largest residual of closure relative to the forces [-].
 CLOSURE_TOLERANCE = 1e-6
-#: Facets whose normal is this short, against 1, are degenerate: their segments are parallel.
+#: Smallest length of a facet normal [-]; the segments of shorter ones are parallel.
 FACET_TOLERANCE = 1e-9
-#: Weight of small friction forces against a small residual: it makes them unique, and must not
-#: show in what is left.
-SMALL = 1e-6
-#: Precision of the shares, and steps of their search for each of them.
-PRECISION, MOST_STEPS = 1e-14, 10
-#: Segments that lean less than this against what is left are across it.
-ACROSS = 1e-6
-#: Facets whose extents are summed at once.
-PART = 4096
+#: Regularization weight of the friction forces [-]; makes them unique without a visible residual.
+FRICTION_REGULARIZATION = 1e-6
+#: Tolerance of the shares, and largest number of steps per share [-].
+SHARE_TOLERANCE, MAX_STEPS_PER_SHARE = 1e-14, 10
+#: Largest cosine of segments perpendicular to the residual [-].
+PERPENDICULAR_COSINE = 1e-6
+#: Number of facets per batch [-].
+FACET_BATCH = 4096
 
 
 @dataclass(frozen=True, eq=False)
 class FrictionClosure:
     """
-    How friction balances a wrench.
+    Balance of a wrench by friction.
 
     :ivar closed: whether it does, up to `tolerance`.
     :ivar residual: what is left [N], moments over d/2.
@@ -90,7 +89,7 @@ def balance_by_friction(
 def _balance(
     segments: Array, facets: tuple[Array, Array], load: Array, friction: float
 ) -> tuple[Array, float]:
-    """Return the shares (k,) in [-mu, mu] of the segments, and what they leave of the load."""
+    """Return the shares (k,) in [-mu, mu] of the segments, and the residual of the load."""
     normals, support = facets
     offs, size = normals @ load, float(np.linalg.norm(load))
     room = friction * np.tile(support, 2) + np.concatenate([offs, -offs])
@@ -99,7 +98,7 @@ def _balance(
     # What is left when all friction is used points away from all that could take more of it: only
     # shares across it are open, few of all.
     lever, reach = segments @ left, np.linalg.norm(segments, axis=1) * np.linalg.norm(left)
-    free = np.abs(lever) <= ACROSS * reach
+    free = np.abs(lever) <= PERPENDICULAR_COSINE * reach
     shares = np.where(free, 0.0, -friction * np.sign(lever))
     if free.any() and friction > 0.0:
         shares[free] = _smallest(segments[free], left - load - shares @ segments, friction)
@@ -107,7 +106,7 @@ def _balance(
 
 
 def _smallest(segments: Array, wanted: Array, friction: float) -> Array:
-    """Return the smallest shares (k,) in [-mu, mu] that give a wrench, or come close to it."""
+    """Return the smallest shares (k,) in [-mu, mu] for a wrench, or the closest one."""
     shares = solve_least_squares(segments.T, wanted)
     if np.abs(shares).max() <= friction:
         return shares
@@ -115,19 +114,19 @@ def _smallest(segments: Array, wanted: Array, friction: float) -> Array:
     size = max(float(np.abs(segments).max()), 1e-6 * float(np.abs(wanted).max()))
     count = len(segments)
     return scipy.optimize.lsq_linear(
-        np.concatenate([segments.T / size, SMALL * np.eye(count)]),
+        np.concatenate([segments.T / size, FRICTION_REGULARIZATION * np.eye(count)]),
         np.concatenate([wanted / size, np.zeros(count)]),
         (-friction, friction),
         method='bvls',
-        tol=PRECISION,
-        max_iter=MOST_STEPS * count,
+        tol=SHARE_TOLERANCE,
+        max_iter=MAX_STEPS_PER_SHARE * count,
     ).x
 
 
 def _extremes(
     facets: tuple[Array, Array], wanted: Array, friction: float, tolerance: float
 ) -> tuple[float, float]:
-    """Return the smallest coefficient that gives a wrench, and how far inside that is."""
+    """Return the smallest coefficient for a wrench, and its margin."""
     normals, support = facets
     need = np.abs(normals @ wanted)
     # A flat zonotope, as of two contacts, reaches nothing across its plane.
@@ -148,7 +147,7 @@ def _facets(segments: Array) -> tuple[Array, Array]:
     good = sizes > FACET_TOLERANCE * reach[first] * reach[second]
     normals = normals[good] / sizes[good, None]
     # All pairs of hundreds of contacts, times all contacts, would take gigabytes at once.
-    parts = np.array_split(normals, 1 + len(normals) // PART)
+    parts = np.array_split(normals, 1 + len(normals) // FACET_BATCH)
     support = np.concatenate([np.abs(part @ segments.T).sum(axis=1) for part in parts])
     if (support > FACET_TOLERANCE * np.linalg.norm(segments, axis=1).sum()).any():
         return normals, support
@@ -156,7 +155,7 @@ def _facets(segments: Array) -> tuple[Array, Array]:
 
 
 def _flat_facets(segments: Array, plane: bool) -> tuple[Array, Array]:
-    """Return the same of segments that are all in one plane, or else in one line."""
+    """Return facet normals and extents of a degenerate zonotope (planar or linear)."""
     rank = min(len(segments), 1 + plane)
     axes = np.linalg.svd(segments)[2]
     within = np.cross(segments, axes[2]) if rank == 2 else axes[:rank]
@@ -167,5 +166,5 @@ def _flat_facets(segments: Array, plane: bool) -> tuple[Array, Array]:
 
 @functools.lru_cache(maxsize=64)
 def _pairs(count: int) -> Indices:
-    """Return all pairs of numbers below a count, the smaller ones first, (2, pairs)."""
+    """Return all pairs of indices below a count, in ascending order, (2, pairs)."""
     return np.array(np.triu_indices(count, 1))

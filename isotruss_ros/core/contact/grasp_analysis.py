@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What an analysis of a grasp finds: the result of `analyze_grasp`."""
+"""Result of `analyze_grasp`."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from isotruss_ros.core.statics.structure import Structure
 
 class SolvedContact(NamedTuple):
     """
-    Points of the tubes, and the contact there; how far it goes on each of the m members.
+    Contact at points of the tubes, with its extent on each of the m members.
 
     :ivar points: points that the object could touch.
     :ivar contact: where it does, and with what force.
@@ -47,7 +47,7 @@ class GraspAnalysis(
     ),
 ):
     """
-    What holds an object, and how well; k contact points.
+    Contact, closure and stiffness of a grasp with k contact points.
 
     :ivar points: (k, 2) what meets the object, deformed, robot frame: the skin of the tubes; in
         the paper's model their centre lines, half a tube diameter farther out [m].

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The value of a grasp without equilibrium: how far its members are from touching the object.
+Continuation of the slip margin without equilibrium, by the gaps of the members.
 
 It continues the slip margin, so that an optimiser that has lost the contact finds its way back.
 Without contact forces the external wrench is missing; a tube that would have to reach an object at
@@ -26,7 +26,7 @@ import numpy as np
 @dataclass(frozen=True, eq=False)
 class LostContact:
     """
-    The members that should hold an object, and how far they are from touching it.
+    Grasping members with their gaps to an object.
 
     :ivar config: configuration of the robot.
     :ivar body: the object at its given pose.
@@ -51,7 +51,7 @@ class LostContact:
         pressure: Pressure | None,
     ) -> LostContact:
         """
-        Return that of members, or of the two that are nearest.
+        Return the lost contact of members, or of the two nearest ones.
 
         :param config: configuration of the robot.
         :param body: the object at its given pose.
@@ -68,7 +68,7 @@ class LostContact:
 
     @property
     def gap(self) -> float:
-        """Return the root mean square distance of the members from touching [m]."""
+        """Return the root mean square gap of the members [m]."""
         return float(np.sqrt(np.mean(self._distances[0] ** 2)))
 
     @property
@@ -89,7 +89,7 @@ class LostContact:
 
     @cached_property
     def _distances(self) -> tuple[Array, Array, Array]:
-        """Return the distances of the skins, and their rates by nodes and by the twist."""
+        """Return the gaps of the skins, with derivatives by nodes and by the twist."""
         return collision_model(self.config.robot).body_distances(
             self.config, self.body, self.members
         )

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Contact of tubes that flatten, with contact points as fine as the regions of contact need.
+Contact of flattening tubes, with points refined to the contact regions.
 
 Forces and lengths of contact converge fast with the spacing of the points, but what friction can
 balance rests on how the pressure is spread within each region: its error falls with the square of
@@ -34,10 +34,10 @@ import numpy as np
 
 #: Spacing of the search, and room for points to both sides of a region, over that of the answer.
 SEARCH = 2.0
-#: A region of contact has this many points, or the spacing is divided by the last of these.
+#: Smallest number of points of a contact region [-], and divisors of the spacing [-].
 REGION_POINTS = 10
 DIVISIONS = (1, 2, 4)
-#: Lengths of a region with points of one spacing and of half of it differ by less than this share.
+#: Largest relative difference of a region's length between a spacing and its half [-].
 LENGTH_SPREAD = 0.02
 #: Regions are found in so many steps, or points are placed wherever tubes are within reach.
 MAX_STEPS = 3
@@ -64,7 +64,7 @@ def refine_contact(
     budget: int | None = None,
 ) -> SolvedContact:
     """
-    Solve the contact of tubes that flatten with points where it is.
+    Solve the contact of flattening tubes with points refined at the contact.
 
     :param structure: the frame of the robot.
     :param surface: of the object.
@@ -108,7 +108,7 @@ def measure_contact(
     contact_points: ContactPoints, contact: ContactState, count: int
 ) -> SolvedContact:
     """
-    Return a contact with how far it goes on each member; all points are kept.
+    Return a contact with its extent on each member.
 
     :param contact_points: points that the object could touch.
     :param contact: where it does.
@@ -138,7 +138,7 @@ def measure_contact(
 
 @dataclass(frozen=True)
 class _Search:
-    """The contact of one object, with points here or there; see `refine_contact`."""
+    """Search for the contact of one object; see `refine_contact`."""
 
     structure: Structure
     surface: Surface
@@ -149,11 +149,11 @@ class _Search:
 
     @property
     def room(self) -> Array:
-        """Return how far points go beyond a region of contact, (2,) [m]."""
+        """Return the margin of points beyond a contact region, (2,) [m]."""
         return self.spacing * np.array([-1.0, 1.0])
 
     def solve(self, before: SolvedContact, limited: bool) -> tuple[SolvedContact, bool]:
-        """Solve with points around regions of contact, and return whether they are enough."""
+        """Solve with points around contact regions, and return whether they are sufficient."""
         regions = before.spans
 
         def begin(points: ContactPoints, surface: Surface) -> ContactState:
@@ -180,7 +180,7 @@ class _Search:
         solve: ContactSolver,
         bent: BentTubes | None = None,
     ) -> SolvedContact:
-        """Place points so far apart, and solve with what such points can tell of the surface."""
+        """Place points with a spacing, and solve with the surface resolved by them."""
         points = find_contact_points(
             self.structure, self.surface, distance, self.flattening, windows, bent
         )
@@ -278,12 +278,12 @@ def bend_tubes(
 
 
 def _touched(regions: Array) -> Flags:
-    """Return which members are touched, (m, 1)."""
+    """Return the mask of the members in contact, (m, 1)."""
     return regions[:, 1:] > regions[:, :1]
 
 
 def _carry_over(before: SolvedContact, points: ContactPoints) -> Points:
-    """Return normals at points, between those of a similar grasp on the same members."""
+    """Return normals at points, interpolated from a similar grasp on the same members."""
     # Members one after the other, so far apart that none has points among those of another.
     member, place = before.points.member[before.kept], before.points.place[before.kept]
     apart = 1.0 + max(place.max(initial=0.0), points.place.max(initial=0.0))
@@ -293,7 +293,7 @@ def _carry_over(before: SolvedContact, points: ContactPoints) -> Points:
 
 
 def _division(regions: Array, spacing: float, budget: int | None = None) -> int:
-    """Return by what the spacing is to be divided: for the shortest region, or within a budget."""
+    """Return the divisor of the spacing, for the shortest region or within a budget."""
     length = (regions[:, 1] - regions[:, 0])[_touched(regions)[:, 0]]
     if budget is not None:
         points = (length + 2.0 * SEARCH * spacing).sum() / spacing
@@ -304,7 +304,7 @@ def _division(regions: Array, spacing: float, budget: int | None = None) -> int:
 
 
 def _is_division_clear(regions: Array, spacing: float) -> bool:
-    """Return whether points of another spacing would find regions that need the same division."""
+    """Return whether another spacing would give the same divisor."""
     shorter, longer = (
         _division((1.0 + change) * regions, spacing) for change in (-LENGTH_SPREAD, LENGTH_SPREAD)
     )
@@ -312,6 +312,6 @@ def _is_division_clear(regions: Array, spacing: float) -> bool:
 
 
 def _within(points: ContactPoints, regions: Array) -> Flags:
-    """Return which points are within the regions (m, 2) of their members."""
+    """Return the mask of points within the regions (m, 2) of their members."""
     first, last = regions[points.member].T
     return (points.place >= first) & (points.place <= last)

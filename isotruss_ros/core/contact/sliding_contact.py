@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Contact of tubes that flatten with a convex object of any shape: (5) to (8), the tubes sliding.
+Contact of flattening, sliding tubes with a convex object of any shape: (5) to (8).
 
 The skin of a straight tube is the same everywhere along it: without friction it may slide along
 itself under a corner, which takes no force. Points of a lattice on the tube do not know that. What
@@ -26,7 +26,7 @@ from isotruss_ros.core.numerics.qp import solve_complementarity
 import numpy as np
 from scipy.linalg import lapack
 
-#: Gaps are closed to this [m].
+#: Tolerance of closed gaps [m].
 GAP_TOLERANCE = 1e-10
 #: The skin stays out of what it could only touch where it is steeper than this, against the tube:
 #: tangents that lean more are turned back to it.
@@ -47,7 +47,7 @@ def solve_sliding_contact(
     normals: Points | None = None,
 ) -> ContactState:
     """
-    Solve (8) for tubes that slide along themselves.
+    Solve (8) for tubes sliding along their axes.
 
     :param contact_points: points that the object could touch.
     :param surface: what the points meet, see `find_contact_points`.
@@ -79,7 +79,7 @@ def _iterate(
     normals: Points,
     damped_steps: int,
 ) -> ContactState | None:
-    """Return the contact after damped steps and full ones; None if it does not settle."""
+    """Return the contact after damped and full steps; None without convergence."""
     away, axis = contact_points.skin - surface.center, contact_points.axis
     side = np.where((normals * axis.conj()).imag < 0.0, -1.0, 1.0)
     neighbours = _find_neighbours(contact_points)
@@ -129,7 +129,7 @@ def _slide(
     push: Points,
     still: Array,
 ) -> Array | None:
-    """Return the forces (c,) that close gaps while tubes slide by them; None if one pulls."""
+    """Return the forces (c,) that close gaps of sliding tubes; None if one is negative."""
     count, inward = len(places), contact_points.axis[places].conj()
     if count == 0:
         return None
@@ -146,7 +146,7 @@ def _slide(
 
 
 def _limit(normals: Points, bent: Points, side: Array) -> tuple[Points, Flags]:
-    """Return normals (c,) that lean no more than is admitted, and which of them did."""
+    """Return normals (c,) with bounded inclination, and the mask of the bounded ones."""
     local = normals * bent.conj()
     steep = side * local.imag < STEEPEST.real
     if not steep.any():
@@ -167,7 +167,7 @@ def _bend(
 
 
 def _find_neighbours(contact_points: ContactPoints) -> Indices:
-    """Return the neighbours of each point on its member, (2, c); itself where there is none."""
+    """Return the neighbours of each point on its member, (2, c); itself without one."""
     own = np.arange(len(contact_points.member))
     alike = contact_points.member[1:] == contact_points.member[:-1]
     return np.stack([own - np.append(False, alike), own + np.append(alike, False)])
@@ -177,7 +177,7 @@ def turn_at_corners(
     contact_points: ContactPoints, contact: ContactState, surface: Surface
 ) -> ContactState:
     """
-    Return a contact with normals and normal forces that do not depend on where the points are.
+    Return a contact with normals and forces independent of the positions of points.
 
     A point at a sharp corner has any normal of its normal cone, as it happens to lie, and so have
     points on the faces beside it, between which the skin is folded. What these press with together

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Surfaces that tubes meet: the object's own, or one as far out as the tube's centre line.
+Contact surfaces: the object's own, or its offset to the tube's centre line.
 
 Of a convex object the contact problem needs little: how far the tangent with a normal n is, and
 the normal at the foot of a point. A point beyond any one tangent is outside of the object, so that
@@ -19,8 +19,8 @@ from isotruss_ros.core.model.shapes import Shape, SurfacePoints
 from isotruss_ros.core.numerics.arrays import Array, Points
 import numpy as np
 
-#: Tubes seen from this far off the object, as a share of its size, have the normals to begin with.
-CLEARANCE = 0.3
+#: Distance of the points for initial normals, relative to the object's size [-].
+INITIAL_DISTANCE = 0.3
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Surface:
 
     def support(self, normals: Points) -> Array:
         """
-        Return how far tangents are from the centre, (c,) [m].
+        Return the support function about the centre, (c,) [m].
 
         :param normals: (c,) outward unit normals, x + iy.
         """
@@ -62,7 +62,7 @@ class Surface:
 
     def nearest(self, away: Points) -> SurfacePoints:
         """
-        Return what is nearest on the surface, (5).
+        Return the nearest points of the surface, (5).
 
         :param away: (c,) x + iy, from the centre [m].
         """
@@ -77,7 +77,7 @@ class Surface:
 
     def facing(self, away: Points, axis: Points) -> Points:
         """
-        Return the normals (c,) with which tubes meet the object that do not bend yet.
+        Return the normals (c,) of unbent tubes on the object.
 
         :param away: (c,) points of the centre lines, from the centre; they may be inside [m].
         :param axis: (c,) directions of the tubes.
@@ -88,18 +88,18 @@ class Surface:
         aside = (away * axis.conj()).imag
         outward = 1j * np.where(aside < 0.0, -axis, axis)
         short = self.support(outward) - np.abs(aside)
-        back = np.maximum(short + CLEARANCE * self.body.arm, 0.0)
+        back = np.maximum(short + INITIAL_DISTANCE * self.body.arm, 0.0)
         return self.nearest(away + back * outward).normals
 
     @cached_property
     def tangents(self) -> tuple[Points, Array]:
-        """Return normals (k,) and distances (k,) [m] of tangents that bound it besides `reach`."""
+        """Return normals (k,) and distances (k,) [m] of bounding tangents, besides `reach`."""
         normals = self.body.shape.bounding_normals * self.body.turn
         return normals, self.support(normals)
 
     def resolved(self, spacing: float) -> Surface:
         """
-        Return the surface as points of a spacing can tell it: its corners rounded off.
+        Return the surface with corners rounded to the resolution of a spacing.
 
         :param spacing: of the points along a tube [m].
         """
@@ -110,7 +110,7 @@ class Surface:
 
 def surface_of(body: ConvexObject, margin: float = 0.0) -> Surface:
     """
-    Return the surface of an object, or one that is farther out.
+    Return the surface of an object, or its offset.
 
     :param body: the object in its place.
     :param margin: how far out the surface is: 0 for its own, the radius of the tube for what

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Test of how far measured poses moved contacts and pose of a belief in the last seconds."""
+"""Test of the corrections of contacts and pose by measured poses in the last seconds."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from typing import NamedTuple
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
-#: Corrections are summed over each of these times [s].
-SPANS = (0.2, 0.6, 1.5, 3.0)
+#: Intervals of the sums of corrections [s].
+SUM_INTERVALS = (0.2, 0.6, 1.5, 3.0)
 #: A sum of so many standard deviations is longer than its noise, and so is a jump of that length
 #: [m] at once.
 MAX_DEVIATIONS, JUMP_LENGTH = 5.0, 0.02
 
 
 class _Sum(NamedTuple):
-    """Corrections before one, and what they may be."""
+    """Sum of corrections before one, with covariances."""
 
     time: float  #: [s]
     moved: Array  #: (3,) sum of corrections of the pose before this one [m]
@@ -31,7 +31,7 @@ class _Sum(NamedTuple):
 
 class ContactWalk:
     """
-    Sums of corrections, against what their own walk, the noise of poses and the load allow.
+    Sums of corrections, tested against random walk, noise of poses and load.
 
     :ivar length: of the corrections in the last seconds, turns times the arm [m].
     :ivar deviations: the largest sum in its standard deviations [-].
@@ -44,7 +44,7 @@ class ContactWalk:
 
     @property
     def slipped(self) -> bool:
-        """Return whether the walk is surely longer than its noise."""
+        """Return whether the sum of corrections is significant."""
         return self.deviations > MAX_DEVIATIONS
 
     def spread(self, more: Array) -> None:
@@ -65,7 +65,7 @@ class ContactWalk:
         spread: Array,
     ) -> None:
         """
-        Take a correction in.
+        Add a correction.
 
         :param time: [s].
         :param moved: (3,) by which it moved contacts and pose [m].
@@ -77,10 +77,10 @@ class ContactWalk:
         """
         self._sums.append(_Sum(time, self._moved, self._walked, unsure, considered))
         self._moved = self._moved + moved
-        while time - self._sums[0].time > SPANS[-1]:
+        while time - self._sums[0].time > SUM_INTERVALS[-1]:
             self._sums.popleft()
         self.deviations = self.length = 0.0
-        for span in SPANS:
+        for span in SUM_INTERVALS:
             first = next(each for each in self._sums if time - each.time <= span)
             sum_ = self._moved - first.moved
             changed = considered - first.considered

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Gaussian belief of how the robot holds an object: a Kalman filter around its equilibrium.
+Gaussian belief of the grip: a Kalman filter about the equilibrium of the held object.
 
 The contacts roll with the tubes, so that the equilibrium follows the configuration. Measured poses
 correct the load w, the contacts' shift a along the members, the pose b that the model leaves
@@ -43,13 +43,14 @@ POSE_WALK, CONTACT_SLIP, WALK_LENGTH = 0.03, 0.02, 0.1
 POSE_DEVIATION, ANY = 0.0005, 0.1
 #: Prior deviation of the delay of the poses beyond their stamps, and the largest one [s].
 DELAY_DEVIATION, MAX_DELAY = 0.03, 0.15
-#: A larger squared innovation of three degrees of freedom is a jump, once in 60000.
-JUMP = 25.0
+#: Gate of the normalised squared innovation with three degrees of freedom [-], passed by noise but
+#: for one in 60000.
+INNOVATION_GATE = 25.0
 #: After so many poses the object is attached anew to their mean, and where zeros were corrected by
 #: more than this [m].
 FIRST_POSES, MAX_CORRECTION = 15, 2e-3
-#: Derivatives by rollers and stiffness serve for this travel of any roller [m].
-RATE_TRAVEL = 3e-3
+#: Largest roller travel with unchanged derivatives [m].
+MAX_RATE_TRAVEL = 3e-3
 #: Poses of so long tell how fast the object is [s], and older ones than this are not used [s].
 SPEED_TIME, OLDEST = 0.05, 1.0
 #: Gauge pressures (t,) by tube [Pa]; None for those of the robot file.
@@ -59,7 +60,7 @@ LOAD, BIAS, DELAY, SHIFTS = slice(0, 3), slice(3, 6), 6, 7
 
 
 class _Rates(NamedTuple):
-    """Derivatives of pose (3, .), turns times the arm, and squeeze (.,)."""
+    """Derivatives of pose (3, .), rotations at the characteristic radius, and squeeze (.,)."""
 
     pose: Array
     squeeze: Array
@@ -72,7 +73,7 @@ class _Rates(NamedTuple):
 
 class GripBelief:
     """
-    The equilibrium of a held object, and what measured poses correct of it.
+    Equilibrium of a held object, corrected by measured poses.
 
     :ivar grasp: the equilibrium without a load, where the robot is.
     :ivar grip: whose rows tell how the object moves, see `HeldGrip.touching`.
@@ -146,7 +147,7 @@ class GripBelief:
 
     @property
     def squeeze_deviation(self) -> float:
-        """Return the standard deviation of the squeeze, the model's included [N]."""
+        """Return the standard deviation of the squeeze, including the model error [N]."""
         own, rates = self._rates.squeeze, self._considered_rates.squeeze
         by_considered = rates + own @ self._sensitivity
         variance = own @ self._covariance @ own + by_considered @ self._considered @ by_considered
@@ -166,7 +167,7 @@ class GripBelief:
         return spread + by_considered @ self._considered @ by_considered.T
 
     def joint_rates(self) -> Array:
-        """Return the derivatives (2j, r) of the joints by the zeros, the object where it is."""
+        """Return the derivatives (2j, r) of the joints by the offsets, at a fixed object."""
         found, grasp = self._gradient, self._differentiated
         count, owners = len(self._corrected), grasp.contacts.owners
         travel = travel_rates(grasp.config, grasp.contacts.members)
@@ -175,22 +176,22 @@ class GripBelief:
 
     @property
     def regulated_pose(self) -> Array:
-        """Return the pose that a loop regulates: corrections behind two low-passes (3,)."""
+        """Return the regulated pose (3,), with corrections filtered by two low-passes."""
         return self.pose - self._lag[:, :3].sum(axis=0)
 
     @property
     def regulated_squeeze(self) -> float:
-        """Return the squeeze that a loop regulates: corrections behind two low-passes [N]."""
+        """Return the regulated squeeze, with corrections filtered by two low-passes [N]."""
         return self.squeeze - float(self._lag[:, 3].sum())
 
     @property
     def slip_margin(self) -> float:
-        """Return the slip margin without a load: no estimated load is relied on [N]."""
+        """Return the slip margin without the estimated load [N]."""
         return self._margin(self.grasp, self._pending_forces)
 
     @property
     def slope(self) -> float:
-        """Return the change of the squeeze as the grip opens, negative [N/m]."""
+        """Return the derivative of the squeeze by the opening of the grip, negative [N/m]."""
         return self.grasp.squeeze_stiffness()
 
     def follow(
@@ -200,7 +201,7 @@ class GripBelief:
         pressures: Pressures,
     ) -> HoldStatus:
         """
-        Roll to where the robot is; return whether the object is still held, or why not.
+        Roll to the current configuration; return whether the object is still held, or why not.
 
         :param config: where the robot is.
         :param elapsed: since the last call [s].
@@ -238,7 +239,7 @@ class GripBelief:
 
     def observe(self, pose: Pose, age: float) -> None:
         """
-        Correct the belief by a measured pose.
+        Update the belief with a measured pose.
 
         :param pose: of the object.
         :param age: of the pose before the configuration of the last `follow`, by its stamp [s].
@@ -256,7 +257,7 @@ class GripBelief:
 
     def attach(self, config: Configuration, pressures: Pressures) -> bool:
         """
-        Attach the object anew where it is believed to be; the contacts' history is forgotten.
+        Solve for the equilibrium at the mean pose anew, without the history of the contacts.
 
         :param config: where the robot is.
         :param pressures: (t,) gauge, by tube [Pa]; those of the robot file if None.
@@ -268,7 +269,7 @@ class GripBelief:
         return found
 
     def _attach(self, config: Configuration, pressures: Pressures) -> bool:
-        """Solve for the equilibrium anew; what is believed of the contacts stays as unsure."""
+        """Solve for the equilibrium anew, with unchanged covariance of the contacts."""
         self.searches += 1
         pose = self.pose
         unloaded = pose - self.grasp.response.pose @ self.load
@@ -284,7 +285,7 @@ class GripBelief:
         return True
 
     def _place_contacts(self) -> None:
-        """Begin with contacts where the measured pose has them, whatever load and zeros are."""
+        """Initialise the contacts by the measured pose, independent of load and offsets."""
         rates, variances = self._rates.pose, np.diag(self._covariance).copy()
         variances[LOAD], variances[BIAS] = self.settings.load**2, POSE_DEVIATION**2
         variances[SHIFTS:] = ANY**2
@@ -296,7 +297,7 @@ class GripBelief:
 
     def take_zeros(self, covariance: Array) -> None:
         """
-        Take the covariance of the rollers' zeros over.
+        Set the covariance of the roller offsets.
 
         :param covariance: (r, r) [m^2].
         """
@@ -304,7 +305,7 @@ class GripBelief:
 
     def move_zeros(self, moved: Array) -> None:
         """
-        Correct zeros of the rollers: the object did not roll, and stays where it was measured.
+        Correct roller offsets, at constant pose of the object.
 
         :param moved: (r,) by which the positions of the rollers change [m].
         """
@@ -323,7 +324,7 @@ class GripBelief:
         unsure = walking @ prior @ walking.T
         spread = rates @ prior @ rates.T + noise
         self.innovation, self.jump = float(off @ np.linalg.solve(spread, off)), 0.0
-        if self.innovation > JUMP:  # contacts and pose are free to go there
+        if self.innovation > INNOVATION_GATE:  # contacts and pose are free to go there
             self.jump = math.hypot(*off)
             freed = np.zeros(len(prior))
             freed[BIAS] = freed[SHIFTS:] = self.jump**2
@@ -343,7 +344,7 @@ class GripBelief:
         )
 
     def _condition(self, rates: Array, noise: Array) -> Array:
-        """Reduce the covariance by a measured pose; return the gain (n, 3)."""
+        """Update the covariance by a measured pose; return the Kalman gain (n, 3)."""
         prior = self._covariance
         gain = np.linalg.solve(rates @ prior @ rates.T + noise, rates @ prior).T
         left = np.eye(len(prior)) - gain @ rates
@@ -353,7 +354,7 @@ class GripBelief:
         return gain
 
     def _shift(self, change: Array) -> None:
-        """Take a correction (n,) over; the equilibrium follows in the next cycle."""
+        """Apply a correction (n,); the equilibrium is updated in the next cycle."""
         grasp, places = self.grasp, self.grasp.state.places
         shifts = change[SHIFTS:][grasp.contacts.owners]
         moved = self._anchored @ shifts
@@ -385,7 +386,7 @@ class GripBelief:
 
     def pass_corrections(self, elapsed: float, filter_time: float) -> None:
         """
-        Let corrections through the two low-passes of a loop.
+        Propagate corrections through the two low-passes of a loop.
 
         :param elapsed: since the last call [s].
         :param filter_time: of the low-passes on the load [s].
@@ -396,7 +397,7 @@ class GripBelief:
         self._lag[1] *= left
 
     def _take(self, grasp: HeldGrip) -> None:
-        """Go on with an equilibrium."""
+        """Set the equilibrium."""
         self.grasp, self.grip = grasp, grasp.touching(self._friction)
         # Corrections of the contacts since, with which the equilibrium is not solved yet.
         self._anchors = grasp.anchors
@@ -412,7 +413,7 @@ class GripBelief:
         known, at = self._differentiated, grasp.config.roller_positions
         far = known is None or known.contacts is not grasp.contacts
         far = far or len(self._rates.squeeze) != len(self._covariance)
-        if far or np.abs(at - known.config.roller_positions).max() > RATE_TRAVEL:
+        if far or np.abs(at - known.config.roller_positions).max() > MAX_RATE_TRAVEL:
             self._differentiate(grasp)
         owners = np.eye(len(grasp.members))[grasp.contacts.owners]
         by_shift = self._anchored @ owners
@@ -423,7 +424,7 @@ class GripBelief:
         self._rates.squeeze[SHIFTS:] = mean @ by_shift[places.normal]
 
     def _resize(self, size: int) -> None:
-        """Begin with other members: their shifts are as unsure as at first."""
+        """Reset the states of the contacts to their prior for other members."""
         before, sensitivity = self._covariance, self._sensitivity
         self._covariance = ANY**2 * np.eye(size)
         self._covariance[:SHIFTS, :SHIFTS] = before[:SHIFTS, :SHIFTS]
@@ -431,7 +432,7 @@ class GripBelief:
         self._sensitivity[:SHIFTS] = sensitivity[:SHIFTS]
 
     def _differentiate(self, grasp: HeldGrip) -> None:
-        """Find derivatives by zeros, the feet of the contacts kept, and by the stiffness."""
+        """Compute derivatives by offsets, with fixed contacts, and by the stiffness."""
         found, count = held_gradient(grasp), len(grasp.config.roller_positions)
         travel = travel_rates(grasp.config, grasp.contacts.members)
         along, anchors = grasp.statics.sides[:, None] * travel, slice(count + 4, None)
@@ -446,7 +447,7 @@ class GripBelief:
         self._gradient, self._differentiated = found, grasp
 
     def _margin(self, grasp: HeldGrip, more: Array) -> float:
-        """Return the slip margin where forces (2k,) come to those of an equilibrium [N]."""
+        """Return the slip margin under additional forces (2k,) [N]."""
         reserve, _, size = grasp.slip_reserves(self._friction)
         rows = slip_conditions(grasp.contacts.owners, self._friction)
         return float(((reserve + rows @ more) / size).min())
@@ -454,7 +455,7 @@ class GripBelief:
     def _learn(
         self, before: HeldGrip, grasp: HeldGrip, travel: Array, change: Array, elapsed: float
     ) -> None:
-        """Take in what the last travel did beyond the rows of (19), and to margin and tubes."""
+        """Identify the effects of the last travel on drift, slip margin and utilisation."""
         moved = grip_jacobian(before.config, self.grip) @ travel
         pressed = grasp.squeeze - before.squeeze - self._pending[3]
         pressed -= before.squeeze_stiffness() * moved[3]

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The equations of a held object from where it presses into tubes, and a start for their solution.
+Equilibrium equations of a held object from its contacts, with an initial guess.
 
 It presses with one corner, or with both ends of a face.
 """
@@ -38,7 +38,7 @@ ANGLE_STEP = 0.01
 
 def find_pressed(config: Configuration, body: ConvexObject, members: Indices) -> PressedContacts:
     """
-    Return where members touch an object, see `contact_patch`.
+    Return the contacts of members with an object, see `contact_patch`.
 
     :param config: configuration of the robot.
     :param body: the object in its place.
@@ -62,7 +62,7 @@ def facing_lines(
     config: Configuration, body: ConvexObject, members: Indices
 ) -> tuple[Points, Points]:
     """
-    Return where members start, and their normals out of an object, (m,) each, x + iy [m].
+    Return starts of members, and their normals out of an object, (m,) each, x + iy [m].
 
     :param config: configuration of the robot.
     :param body: the object in its place.
@@ -120,7 +120,7 @@ def build_statics(
 
 def start_at(statics: ContactStatics, body: ConvexObject) -> Array:
     """
-    Return unknowns (3 + 4k,) to begin the search for an equilibrium with.
+    Return an initial guess of the unknowns (3 + 4k,).
 
     :param statics: the equations.
     :param body: the object where it was measured.
@@ -197,7 +197,7 @@ def _dents(
 
 
 def _tabulated(shape: Shape, corner: int, normal: complex) -> float:
-    """Return the angle of the table nearest to a normal [rad]: the faces at a corner have one."""
+    """Return the tabulated angle nearest to a normal [rad]; one for the faces at a corner."""
     faces = shape.faces_at(corner)
     if not faces:
         return ANGLE_STEP * round(cmath.phase(normal) / ANGLE_STEP)

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Contacts, pose and forces of a held object, and how they answer to small wrenches.
+Contacts, pose and forces of a held object, and their response to small wrenches.
 
 Contacts stick; forces redistribute with the tubes. From that follow the slip margin, and what
 happens as members move.
@@ -25,7 +25,7 @@ CENTER, ANGLE, POSE = slice(0, 2), 2, 3
 @dataclass(frozen=True, eq=False)
 class PressedContacts:
     """
-    The k contacts of an object with members, which rise.
+    The k contacts of an object, in ascending order of the members.
 
     :ivar members: (k,) numbers of the members.
     :ivar corners: (k,) corners of a polygon; zero of other shapes.
@@ -43,12 +43,12 @@ class PressedContacts:
 
     @functools.cached_property
     def ends(self) -> list[Indices]:
-        """Return which contacts each of the grasping members has: one, or both ends of a face."""
+        """Return the contacts of each grasping member: one, or both ends of a face."""
         return [np.flatnonzero(self.owners == i) for i in range(int(self.owners[-1]) + 1)]
 
     def without(self, dropped: int) -> PressedContacts:
         """
-        Return the others; what was one end of a face reaches all along it now.
+        Return the remaining contacts; a single end of a face extends along all of it.
 
         :param dropped: number of the contact that lets go.
         """
@@ -60,7 +60,7 @@ class PressedContacts:
 
 class Places(NamedTuple):
     """
-    Places of k contacts among the unknowns, and of the equations.
+    Indices of k contacts among the unknowns and equations.
 
     :ivar feet: where along the members they are.
     :ivar inclinations: of the bent tubes.
@@ -83,7 +83,7 @@ class Places(NamedTuple):
     @functools.lru_cache(maxsize=16)
     def of(cls, count: int) -> Places:
         """
-        Return those of some contacts.
+        Return the indices of some contacts.
 
         :param count: k.
         """
@@ -113,7 +113,7 @@ class ContactForces:
 
     @functools.cached_property
     def places(self) -> Places:
-        """Return where what is among the unknowns."""
+        """Return the indices of the unknowns."""
         return Places.of(len(self.normals))
 
     @property
@@ -123,17 +123,17 @@ class ContactForces:
 
     @functools.cached_property
     def feet(self) -> Array:
-        """Return where along the members the contacts are, (k,) [m]."""
+        """Return the positions of the contacts along the members, (k,) [m]."""
         return self.unknowns[self.places.feet]
 
     @functools.cached_property
     def normal_forces(self) -> Array:
-        """Return (k,) [N], positive where object and tube press on each other."""
+        """Return the normal forces (k,) [N], positive in compression."""
         return self.unknowns[self.places.normal]
 
     @functools.cached_property
     def friction_forces(self) -> Array:
-        """Return (k,) on the tubes, counter-clockwise around the object [N]."""
+        """Return the friction on the tubes, (k,) counter-clockwise around the object [N]."""
         return self.unknowns[self.places.friction]
 
     @property
@@ -145,7 +145,7 @@ class ContactForces:
 @dataclass(frozen=True, eq=False)
 class GripResponse:
     """
-    What a small wrench (fx, fy, m / arm) [N] does to an object at k contacts that stick.
+    Response to a small wrench (fx, fy, m / arm) [N] at k sticking contacts.
 
     :ivar change: (3 + 4k, 3) of the unknowns, see `ContactForces`.
     :ivar squeeze: (3,) change of the mean normal force of the members [-].
@@ -172,21 +172,21 @@ class GripResponse:
 
     @property
     def stiffness(self) -> Array:
-        """Return the wrench (fx, fy, m) that a displacement takes, (3, 3) [N/m, N, N m]."""
+        """Return the stiffness (3, 3), wrench (fx, fy, m) per displacement [N/m, N, N m]."""
         stiffness = np.linalg.inv(self.pose)
         stiffness[2] *= self.arm
         return stiffness
 
     @property
     def stable(self) -> bool:
-        """Return whether every displacement takes work."""
+        """Return whether the stiffness is positive definite."""
         even = self.pose * np.array([[1.0], [1.0], [self.arm]])
         return not lapack.dpotrf(0.5 * (even + even.T))[1]
 
 
 def slip_conditions(owners: Indices, friction: float) -> Array:
     """
-    Return how much is left of the forces (N, T) until m members slip, or k contacts let go.
+    Return the margins of the forces (N, T) until m members slip, or k contacts open.
 
     Members slip clockwise around the object, or counter-clockwise.
 

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A held grip in numbers, by which another process has the same equilibrium."""
+"""Record of a held grip in numbers, for the same equilibrium in another process."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ import numpy as np
 
 class GripRecord(NamedTuple):
     """
-    A held grip without loads, without what follows from robot and object.
+    A held grip without loads, in numbers that do not follow from robot and object.
 
     :ivar travel: (r,) of the rollers since home [m].
     :ivar contacts: the k contacts.
@@ -50,7 +50,7 @@ class GripRecord(NamedTuple):
         self, config: Configuration, body: ConvexObject, external_wrench: Array | None = None
     ) -> HeldGrip | None:
         """
-        Return the grip, rolled to a configuration; None where there is no equilibrium.
+        Return the grip rolled to a configuration; None without an equilibrium.
 
         :param config: near to that of the record.
         :param body: the object, anywhere.

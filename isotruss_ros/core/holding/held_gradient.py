@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How a held object and the robot around it change with what an estimate corrects."""
+"""Derivatives of a held object and its robot by the estimated parameters."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ import numpy as np
 @dataclass(frozen=True, eq=False)
 class HeldGradient:
     """
-    Where object and joints are, how hard the members press, and the derivatives of these.
+    Pose, joints and squeeze of a held object, with derivatives.
 
     Columns are, in this order: travel of the r rollers [m], the wrench (fx, fy, m / arm) on the
     object [N], the stiffness of robot and tubes against the model's [-], and the anchors of the k
@@ -41,7 +41,7 @@ class HeldGradient:
 @single_threaded
 def held_gradient(grip: HeldGrip) -> HeldGradient:
     """
-    Return the derivatives of a held grip whose contacts stick.
+    Return the derivatives of a held grip with sticking contacts.
 
     The equations of the equilibrium, F(y, x) = 0, give y' = -F_y^-1 F_x, see `grasp_gradient`. The
     joints are those of the configuration, displaced by the frame under the contact forces.

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A convex object held by members of the robot: its equilibrium in one configuration."""
+"""Equilibrium of a convex object held by members in one configuration."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ from isotruss_ros.core.statics.wrinkling import find_utilisation, Utilisation
 import numpy as np
 from scipy.linalg import lapack
 
-#: A motion is expected to go on by at most this many times what it was before.
-LONGEST = 2.0
-#: This share of the squeeze is left of the slip margin where the object stands on its path [-].
+#: Largest extrapolation of the previous step [-].
+MAX_EXTRAPOLATION = 2.0
+#: Smallest slip margin of a moving object relative to the squeeze [-].
 LEFT_MARGIN = 0.04
 
 
 class HoldStatus(enum.Enum):
-    """Whether an object is held; if not, which condition has no solution."""
+    """Hold of an object, or the violated condition."""
 
     HELD = 'held'
     NO_CONTACT = 'fewer than two members press on the object'
@@ -69,7 +69,7 @@ class NotHeldError(GraspError):
 @dataclass(frozen=True, eq=False)
 class HeldGrip:
     """
-    A convex object held by two members or three in one configuration, and what stays as it rolls.
+    A convex object held by two or three members in one configuration, with its rolling invariants.
 
     `attach_grip` finds it where the object was measured, `roll_grip` rolls it to other
     configurations.
@@ -109,7 +109,7 @@ class HeldGrip:
 
     @property
     def arm(self) -> float:
-        """Return the arm by which moments compare with forces, see `ConvexObject.arm` [m]."""
+        """Return the characteristic radius, see `ConvexObject.arm` [m]."""
         return self.statics.body.arm
 
     @functools.cached_property
@@ -128,12 +128,12 @@ class HeldGrip:
 
     @functools.cached_property
     def normal_forces(self) -> Array:
-        """Return how hard the members press, (m,) [N]."""
+        """Return the normal forces of the members, (m,) [N]."""
         return self._of_members(self.state.normal_forces)
 
     @functools.cached_property
     def friction_forces(self) -> Array:
-        """Return (m,) on the tubes, counter-clockwise around the object [N]."""
+        """Return the friction on the tubes, (m,) counter-clockwise around the object [N]."""
         return self._of_members(self.state.friction_forces)
 
     def _of_members(self, forces: Array) -> Array:
@@ -152,7 +152,7 @@ class HeldGrip:
 
     def hold(self, friction: float) -> HoldStatus:
         """
-        Return whether the contacts stick; if not, what happens.
+        Return the hold status under a coefficient of friction.
 
         :param friction: coefficient between tube and object.
         """
@@ -165,7 +165,7 @@ class HeldGrip:
 
     def slip_margin(self, friction: float, more: Array | None = None) -> float:
         """
-        Return the smallest extra wrench at which a member slips or a contact lets go [N].
+        Return the smallest further wrench at which a member slips or a contact opens [N].
 
         Moments are about the middle of the object's area and count over the arm. A member slips
         where the friction of all its contacts, |T| = mu N of their sums, is used; each end of a
@@ -187,7 +187,7 @@ class HeldGrip:
 
     def weakest_direction(self, friction: float) -> Array:
         """
-        Return the wrench (fx, fy, m / arm) along which the slip margin is the least, (3,).
+        Return the direction (fx, fy, m / arm) of the smallest slip margin, (3,).
 
         Its size is one with the moment about the middle of the object's area, see `slip_margin`.
 
@@ -199,13 +199,13 @@ class HeldGrip:
 
     @functools.cached_property
     def about_middle(self) -> Array:
-        """Return wrenches about the frame's origin by those about the middle, m / arm, (3, 3)."""
+        """Return the map of wrenches from the centroid to the frame's origin, m / arm, (3, 3)."""
         away = (self.body.middle - self.body.center) / self.arm
         return np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-away.imag, away.real, 1.0]])
 
     def slip_reserves(self, friction: float) -> tuple[Array, Array, Array]:
         """
-        Return what is left of each of `slip_conditions`, (c,) [N], and its slope by a wrench.
+        Return the margins of `slip_conditions`, (c,) [N], and their derivatives by a wrench.
 
         :param friction: coefficient between tube and object.
         :return: besides, the slopes (c, 3), and their sizes (c,) by wrenches about the middle.
@@ -220,12 +220,12 @@ class HeldGrip:
 
     @functools.cached_property
     def _reserves(self) -> dict[float, tuple[Array, Array, Array]]:
-        """Return what `slip_reserves` has found, by friction: a loop asks it several times."""
+        """Return `slip_reserves` from a cache by friction."""
         return {}
 
     @functools.cached_property
     def members(self) -> Indices:
-        """Return the numbers of the grasping members, (m,)."""
+        """Return the indices of the grasping members, (m,)."""
         first = np.searchsorted(self.contacts.owners, np.arange(self.contacts.owners[-1] + 1))
         return self.contacts.members[first]
 
@@ -253,32 +253,32 @@ class HeldGrip:
 
     @property
     def pulling_end(self) -> int | None:
-        """Return which end of a face pulls most; None if both ends of all faces press."""
+        """Return the end of a face with the largest tension; None without tension."""
         owners = self.contacts.owners
         return self._most_pulling(np.bincount(owners)[owners] > 1)
 
     @property
     def pulling(self) -> int | None:
-        """Return which end of a face, or third member, pulls most; None if none does."""
+        """Return the face end or third member with the largest tension; None without tension."""
         owners = self.contacts.owners
         return self._most_pulling((np.bincount(owners)[owners] > 1) | (owners[-1] > 1))
 
     def _most_pulling(self, chosen: Flags) -> int | None:
-        """Return which of the chosen contacts (k,) pulls most; None if none does."""
+        """Return the chosen contact (k,) with the largest tension; None without tension."""
         normal = np.where(chosen, self.state.normal_forces, np.inf)
         least = int(normal.argmin())
         return least if normal[least] < 0.0 else None
 
     @functools.cached_property
     def tangent(self) -> Array:
-        """Return the Jacobian of the equations with contacts that stick, (3 + 4k, 3 + 4k)."""
+        """Return the Jacobian of the equations with sticking contacts, (3 + 4k, 3 + 4k)."""
         state, tangent = self.state, self.state.jacobian.copy()
         tangent[state.places.closure] = self.statics.rolling_rows(state.unknowns, state.normals)
         return tangent
 
     @functools.cached_property
     def response(self) -> GripResponse | None:
-        """Return how pose and forces answer to a wrench; None where that is indifferent."""
+        """Return the response of pose and forces to a wrench; None if singular."""
         places, count, members = self.state.places, len(self.anchors), len(self.members)
         apart = self.statics.bent.axis.conj() * _opening(self.statics, self.state)
         right = np.zeros((places.size, 4))
@@ -293,7 +293,7 @@ class HeldGrip:
 
     def squeeze_stiffness(self) -> float:
         """
-        Return by how much the squeeze changes as the members move apart, negative [N/m].
+        Return the derivative of the squeeze by the opening of the members, negative [N/m].
 
         Of two members by the distance between their contacts, of three by twice what each moves
         away from the object.
@@ -303,7 +303,7 @@ class HeldGrip:
 
     def ahead(self, travel: Array) -> Array:
         """
-        Return about where the unknowns (3 + 4k,) will be after some travel.
+        Return the predicted unknowns (3 + 4k,) after some travel.
 
         :param travel: (r,) of the rollers [m].
         """
@@ -313,11 +313,13 @@ class HeldGrip:
         length = float(before @ before)
         # What the motion has in common with the one before; no guess from a much shorter one.
         share = float(travel @ before) / length if length > 0.0 else 0.0
-        return self.state.unknowns + max(-LONGEST, min(share, LONGEST)) * change
+        return (
+            self.state.unknowns + max(-MAX_EXTRAPOLATION, min(share, MAX_EXTRAPOLATION)) * change
+        )
 
 
 def _opening(statics: ContactStatics, state: ContactForces) -> Points:
-    """Return how the contacts move as the members move apart at 1 m/s, (k,) x + iy [-]."""
+    """Return the contact velocities at an opening rate of 1 m/s, (k,) x + iy [-]."""
     owners = statics.contacts.owners
     if owners[-1] > 1:
         return 0.5 * state.normals

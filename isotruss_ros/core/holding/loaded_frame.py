@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The frame of a robot under the forces of an object that it holds: joints and oscillation.
+Joints and lowest frequency of a robot with a held object.
 
 A wrench on the object moves it, and the modules with it. Of the oscillation the lowest natural
 frequency is looked for among the three motions that three independent wrenches cause (Rayleigh and
@@ -30,7 +30,7 @@ import scipy.linalg
 @single_threaded
 def held_joints(grip: HeldGrip) -> Array:
     """
-    Return the joints (j, 2) of a robot that holds an object, in `Topology.joint_names` order [m].
+    Return the joints (j, 2) of a robot with a held object, in `Topology.joint_names` order [m].
 
     They are off those of `Configuration.nodes` by what the contact forces do to the frame.
 
@@ -69,7 +69,7 @@ def lowest_frequency(grip: HeldGrip) -> float | None:
 
 
 def _inertia_of_robot(grip: HeldGrip) -> Array:
-    """Return what the masses of modules and tubes are under each pair of unit wrenches (3, 3)."""
+    """Return the generalised mass of modules and tubes for unit wrenches (3, 3)."""
     description, topology = grip.config.robot.description, grip.config.robot.topology
     loads = grip.statics.load_rates(grip.state.unknowns, grip.response.change)
     moved = grip.statics.bent.node_changes(loads)

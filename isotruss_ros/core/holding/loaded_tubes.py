@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How the equations of a held object, and the robot under its forces, change with parameters."""
+"""Derivatives by parameters of the equations of a held object, and of the loaded robot."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ STEP = 1e-6
 
 class GraspParameters(NamedTuple):
     """
-    Places of the p parameters among the columns of a gradient.
+    Columns of the p parameters in a gradient.
 
     :ivar rollers: travel of the r rollers [m].
     :ivar place: x, y, angle of the pose at which the object is set down [m, rad].
@@ -44,7 +44,7 @@ class GraspParameters(NamedTuple):
     @classmethod
     def of(cls, config: Configuration) -> GraspParameters:
         """
-        Return those of grasps by a robot.
+        Return the columns for grasps by a robot.
 
         :param config: configuration of the robot.
         """
@@ -63,7 +63,7 @@ class GraspParameters(NamedTuple):
 
 class ContactRates(NamedTuple):
     """
-    How k contacts change with p parameters.
+    Derivatives of k contacts by p parameters.
 
     :ivar feet: (k, p) along the members [m].
     :ivar normals: (k, p) turn of the normals of the bent tubes [rad].
@@ -79,7 +79,7 @@ class ContactRates(NamedTuple):
 
 class TubeRates(NamedTuple):
     """
-    How the tubes of a robot change with p parameters.
+    Derivatives of the tubes of a robot by p parameters.
 
     :ivar give: (k, p) displacements of the contacts, along + i across the members [m].
     :ivar slope: (k, p) inclinations of the bent centre lines there [rad].
@@ -155,7 +155,7 @@ class LoadedTubes:
 
     def contact_rates(self, change: Array) -> ContactRates:
         """
-        Return how the contacts change.
+        Return the derivatives of the contacts.
 
         :param change: (3 + 4k, p) how the unknowns do.
         """
@@ -169,7 +169,7 @@ class LoadedTubes:
         )
 
     def equation_rates(self) -> Array:
-        """Return how the residual of the equations changes, the unknowns stay, (3 + 4k, p)."""
+        """Return the derivatives of the residual at constant unknowns, (3 + 4k, p)."""
         grip, spins = self._grip, self.spins
         statics, state, body = grip.statics, grip.state, grip.body
         places, axis, normals = state.places, self._bent.axis[:, None], state.normals[:, None]
@@ -200,7 +200,7 @@ class LoadedTubes:
 
     def respond(self, contacts: ContactRates) -> TubeRates:
         """
-        Return how the tubes give.
+        Return the response of the tubes.
 
         :param contacts: how these change.
         """
@@ -243,7 +243,7 @@ class LoadedTubes:
 
     def utilisation(self, rates: TubeRates) -> tuple[Array, Array]:
         """
-        Return the largest |M| / M_w of each member, (m,), and how it changes, (m, p).
+        Return the utilisation of each member, (m,), with derivatives (m, p).
 
         :param rates: of the tubes.
         """

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Whether and how a robot holds an object that is free to move: `settle_grasp`."""
+"""Equilibrium of a free object in a grasp: `settle_grasp`."""
 
 from __future__ import annotations
 
@@ -29,8 +29,7 @@ from isotruss_ros.core.statics.section import Pressure
 import numpy as np
 from numpy.typing import ArrayLike
 
-#: An object that was measured farther than this from its equilibrium, as a share of the tube's
-#: diameter, is not in the grip.
+#: Largest distance of the equilibrium from the measured pose, in tube diameters [-].
 MAX_DISPLACEMENT = 0.25
 
 
@@ -46,7 +45,7 @@ def settle_grasp(
     paper_model: bool = False,
 ) -> SettledGrasp:
     """
-    Find the equilibrium of a grasped object near its measured pose.
+    Return the equilibrium of a grasped object near its measured pose.
 
     The object is free, friction loads the tubes, and the contact history is unknown.
     Statics settles the place across the bisector of the two grasping members, and the friction
@@ -84,7 +83,7 @@ def settle_grasp(
 
 def assess_equilibrium(given: Pose, found: HeldGrip, friction: float) -> SettledGrasp:
     """
-    Assess an equilibrium: whether it holds the object, and how well.
+    Return an equilibrium with its hold status and margins.
 
     :param given: the measured pose.
     :param found: the equilibrium.
@@ -100,7 +99,7 @@ def assess_equilibrium(given: Pose, found: HeldGrip, friction: float) -> Settled
 
 
 def _judge(found: HeldGrip, given: Pose, friction: float) -> tuple[HoldStatus, str]:
-    """Return whether an equilibrium holds the object, and why not."""
+    """Return the hold status of an equilibrium, with the reason."""
     robot = found.config.robot
     shift = abs(found.body.middle - found.body.moved_to(given).middle)
     if shift > MAX_DISPLACEMENT * robot.description.tube_diameter:

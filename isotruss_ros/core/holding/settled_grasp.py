@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Whether and how a free object rests in a grasp."""
+"""Result of `settle_grasp`."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class SettledGrasp(
     headline=('hold', 'normal_forces', 'friction_forces', 'required_friction', 'slip_margin'),
 ):
     """
-    The equilibrium of a free object between two or three members, friction loading the tubes.
+    Equilibrium of a free object between two or three members, with friction on the tubes.
 
     Where no equilibrium was found the pose is the given one, there are no forces, and the slip
     margin continues by how far the members are from touching the object, see `LostContact`.
@@ -50,13 +50,13 @@ class SettledGrasp(
 
     @property
     def held(self) -> bool:
-        """Return force closure with nothing else wrong: `hold` names what may be."""
+        """Return whether the object is held; otherwise `hold` names the violated condition."""
         return self.hold is HoldStatus.HELD
 
     @property
     def force_closure(self) -> bool:
         """
-        Return whether contact forces within the friction balance the free object.
+        Return whether contact forces within the friction cones balance the free object.
 
         In the statics of the robot, near the given pose; whether or not a tube wrinkles, another
         member presses, or the balance is unstable.
@@ -70,18 +70,18 @@ class SettledGrasp(
 
     @property
     def displacement(self) -> Array:
-        """Return how far that is from the given pose, (3,) [m, rad]."""
+        """Return the displacement from the given pose to the equilibrium, (3,) [m, rad]."""
         x, y, angle = np.subtract(self.pose, self.given).tolist()
         return np.array([x, y, math.remainder(angle, 2.0 * math.pi)])
 
     @property
     def normal_forces(self) -> dict[str, float]:
-        """Return the forces by grasping member, positive where it presses [N]."""
+        """Return the normal forces by grasping member, positive in compression [N]."""
         return self._named(lambda grip: grip.normal_forces)
 
     @property
     def friction_forces(self) -> dict[str, float]:
-        """Return those on the object, counter-clockwise, by grasping member [N]."""
+        """Return the friction forces on the object by grasping member, counter-clockwise [N]."""
         return self._named(lambda grip: -grip.friction_forces)
 
     @property
@@ -94,13 +94,13 @@ class SettledGrasp(
 
     @property
     def required_friction(self) -> float:
-        """Return the smallest coefficient that holds it; infinite if none does."""
+        """Return the smallest coefficient of friction for the balance; infinite if none exists."""
         return math.inf if self.equilibrium is None else self.equilibrium.required_friction
 
     @cached_property
     def slip_margin(self) -> float:
         """
-        Return the smallest extra wrench, moment over d/2, at which a member slips or lets go [N].
+        Return the smallest further wrench, moment over d/2, at which a member slips or opens [N].
 
         Negative where one does already, and without an equilibrium, see `LostContact`. Of an
         object that is no disc moments count over `ConvexObject.arm`, and each end of a face that
@@ -113,7 +113,7 @@ class SettledGrasp(
     @property
     def slip_direction(self) -> Array:
         """
-        Return the wrench along which the slip margin is the least (fx, fy, m / arm), size 1, (3,).
+        Return the direction (fx, fy, m / arm) of the slip margin, a unit vector, (3,).
 
         Zero without an equilibrium, and in an indifferent one.
         """
@@ -123,7 +123,7 @@ class SettledGrasp(
 
     @property
     def gap(self) -> float:
-        """Return how far the members are from touching the object [m]; 0 in an equilibrium."""
+        """Return the gap of the members to the object [m]; 0 in an equilibrium."""
         return 0.0 if self.lost is None else self.lost.gap
 
     @property
@@ -137,7 +137,7 @@ class SettledGrasp(
 
     @property
     def utilisation_places(self) -> dict[str, float]:
-        """Return where along the member that is, from its start, of all members [m]."""
+        """Return the positions of the utilisation from the starts of all members [m]."""
         return self._named(lambda grip: grip.sections.place, every=True)
 
     @property
@@ -148,7 +148,7 @@ class SettledGrasp(
     @property
     def stiffness(self) -> Array:
         """
-        Return the wrench (fx, fy, m) that a displacement (dx, dy, dtheta) of the object takes.
+        Return the stiffness, wrench (fx, fy, m) per displacement (dx, dy, dtheta).
 
         While the contacts stick, (3, 3) [N/m, N, N m]; zero without an equilibrium.
         """

@@ -22,7 +22,7 @@ def member_lines(config: Configuration) -> Points:
     :param config: configuration of the robot.
     """
     topology, points = config.robot.topology, config.points
-    return np.stack([points[topology.b], points[topology.c[topology.following]]], axis=1)
+    return np.stack([points[topology.b], points[topology.end]], axis=1)
 
 
 def member_depths(config: Configuration, body: ConvexObject) -> Array:

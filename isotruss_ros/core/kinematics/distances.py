@@ -84,7 +84,7 @@ class CollisionModel:
         self._robot = robot
         disc = 0.5 * file.module.pinch_separation + tube
         own_b, own_c, own_a = topology.b, topology.c, topology.joint
-        next_c = topology.c[topology.following]
+        next_c = topology.end
         # Segments: members, modules (of no length), rods.
         starts = [np.concatenate([own_b, own_b, own_a]), np.concatenate([own_b, own_c, own_a])]
         ends = [np.concatenate([next_c, own_b, own_b]), np.concatenate([next_c, own_c, own_c])]

@@ -103,9 +103,7 @@ def _bisection(
     # Entries by the next C, own B and C, the joint (fixed), and the previous B.
     ahead, b, c, _, back = constraints.gradients(points).reshape(13, m)[8:]
     modules = np.concatenate([topology.following, own, own, topology.previous])
-    nodes = np.concatenate(
-        [topology.c[topology.following], topology.b, topology.c, topology.b[topology.previous]]
-    )
+    nodes = np.concatenate([topology.end, topology.b, topology.c, topology.b[topology.previous]])
     turning = 1j * (points[nodes] - points[topology.joint[modules]])
     slopes = (np.concatenate([ahead, b, c, back]).conj() * turning).real
     return bisection, csc_matrix((slopes, (np.tile(own, 4), modules)), shape=(m, m))
@@ -117,7 +115,7 @@ def _refuse_misfits(
     source, module = description.source, description.module
     ends = points[: len(topology.joint_names)][topology.joint]
     apart = ends[topology.following] - ends
-    side = points[topology.c[topology.following]] - points[topology.b]
+    side = points[topology.end] - points[topology.b]
     along = (side.conj() * apart).real / np.abs(apart)
     for i in np.flatnonzero(along <= 0.0):
         distance = abs(apart[i])

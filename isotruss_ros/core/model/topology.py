@@ -55,6 +55,11 @@ class Topology:
         return self.b + 1
 
     @cached_property
+    def end(self) -> Indices:
+        """Return the node at which each member ends: C of the following module, (m,)."""
+        return self.c[self.following]
+
+    @cached_property
     def before_driven(self) -> Indices:
         """Return the module before each driven module, (r,)."""
         return self.previous[self.driven]

@@ -30,7 +30,7 @@ from isotruss_ros.core.paths.path_tracking import (
 import numpy as np
 
 
-class Outcome(enum.IntEnum):
+class PathOutcome(enum.IntEnum):
     """Result of path following, equal to isotruss_msgs/FollowObjectPath."""
 
     REACHED = 0
@@ -68,16 +68,16 @@ class Step(NamedTuple):
     """
 
     twist: Array
-    outcome: Outcome | None
+    outcome: PathOutcome | None
     message: str
     tracking: Tracking | None
 
 
 #: Outcomes by final phase.
 OUTCOMES = {
-    PathPhase.REACHED: Outcome.REACHED,
-    PathPhase.OFF_PATH: Outcome.OFF_PATH,
-    PathPhase.STUCK: Outcome.STOPPED,
+    PathPhase.REACHED: PathOutcome.REACHED,
+    PathPhase.OFF_PATH: PathOutcome.OFF_PATH,
+    PathPhase.STUCK: PathOutcome.STOPPED,
 }
 
 
@@ -154,7 +154,7 @@ class PathServo:
             age = now - pose.time
             tracking = self.tracker.update(pose.value, age, elapsed, feedback.scale, held)
         except (InputError, PathError) as error:
-            return Step(np.zeros(3), Outcome.STOPPED, str(error), None)
+            return Step(np.zeros(3), PathOutcome.STOPPED, str(error), None)
         if tracking.phase not in FINISHED:
             return Step(tracking.twist, None, '', tracking)
         outcome, message = OUTCOMES[tracking.phase], tracking.message

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The path that lets a held object go: unload it in place, open the grip, back off.
+Release of a held object: unload it in place, open the grip, retreat.
 
 While the members still press, the squeeze falls and the object stays where it is; where it is all
 but zero they move away from it, which then stands still.
@@ -34,13 +34,13 @@ import numpy as np
 
 #: Shares of the squeeze at the waypoints of the unloading; at the last the members let go. What
 #: still presses there moves the object by its share of the deflection.
-UNLOADING = (0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.04, 0.015, 0.005, 0.002)
-#: A member that presses with less than this only touches the object [N].
-LEAST_FORCE = 0.01
+UNLOADING_SHARES = (0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.04, 0.015, 0.005, 0.002)
+#: Smallest normal force of a pressing member [N].
+MIN_CONTACT_FORCE = 0.01
 #: Members that are no deeper in the object than this only touch it, and by so much a grip opens in
 #: place before its members move away, as shares of the tube's diameter.
 TOUCHING, FIRST_OPENING = 1e-3, 0.015
-#: Waypoints of the members' way from the object.
+#: Number of waypoints of the retreat [-].
 OPENING_STEPS = 5
 #: A command that limits scale down by more than this is not followed.
 MIN_SCALE = 0.999
@@ -48,7 +48,7 @@ MIN_SCALE = 0.999
 
 @dataclass(frozen=True, eq=False)
 class Release:
-    """A path that lets the object go, or why there is none."""
+    """Path of a release, or the violation."""
 
     path: Array  #: (k, r) roller positions from the present ones [m]; none with a violation
     apart: int  #: the row of `path` from which on nothing touches the object
@@ -66,7 +66,7 @@ def plan_release(
     max_turn: float = math.inf,
 ) -> Release:
     """
-    Plan the path that lets a held object go and backs off.
+    Plan the release of a held object and the retreat.
 
     :param config: configuration of the robot.
     :param body: the object, where it was measured.
@@ -111,7 +111,7 @@ def _unload(
     config: Configuration, closing: Closing, held: HeldGrip | None
 ) -> tuple[list[Configuration], Closing]:
     """
-    Return the path on which the squeeze falls, only its beginning where nothing presses.
+    Return the path of decreasing squeeze; its start only without contact forces.
 
     Also where the object is at its end, as a grip of few rollers takes it along a little.
     """
@@ -119,9 +119,9 @@ def _unload(
     if float(member_depths(config, closing.body).max()) <= TOUCHING * diameter:
         return path, closing
     grasp = hold_between(config, closing) if held is None else held
-    if grasp.normal_forces.min() <= LEAST_FORCE:
+    if grasp.normal_forces.min() <= MIN_CONTACT_FORCE:
         return path, closing
-    for force in grasp.squeeze * np.array(UNLOADING):
+    for force in grasp.squeeze * np.array(UNLOADING_SHARES):
         grasp = squeeze_in_place(grasp, force, closing)
         path.append(grasp.config)
     # In place: members that merely moved away would roll the object along as they touch it yet.

@@ -25,7 +25,7 @@ from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.planning.workers import WorkerPool
 
 
-class Outcome(enum.IntEnum):
+class SearchOutcome(enum.IntEnum):
     """Final codes of a search, equal to those of the action PlanGrasp."""
 
     FOUND = 0
@@ -40,7 +40,7 @@ class Outcome(enum.IntEnum):
 class Answer(NamedTuple):
     """Result of a search."""
 
-    outcome: Outcome  #: final code
+    outcome: SearchOutcome  #: final code
     message: str  #: in words
     plan: GraspPlan | None = None  #: the plan; None without a search, or after a failure
 
@@ -117,23 +117,23 @@ class Searcher:
         try:
             plan = search.result()
         except GraspError as error:
-            return Answer(Outcome.BAD_GOAL, str(error))
+            return Answer(SearchOutcome.BAD_GOAL, str(error))
         except IsotrussError as error:
-            return Answer(Outcome.FAILED, str(error))
+            return Answer(SearchOutcome.FAILED, str(error))
         except BrokenProcessPool:
             self.close()
             reason = 'a process of the search died; the next search has new ones'
-            return Answer(Outcome.FAILED, reason)
+            return Answer(SearchOutcome.FAILED, reason)
         except Exception as error:  # noqa: BLE001 - the next search must work
             traceback.print_exception(error)
             self.close()
-            return Answer(Outcome.FAILED, f'{type(error).__name__}: {error}')
+            return Answer(SearchOutcome.FAILED, f'{type(error).__name__}: {error}')
         if self._stop.requested:
-            outcome = Outcome.CANCELLED
+            outcome = SearchOutcome.CANCELLED
         elif plan.grasps:
-            outcome = Outcome.FOUND
+            outcome = SearchOutcome.FOUND
         else:
-            outcome = Outcome.NONE_FOUND if plan.complete else Outcome.TIME_OUT
+            outcome = SearchOutcome.NONE_FOUND if plan.complete else SearchOutcome.TIME_OUT
         return Answer(outcome, plan_in_words(plan), plan)
 
     def close(self) -> None:

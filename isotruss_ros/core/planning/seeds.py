@@ -115,7 +115,7 @@ def enclosing_members(config: Configuration, point: complex) -> tuple[int, ...]:
     count = topology.n_modules
     b, c = points[topology.b], points[topology.c]
     starts = np.concatenate([b, b, points[topology.joint]]) - point
-    ends = np.concatenate([points[topology.c[topology.following]], c, 0.5 * (b + c)]) - point
+    ends = np.concatenate([points[topology.end], c, 0.5 * (b + c)]) - point
     sights = np.exp(2j * np.pi * (np.arange(SIGHT_LINES)[:, None] + 0.5) / SIGHT_LINES)
     # Intersections of lines of sight and segments.
     one, other = starts * sights.conj(), ends * sights.conj()

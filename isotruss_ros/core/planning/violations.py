@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What candidates for a grasp miss, in numbers and in words, and which of them is the closest."""
+"""Violations of requirements by candidates, in numbers and words, and the closest one."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from isotruss_ros.core.errors import IsotrussError
 
 #: By the name of a requirement: value of the candidate that ends there, and bound. In the order in
 #: which candidates come to them: the later, the closer they are to a grasp.
-SENTENCES = {
+SENTENCES_BY_REQUIREMENT = {
     'free': 'the robot touches the object already: the gap between them is {value:.4g} m',
     'enclosed': 'no members go all around the object',
     'members': '{value:.0f} of the {bound:.0f} members asked for are seen from within the object',
@@ -53,23 +53,23 @@ class Violation:
 
     @property
     def distance(self) -> float:
-        """Return how far the candidate is from a grasp, to compare candidates by [-]."""
+        """Return the distance of the candidate from a grasp, for comparisons [-]."""
         if self.requirement in BOUNDS:
             low, high = sorted((max(self.value, 0.0), self.bound))
             return 1.0 - low / high if high > 0.0 else 1.0
-        names = list(SENTENCES)
+        names = list(SENTENCES_BY_REQUIREMENT)
         if self.requirement not in names:
             return math.inf
         return 1.0 + len(names) - names.index(self.requirement)
 
 
 class RequirementError(IsotrussError):
-    """What ends a motion or a candidate: the arguments are the fields of a `Violation`."""
+    """A requirement is violated; the arguments are the fields of a `Violation`."""
 
 
 @dataclass
 class SearchTally:
-    """What a search has looked at so far."""
+    """Tally of a search: evaluations, and the closest violation."""
 
     evaluations: int = 0  #: configurations that were computed, by kinematics or statics
     analyses: int = 0  #: of them, how many by `analyze_grasp`
@@ -77,7 +77,7 @@ class SearchTally:
 
     def record(self, violation: Violation) -> None:
         """
-        Keep a violation if it is the closest one.
+        Store a violation if it is the closest one.
 
         :param violation: of a candidate.
         """
@@ -86,7 +86,7 @@ class SearchTally:
 
     @contextlib.contextmanager
     def recording(self) -> Iterator[None]:
-        """Record the requirement that ends what is done inside."""
+        """Attach a RequirementError of this block to the candidate."""
         try:
             yield
         except RequirementError as error:
@@ -94,7 +94,7 @@ class SearchTally:
 
     def add(self, other: SearchTally) -> None:
         """
-        Count what another search has looked at, too.
+        Add the tally of another search.
 
         :param other: its tally.
         """
@@ -106,7 +106,7 @@ class SearchTally:
 
 def export_violation(violation: Violation | None) -> dict[str, Any]:
     """
-    Return which requirement is violated, with value and bound; nothing where none is.
+    Return the violated requirement with value and bound; empty without one.
 
     :param violation: the closest one of a search.
     """
@@ -127,7 +127,7 @@ def violation_in_words(violation: Violation | None) -> str:
     """
     if violation is None:
         return 'there was no grasp candidate'
-    sentence = (SENTENCES | BOUNDS).get(violation.requirement)
+    sentence = (SENTENCES_BY_REQUIREMENT | BOUNDS).get(violation.requirement)
     if sentence is None:
         return f'the closest grasp candidate cannot be computed: {violation.requirement}'
     return f'{violation.requirement}: {sentence.format(**vars(violation))}'

@@ -31,7 +31,7 @@ import numpy as np
 #: order.
 SAFETY_MARGIN_SHARE = 0.01
 #: Smallest share of a margin, and of the safety margin, left after a sample of any length [-].
-MIN_MARGIN_SHARE = 0.1
+LEFT_MARGIN = 0.1
 #: Tolerance beyond the bound for effects of second order: the band times the squared travel of the
 #: rollers in units of this length [m].
 SECOND_ORDER_LENGTH = 0.05
@@ -75,7 +75,7 @@ class BarrierLaw:
         """
         Return the smallest margins at the end of a sample.
 
-        Margins below `MIN_MARGIN_SHARE` of the safety margin, or beyond the bound, must not
+        Margins below `LEFT_MARGIN` of the safety margin, or beyond the bound, must not
         decrease, so that errors of a fraction of the safety margin are harmless. Effects of second
         order are tolerated there (else the robot would stop in every other sample), but not across
         the bound.
@@ -84,13 +84,13 @@ class BarrierLaw:
         :param duration: duration of the sample, positive [s].
         :param travel: largest travel of a roller in this or the previous sample [m].
         """
-        last = MIN_MARGIN_SHARE * self.safety_margin
+        last = LEFT_MARGIN * self.safety_margin
         left = np.maximum(margins, last)
         slowly = left - 2.0 * duration * self._class_k(left)
-        kept = np.maximum(np.maximum(MIN_MARGIN_SHARE * left, slowly), last)
+        kept = np.maximum(np.maximum(LEFT_MARGIN * left, slowly), last)
         allowed = ROUNDING + self.band * (travel / SECOND_ORDER_LENGTH) ** 2
         # The sum of such effects must not cross the bound: the last remainder is kept.
-        floor = np.where(margins > 0.0, np.minimum(margins, MIN_MARGIN_SHARE * last), -np.inf)
+        floor = np.where(margins > 0.0, np.minimum(margins, LEFT_MARGIN * last), -np.inf)
         beyond = np.maximum(margins - allowed, floor - ROUNDING)
         return np.where(margins > last, kept, beyond)
 

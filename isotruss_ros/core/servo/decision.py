@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the rollers do in one cycle of the twist servo, and why they halt."""
+"""Decision of one cycle of the twist servo, and reasons of halts."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from isotruss_ros.core.inputs import InputError
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
 from isotruss_ros.core.numerics.arrays import Array
 
-#: The status for each error of the solution; the last is that of any other.
-HALTS = (
+#: Statuses by errors of the solution; the last one applies to all others.
+HALT_STATUSES = (
     (GraspError, Status.HALT_NO_GRASP),
     (IsotrussError, Status.HALT_KINEMATICS),
 )
@@ -23,7 +23,7 @@ HALTS = (
 @dataclass(frozen=True)
 class Decision:
     """
-    What the rollers do in one cycle.
+    Decision of one control cycle.
 
     :ivar command: velocities (zero when halted), achieved twist, scale and status.
     :ivar twist: (3,) the commanded twist vx, vy [m/s], omega [rad/s] of object or joint; zero if
@@ -74,7 +74,7 @@ class HaltError(IsotrussError):
 
 def halt_for(error: IsotrussError) -> Status:
     """
-    Return the status where an error stops the rollers.
+    Return the status of a halt by an error.
 
     :param error: why.
     """
@@ -83,12 +83,12 @@ def halt_for(error: IsotrussError) -> Status:
     if isinstance(error, InputError):
         # A twist that is too old is none: whoever sent it has stopped.
         return Status['HALT_' + error.code.replace('STALE_TWIST', 'NO_TWIST')]
-    return next(status for kind, status in HALTS if isinstance(error, kind))
+    return next(status for kind, status in HALT_STATUSES if isinstance(error, kind))
 
 
 def describe(command: RollerCommand, keeps_contacts: bool) -> str:
     """
-    Return how a command differs from the twist; empty where it does not, or halts.
+    Return the difference of a command from the twist in words; empty without, or in a halt.
 
     :param command: the command.
     :param keeps_contacts: whether it moves an object, and not a joint.

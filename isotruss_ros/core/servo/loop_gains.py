@@ -17,17 +17,17 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-#: Gain by frequency: the frequency may be wrong by a factor of two.
-SHARE = 0.25
-#: The gain where the frequency is not known [1/s].
-SLOW = 0.6
+#: Gain relative to the frequency [-]; stable for a frequency wrong by a factor of two.
+GAIN_SHARE = 0.25
+#: Gain for an unknown frequency [1/s].
+DEFAULT_GAIN = 0.6
 #: Squeeze and bias follow no quicker than this [1/s].
 MOST_OF_SQUEEZE, MOST_OF_BIAS = 5.0, 2.0
 
 
 class LoopGains(NamedTuple):
     """
-    How quickly the squeeze control corrects.
+    Gains of the squeeze control.
 
     :ivar pose: share of the object's error in the model that is corrected in a second [1/s].
     :ivar squeeze: share of the missing force that is made up for in a second [1/s].
@@ -44,7 +44,7 @@ class LoopGains(NamedTuple):
 
 def gains_of(gain: float) -> LoopGains:
     """
-    Return all gains.
+    Return all gains for one gain p.
 
     :param gain: p, positive [1/s].
     """
@@ -57,4 +57,4 @@ def choose_gain(frequency: float | None) -> float:
 
     :param frequency: lowest natural frequency of the held object; None if not known [rad/s].
     """
-    return SLOW if frequency is None else SHARE * frequency
+    return DEFAULT_GAIN if frequency is None else GAIN_SHARE * frequency

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-How hard the robot squeezes: the loop around the model of the held object.
+Squeeze control: feedback by the model of the held object.
 
 The squeeze and the opening of the grip are one thing: each millimetre less presses by some
 newtons more. The fourth row of (19), which keeps the grip, gets a right-hand side, and what the
@@ -19,7 +19,12 @@ import math
 from isotruss_ros.core.estimation.contact_walk import JUMP_LENGTH, MAX_DEVIATIONS
 from isotruss_ros.core.estimation.grip_belief import attach_model, GripBelief
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
-from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, LEFT_MARGIN, NotHeldError
+from isotruss_ros.core.holding.held_grip import (
+    HeldGrip,
+    HoldStatus,
+    LEFT_MARGIN,
+    NotHeldError,
+)
 from isotruss_ros.core.holding.loaded_frame import lowest_frequency
 from isotruss_ros.core.inputs import steady_pressures
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -29,17 +34,17 @@ from isotruss_ros.core.model.pose import Pose, pose_difference
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.servo.decision import describe_squeeze
 from isotruss_ros.core.servo.grip_faults import GripFault, SwingWatch
-from isotruss_ros.core.servo.loop_gains import choose_gain, gains_of, LoopGains, SLOW
+from isotruss_ros.core.servo.loop_gains import choose_gain, DEFAULT_GAIN, gains_of, LoopGains
 from isotruss_ros.core.servo.squeeze_target import SqueezeSettings
 import numpy as np
 
-#: After an oscillation the rollers stand still for as long as this [s], and the gain is halved.
+#: Time at rest after an oscillation [s]; the gain is halved then.
 REST_TIME = 1.0
-#: The squeeze changes no quicker than this [N/s].
+#: Largest rate of the squeeze [N/s].
 MAX_FORCE_RATE = 10.0
-#: Stamps of poses that differ by no more are the same [s].
-SAME_STAMP = 1e-3
-KNOWN = EstimatorSettings()
+#: Largest difference of equal stamps of poses [s].
+STAMP_TOLERANCE = 1e-3
+PRIOR = EstimatorSettings()
 
 #: Solves the program for a twist (3,) and a rate of the grip's opening [m/s].
 Solve = Callable[[Array, float], RollerCommand]
@@ -47,7 +52,7 @@ Solve = Callable[[Array, float], RollerCommand]
 
 class SqueezeControl:
     """
-    Regulates squeeze and pose of an object that the robot holds.
+    Regulator of squeeze and pose of a held object.
 
     :ivar belief: how it is held where the robot is; None before `follow`.
     :ivar reference: (x, y, angle) where the object is to be [m, rad]: where it was at first, moved
@@ -66,39 +71,39 @@ class SqueezeControl:
         self.acknowledge()
 
     def acknowledge(self) -> None:
-        """Clear the fault and forget how and where the object is held: a client has acted."""
+        """Clear the fault and the belief, after an action of a client."""
         self.fault: GripFault | None = None
         self._softening, self._why = 1.0, ''
         self.reset()
 
     def reset(self) -> None:
-        """Forget how and where the object is held: both follow from the next measured pose."""
+        """Drop belief and reference; both restart from the next measured pose."""
         self.belief: GripBelief | None = None
         self.reference: Array | None = None
         self.frequency: float | None = None
-        self.gains: LoopGains = gains_of(SLOW)
+        self.gains: LoopGains = gains_of(DEFAULT_GAIN)
         self._swings, self._rest = SwingWatch(), 0.0
         self._velocity, self._elapsed, self._slipped = np.zeros(3), 0.0, 0.0
         self._stamp = -math.inf
 
     def rest(self) -> None:
-        """Let the object be wanted where it is once it is moved again."""
+        """Reset the reference to the pose of the object at the next motion."""
         self.reference, self._velocity = None, np.zeros(3)
 
     @property
     def grasp(self) -> HeldGrip | None:
-        """Return how the object is held where the robot is; None before `follow`."""
+        """Return the equilibrium of the held object; None before `follow`."""
         return None if self.belief is None else self.belief.grasp
 
     def lose(self) -> None:
-        """Take note that the object is not between the members any more."""
+        """Register the loss of the object from the grip."""
         if self.belief is not None and self.fault is None:
             self._fail(GripFault.NOT_HELD, 'the object is not between the members')
         self.reset()
 
     def take_pressures(self, pressures: tuple[float, ...] | None) -> None:
         """
-        Model the tubes with measured pressures, from the next cycle on.
+        Use measured pressures in the model, from the next cycle on.
 
         :param pressures: (t,) gauge, by tube in the order of the robot file [Pa]; None for those
             of the file. See `steady_pressures`: noise would move the rollers.
@@ -107,7 +112,7 @@ class SqueezeControl:
 
     def take_offsets(self, offsets: Array | float, covariance: Array | None) -> None:
         """
-        Take corrected zeros of the rollers over.
+        Set corrected roller offsets.
 
         :param offsets: (r,) in the positions of the rollers from now on [m].
         :param covariance: (r, r) of these [m^2]; None where it is not known.
@@ -122,7 +127,7 @@ class SqueezeControl:
             belief.move_zeros(offsets - before)
 
     def note(self) -> str:
-        """Return what is wrong with how the object is held; empty where nothing is."""
+        """Return the fault of the grip in words; empty without one."""
         if self.fault is GripFault.OSCILLATES:
             return f'the object oscillates: the gain is softened to {self.gains.pose:.3g} 1/s'
         if self.fault is not None:
@@ -146,7 +151,7 @@ class SqueezeControl:
         sample: tuple[Pose, float] | None = None,
     ) -> HoldStatus:
         """
-        Take belief and reference to now, and correct it by where the object was measured.
+        Propagate belief and reference to now, and update the belief with the measured pose.
 
         It starts again from the measured pose where the model has lost the object.
 
@@ -180,7 +185,7 @@ class SqueezeControl:
 
     def solve(self, twist: Array, period: float, solve: Solve) -> RollerCommand:
         """
-        Return the command that moves the object as asked and brings the squeeze to its target.
+        Return the command for a twist of the object that regulates the squeeze.
 
         In a fault the object is not moved, and the squeeze is regulated on; or the rollers stand.
 
@@ -216,7 +221,7 @@ class SqueezeControl:
 
     def advance(self, twist: Array, command: RollerCommand, missing: Array | float = 0.0) -> None:
         """
-        Take note of what is carried out of a twist, which moves the reference from now on.
+        Integrate the executed twist into the reference.
 
         :param twist: (3,) commanded [m/s, rad/s].
         :param command: that was solved for; in a direction other than the twist's it ends the
@@ -228,7 +233,7 @@ class SqueezeControl:
         self._velocity = command.scale * np.asarray(twist) - missing
 
     def _correction(self, belief: GripBelief, period: float) -> Array:
-        """Return the twist (3,) that takes pose errors and what the rows of (19) miss away."""
+        """Return the twist (3,) that corrects pose errors and drift beyond (19)."""
         here = belief.regulated_pose
         if self.reference is None:
             self.reference = here
@@ -237,14 +242,14 @@ class SqueezeControl:
         return gain * pose_difference(self.reference, here) - belief.drift[:3]
 
     def _start(self, config: Configuration, grip: Grip) -> HoldStatus:
-        """Begin with the equilibrium near the measured pose."""
+        """Start with the equilibrium near the measured pose."""
         self.belief = None
         try:
             found = attach_model(config, grip, self._pressures)
         except NotHeldError as error:
             return error.hold
         self._choose_gains(found)
-        settings = replace(KNOWN, load=self.settings.load or KNOWN.load, zeros=self.settings.zeros)
+        settings = replace(PRIOR, load=self.settings.load or PRIOR.load, zeros=self.settings.zeros)
         belief = GripBelief(found, grip, settings, self._zeros)
         # As far as the squeeze is not known, neither is the share of it that friction has to be.
         unsure = MAX_DEVIATIONS * belief.squeeze_deviation / belief.squeeze
@@ -254,9 +259,9 @@ class SqueezeControl:
         return hold
 
     def _observe(self, belief: GripBelief, pose: Pose, age: float, elapsed: float) -> None:
-        """Correct the belief by a pose that is new, and look for slips."""
+        """Update the belief with a new pose, and test for slip."""
         self._stamp -= elapsed  # of the last pose, against now
-        if -age <= self._stamp + SAME_STAMP:
+        if -age <= self._stamp + STAMP_TOLERANCE:
             return
         self._stamp = -age
         belief.observe(pose, age)
@@ -277,14 +282,14 @@ class SqueezeControl:
         self.fault, self._why = fault, why
 
     def _choose_gains(self, grasp: HeldGrip) -> None:
-        """Let the gains follow from the frequency."""
+        """Choose the gains by the frequency."""
         settings = self.settings
         self.frequency = settings.frequency or lowest_frequency(grasp)
         gain = settings.pose_gain or choose_gain(self.frequency)
         self.gains = gains_of(self._softening * gain)
 
     def _look_for_swings(self, belief: GripBelief, elapsed: float) -> None:
-        """After an oscillation stand still for a while, and go on more softly."""
+        """Stop for some time after an oscillation, and halve the gain."""
         error, even = np.zeros(3), np.array([1.0, 1.0, belief.grasp.arm])
         if self.reference is not None:
             error = even * pose_difference(self.reference, belief.pose)
@@ -298,7 +303,7 @@ class SqueezeControl:
 
 
 def _solve_within_limits(wanted: Array, opening: float, solve: Solve) -> RollerCommand:
-    """Return the command for a twist and a rate of opening; limits slow the twist first."""
+    """Return the command for a twist and an opening rate; limits scale the twist first."""
     command = solve(wanted, opening)
     if not Status.SLOWED_ROLLER_SPEED <= command.status <= Status.SLOWED_BARRIER:
         return command

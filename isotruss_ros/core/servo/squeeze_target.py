@@ -11,7 +11,7 @@ from dataclasses import dataclass
 @dataclass(frozen=True)
 class SqueezeSettings:
     """
-    What the squeeze is to be, and how quickly it gets there.
+    Desired squeeze and settings of its control.
 
     :ivar force: mean normal force of the grasping members, positive [N].
     :ivar pose_gain: of the pose, from which the others follow; None for that of the frequency, see

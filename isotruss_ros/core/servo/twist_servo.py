@@ -53,7 +53,7 @@ import numpy as np
 WATCH_PERIOD = 0.1
 #: ... in these states.
 AT_REST = (Status.HALT_NO_TWIST, Status.HALT_INVALID_TWIST, Status.HALT_EMERGENCY_STOP)
-#: The travel of the rollers is compared with what was commanded this often [s].
+#: Period of the comparison of measured and commanded travel [s].
 DETECTION_PERIOD = 0.02
 
 
@@ -114,13 +114,13 @@ class TwistServo:
 
     @property
     def failed(self) -> frozenset[str]:
-        """Return the rollers that have failed: those set here and those detected."""
+        """Return the failed rollers, named or detected."""
         return self._failed if self.detector is None else self._failed | self.detector.failed
 
     @failed.setter
     def failed(self, names: Collection[str]) -> None:
         """
-        Set the rollers that have failed; detected ones stay until `detector.reset`.
+        Set the named failed rollers; detected ones persist until `detector.reset`.
 
         :param names: names of the rollers.
         :raises GraspError: the robot has no such roller.
@@ -130,13 +130,13 @@ class TwistServo:
 
     @property
     def joint(self) -> str | None:
-        """Return the name of the joint that twists move; None for the object."""
+        """Return the name of the joint moved by twists; None for the object."""
         return self._joint
 
     @joint.setter
     def joint(self, name: str | None) -> None:
         """
-        Choose what twists move; the rollers halt until the next twist.
+        Set the joint moved by twists; the rollers halt until the next twist.
 
         :param name: of the joint, which moves without an object; None for the object.
         :raises GraspError: the robot has no such joint.
@@ -197,7 +197,7 @@ class TwistServo:
 
     def command(self, velocities: Array, now: float) -> Array:
         """
-        Return the roller velocities (r,) to command in place of those for a twist [m/s].
+        Return given roller velocities (r,), limited, instead of those for a twist [m/s].
 
         They count for the prediction of the next commands and for the detection of failures.
 
@@ -238,7 +238,7 @@ class TwistServo:
         failed: frozenset[str],
     ) -> RollerCommand:
         """
-        Solve for the configuration in the middle of the cycle that the command is for.
+        Solve for the configuration at the midpoint of the command's cycle.
 
         A command for the measured configuration, which is older, would have a first-order error.
         """
@@ -304,7 +304,7 @@ class TwistServo:
         now: float,
         failed: frozenset[str],
     ) -> tuple[Configuration, Grip | None, Array]:
-        """Return where robot and object are in the middle of the cycle, and the last command."""
+        """Return predicted robot and object at the midpoint of the cycle, and the last command."""
         still = np.array([name in failed for name in self.robot.roller_names])
         before, travel, last = self._history.expected_travel(
             rollers, (pose or [rollers])[0].time, now, 0.5 * self.period, still
@@ -318,7 +318,7 @@ class TwistServo:
         return config, grip, last
 
     def _watch(self, squeeze: SqueezeControl, status: Status, now: float) -> None:
-        """Follow now and then an object that no command moves; forget it where that is unknown."""
+        """Update the belief of a resting object periodically; drop it without valid inputs."""
         before = self._regulated
         if before is not None and 0.0 <= now - before < WATCH_PERIOD:
             squeeze.rest()
@@ -347,7 +347,7 @@ class TwistServo:
         pose: StampedInput,
         now: float,
     ) -> HoldStatus:
-        """Take the belief of the held object to the middle of the cycle."""
+        """Propagate the belief of the held object to the midpoint of the cycle."""
         estimate = self.estimate
         covariance = estimate.value.covariance if isinstance(estimate, StampedInput) else None
         squeeze.take_offsets(rollers.value.offsets, covariance)
@@ -365,7 +365,7 @@ class TwistServo:
         twist: Array,
         solve: Callable[..., RollerCommand],
     ) -> RollerCommand:
-        """Solve for the squeeze as well, with the belief of the held object."""
+        """Solve with regulation of the squeeze, by the belief of the held object."""
         if squeeze.grasp is None or (hold is not HoldStatus.HELD and squeeze.fault is None):
             why = f'the object is not held: {hold.value}'
             raise HaltError(Status.HALT_NOT_HELD, '; '.join(filter(None, (why, squeeze.note()))))

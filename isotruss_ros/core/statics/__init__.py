@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The direct stiffness model of the robot: equations (1), (2) and (4).
+Direct stiffness method of the robot: equations (1), (2) and (4).
 
 Entry points: `structure.deform`, `frame.Frame`, `tube_stiffness.MODELS`, `wrinkling`.
 Imports `core.kinematics` and what is below it.

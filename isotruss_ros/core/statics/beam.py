@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Straight beams between their ends: how sections inside them move.
+Displacements of sections inside straight beams.
 
 EA, EI and GA are the section stiffness (Timoshenko; an infinite GA is an Euler-Bernoulli beam).
 What is inside of a beam is exact, so that a frame with loaded points anywhere needs no finer mesh.
@@ -18,7 +18,7 @@ IDENTITY = np.eye(6)
 
 class Beams:
     """
-    Beams between their ends, by transfer matrices: how sections inside them move.
+    Beams between their ends, by transfer matrices.
 
     The displacements along and across, the rotation, axial force, shear force and bending moment
     z = (u, w, theta, N, V, M) of a section follow from those at the start, z(x) = exp(A x) z(0);
@@ -54,7 +54,7 @@ class Beams:
 
     def points(self, beam: Indices, place: Array) -> tuple[Array, Array]:
         """
-        Return how points on the beams move.
+        Return the displacements of points on the beams.
 
         :param beam: (c,) which of the beams each point is on.
         :param place: (c,) distance from its start [m].

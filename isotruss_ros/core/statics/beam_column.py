@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Beam-columns of the plane: (2) of a straight member, and its terms by the axial force.
+Planar beam-columns: the stiffness (2) of a straight member, with terms in the axial force.
 
 Of a member with the chord l, its ends turned by t = (t1, t2) against the chord, and the rest
 length l0, the axial force N makes the energy stationary,
@@ -36,7 +36,7 @@ STEP = 1e-30
 
 class EndForces(NamedTuple):
     """
-    The forces of k bent members, and how they change with l, t1 and t2.
+    Forces of k bent members, with derivatives by l, t1 and t2.
 
     :ivar pull: (k,) N [N].
     :ivar moments: (k, 2) at start and end [N m].
@@ -56,7 +56,7 @@ class EndForces(NamedTuple):
 
 class BeamColumns:
     """
-    Members that bend, each straight when unloaded.
+    Members with bending, straight without loads.
 
     :ivar length: (k,) rest lengths l0 [m].
     :ivar stretch: (k,) l0 / EA [m/N].
@@ -165,7 +165,7 @@ def evaluate_rates(
 
 
 def _reciprocal(constant: Array, first: Array, second: Array) -> Array:
-    """Return the first three terms (3, k) of one over a power series."""
+    """Return the first three terms (3, k) of the reciprocal of a power series."""
     return np.array(
         [
             1.0 / constant,

@@ -12,7 +12,7 @@ import numpy as np
 
 class CutFrame(Frame):
     """
-    A frame whose members are cut at some points, which become its last nodes.
+    A frame with members cut at points, which become its last nodes.
 
     The members themselves become their first parts; the others are the last members.
 

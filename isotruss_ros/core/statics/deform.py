@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The deformed robot under loads: equations (1) and (4)."""
+"""Deformation of the robot under loads: equations (1) and (4)."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from isotruss_ros.core.statics.wrinkling import find_utilisation
 import numpy as np
 from numpy.typing import ArrayLike
 
-#: A limit load is looked for up to this many times the loads.
-MOST = 100.0
-#: Members that turn by more than this [rad] may have snapped: the load is followed step by step.
+#: Largest searched limit load factor [-].
+MAX_LIMIT_FACTOR = 100.0
+#: Largest rotation of a member without load steps [rad]; beyond it a snap is possible.
 MAX_TURN = 0.3
 
 
@@ -47,7 +47,7 @@ class Deformation(Record, headline=('reactions', 'displacements')):
 
     def displacement(self, node: str) -> Array:
         """
-        Return (ux, uy, theta) of a node [m, rad]; theta of a joint is 0, all is pinned there.
+        Return (ux, uy, theta) of a node [m, rad]; theta of a pinned joint is 0.
 
         :param node: a joint j, or t/j/B, t/j/C, t/j/D, t/j/E.
         :raises StructureError: there is no such node.
@@ -85,11 +85,11 @@ class Deformation(Record, headline=('reactions', 'displacements')):
 
     def limit_factor(self) -> float:
         """
-        Return by what the loads can be multiplied until the bent structure gives way [-].
+        Return the factor on the loads at the limit load of the bent structure [-].
 
         Infinite if it bears more than 100 times the loads.
         """
-        return follow_loads(self.frame, self.loads, MOST).limit
+        return follow_loads(self.frame, self.loads, MAX_LIMIT_FACTOR).limit
 
 
 @single_threaded
@@ -103,7 +103,7 @@ def deform(
     paper_model: bool = False,
 ) -> Deformation:
     """
-    Return displacements and reactions under loads: equations (1) and (4), the structure bent.
+    Return displacements and reactions under loads, with large bending: (1) and (4).
 
     :param config: where the robot is; its rollers do not turn.
     :param joint_loads: (fx, fy) by joint, robot frame [N]; joints turn freely and bear no moment.
@@ -135,7 +135,7 @@ def deform(
 
 
 def _load_tubes(structure: Structure, tube_loads: Mapping[str, ArrayLike]) -> tuple[Frame, Array]:
-    """Return the frame cut where tubes bear loads, and the loads (n, 3) on its nodes."""
+    """Return the frame cut at loads on tubes, and the nodal loads (n, 3)."""
     config, rows, members = structure.config, [], []
     names = config.robot.member_names
     for member, given in tube_loads.items():
@@ -162,7 +162,7 @@ def _load_tubes(structure: Structure, tube_loads: Mapping[str, ArrayLike]) -> tu
 
 
 def _bend(frame: Frame, loads: Array) -> FrameState:
-    """Return the bent frame in equilibrium with loads."""
+    """Return the equilibrium of the bent frame under loads."""
     with np.errstate(over='ignore', invalid='ignore'):
         found = frame.bend(loads)
     if found is None:
@@ -182,7 +182,7 @@ def _bend(frame: Frame, loads: Array) -> FrameState:
 
 
 def _check_name(kind: str, name: str, known: Iterable[str], robot: str) -> None:
-    """Refuse the name of a part that a robot does not have."""
+    """Raise for unknown names of parts."""
     if name not in known:
         raise StructureError(
             f'{kind} {name!r}: robot {robot} has no such {kind}; '

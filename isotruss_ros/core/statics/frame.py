@@ -40,12 +40,12 @@ from isotruss_ros.core.statics.frame_pattern import (
 import numpy as np
 from scipy.sparse import coo_matrix, csc_matrix
 
-#: A frame that is worse conditioned than this, in its own units, is a mechanism.
+#: Largest condition number of the scaled frame [-]; a frame beyond it is a mechanism.
 MAX_CONDITION = 1e12
-#: Newton's method ends after a step of this size [m], behind which it is at its rounding.
+#: Largest last step of Newton's method [m]; the remaining error is rounding.
 STEP_TOLERANCE = 1e-7
 MAX_NEWTON_ITERATIONS = 20
-#: Displacements grow to at most this many times those of the linear response [-].
+#: Largest ratio of displacements to the linear response [-].
 MAX_GROWTH = 3.0
 #: Which of 0, 1, x, y and -y of a direction are the entries of `directions`.
 TURN = np.array(
@@ -100,7 +100,7 @@ class EndResponse(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class Tangent:
     """
-    A frame linearised about displacements of its nodes, and the forces that it takes there.
+    A frame linearised about displacements of its nodes, with the forces there.
 
     :ivar displacements: (n, 3) ux, uy [m], theta [rad].
     :ivar multipliers: (c,) of the constraints.
@@ -148,7 +148,7 @@ class Tangent:
 
     def respond(self, loads: Array, gaps: Array | float = 0.0) -> tuple[Array, Array]:
         """
-        Return how displacements (3 n, p) and multipliers (c, p) answer to further loads.
+        Return displacements (3 n, p) and multipliers (c, p) of further loads.
 
         :param loads: (3 n, p) [N], [N m].
         :param gaps: (c, p) that the constraints are to open by.
@@ -345,7 +345,7 @@ class Frame:
         return coo_matrix((entries, places), shape=(size, size)).tocsc(), scale
 
     def _what_moves(self, matrix: Array | csc_matrix, scale: Array) -> list[str]:
-        """Return the nodes that take part in motions which nothing resists."""
+        """Return the nodes that move in mechanisms."""
         dense = matrix if isinstance(matrix, np.ndarray) else matrix.toarray()
         values, vectors = np.linalg.eigh(dense)
         loose = np.abs(values) < np.abs(values).max() / MAX_CONDITION**0.5
@@ -389,7 +389,7 @@ class Frame:
         self, loads: Array, start: Tangent | None = None, growth: float = MAX_GROWTH
     ) -> Tangent | None:
         """
-        Return the frame in equilibrium with loads, bent (Newton's method).
+        Return the equilibrium of the bent frame under loads (Newton's method).
 
         :param loads: (n, 3) fx, fy [N], m [N m] on the nodes.
         :param start: about a state to begin with; that without loads if None.
@@ -556,7 +556,7 @@ class Frame:
 
     def is_stable(self, tangent: Tangent) -> bool:
         """
-        Tell whether the equilibrium is stable: no motion that the constraints admit takes no work.
+        Return whether the equilibrium is stable under the constraints.
 
         :param tangent: there.
         """
@@ -578,7 +578,7 @@ class Frame:
         )
 
     def _reactions(self, missing: Array) -> Array:
-        """Return what the supports do (n, 3), of what is missing to the balance (3 n,)."""
+        """Return the support reactions (n, 3) from the residual of the balance (3 n,)."""
         return np.where(self._held, missing, 0.0).reshape(-1, 3)
 
     @property
@@ -592,7 +592,7 @@ class Frame:
 
 def directions(direction: Points) -> Array:
     """
-    Return the matrices that turn displacements of the plane into those along the members.
+    Return the rotation matrices from the plane to the members' frames.
 
     :param direction: (k,) unit vectors from start to end.
     :return: (k, 6, 6), orthogonal.

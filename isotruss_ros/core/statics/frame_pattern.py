@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Which displacements of a frame are unknowns, and where entries go in the matrix of (4)."""
+"""Unknown displacements of a frame, and the sparsity pattern of the matrix of (4)."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class LinearRows(NamedTuple):
 
     @property
     def pairs(self) -> tuple[Indices, Indices]:
-        """Return which displacements the rows bind other than linearly: none."""
+        """Return the pairs of displacements in nonlinear terms: none."""
         return NO_PAIRS
 
     def linearize(
@@ -41,7 +41,7 @@ class LinearRows(NamedTuple):
 
 class TurnRows(NamedTuple):
     """
-    Constraints on how much spans between nodes turn: sums of turns, each by a weight, are zero.
+    Constraints on rotations of spans between nodes: weighted sums are zero.
 
     A span is a sum of nodes, each by a share; the shares of a span sum up to zero.
 
@@ -147,7 +147,7 @@ class Members(NamedTuple):
 
 class FramePattern:
     """
-    What frames with the same connections and supports share: where entries of matrices go.
+    Sparsity pattern of frames with equal connections and supports.
 
     :param members: what connects the nodes; their stiffness does not count.
     :param held: (n, 3) which of ux, uy, theta are held by supports.

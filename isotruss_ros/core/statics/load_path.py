@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The equilibria of a frame under growing loads, up to the limit load.
+Equilibria of a frame under increasing loads, up to the limit load.
 
 At the limit load the stiffness is singular, and beyond it there is no stable equilibrium nearby:
 the number of negative pivots of the factored stiffness tells it, since Newton's method can pass a
@@ -17,19 +17,19 @@ from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.statics.frame import Frame, Tangent
 import numpy as np
 
-#: Steps along the path move no node by more than this, by the linear response [m].
-MAX_STEP = 0.01
-#: What answers to a step by more than this many times the linear response is another branch [-].
-PATH_GROWTH = 1.5
-#: A limit load is found to this share of it.
+#: Largest linear displacement of a node in a load step [m].
+MAX_DISPLACEMENT_STEP = 0.01
+#: Largest ratio of a step to the linear response on the same branch [-].
+MAX_STEP_RATIO = 1.5
+#: Relative tolerance of a limit load [-].
 LIMIT_TOLERANCE = 1e-3
-#: Steps after which a path is given up.
-MAX_STEPS = 400
+#: Largest number of load steps [-].
+MAX_LOAD_STEPS = 400
 
 
 class LoadPath(NamedTuple):
     """
-    Stable equilibria under growing loads.
+    Stable equilibria under increasing loads.
 
     :ivar factors: (s,) shares of the given loads, rising from 0.
     :ivar tangents: (s,) the frame there.
@@ -43,7 +43,7 @@ class LoadPath(NamedTuple):
 
 def follow_loads(frame: Frame, loads: Array, most: float, farthest: float = np.inf) -> LoadPath:
     """
-    Follow the equilibria of a frame from rest, as its loads grow.
+    Follow the equilibria of a frame from zero under increasing loads.
 
     :param frame: the frame.
     :param loads: (n, 3) fx, fy [N], m [N m] on the nodes.
@@ -53,12 +53,14 @@ def follow_loads(frame: Frame, loads: Array, most: float, farthest: float = np.i
     """
     path = LoadPath([0.0], [frame.rest], np.inf)
     step = most
-    for _ in range(MAX_STEPS):
+    for _ in range(MAX_LOAD_STEPS):
         factor, tangent = path.factors[-1], path.tangents[-1]
         if factor >= most or np.abs(tangent.displacements[:, :2]).max() > farthest:
             return path
         reach = np.abs(tangent.respond(loads.reshape(-1, 1))[0].reshape(-1, 3)[:, :2]).max()
-        step = min(2.0 * step, MAX_STEP / reach if reach > 0.0 else np.inf, most - factor)
+        step = min(
+            2.0 * step, MAX_DISPLACEMENT_STEP / reach if reach > 0.0 else np.inf, most - factor
+        )
         found = _step(frame, tangent, (factor + step) * loads)
         while found is None and step > LIMIT_TOLERANCE * factor:
             step *= 0.5
@@ -71,6 +73,6 @@ def follow_loads(frame: Frame, loads: Array, most: float, farthest: float = np.i
 
 
 def _step(frame: Frame, tangent: Tangent, loads: Array) -> Tangent | None:
-    """Return the next stable equilibrium on a path; None if it is not near."""
-    found = frame.bend(loads, tangent, PATH_GROWTH)
+    """Return the next stable equilibrium on a path; None without a near one."""
+    found = frame.bend(loads, tangent, MAX_STEP_RATIO)
     return found if found is not None and frame.is_stable(found) else None

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Displacements of joints that look like the weight of a robot that stands upright."""
+"""Sag: displacements of joints under the weight of an upright robot."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ EXPLAINED, LEAST_SAG = 0.95, 5e-3
 
 
 class Sag(NamedTuple):
-    """What weights explain of displaced joints."""
+    """Fit of a uniform weight to displaced joints."""
 
     weight: Array  #: (2,) of each module, robot frame [N]
     explained: float  #: share of the squared displacements [-]
@@ -36,7 +36,7 @@ class Sag(NamedTuple):
 
     @property
     def is_upright(self) -> bool:
-        """Return whether the joints are displaced as those of a robot that stands upright."""
+        """Return whether the joints are displaced like those of an upright robot."""
         return self.explained > EXPLAINED and self.largest > LEAST_SAG
 
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Section stiffness of the inflated tube: what its models give, and the theory for want of a better.
+Section stiffness of the inflated tube: interface of its models, and the default theory.
 
 A length is that of a whole member, pinch to pinch; a gauge pressure is that of its tube.
 """
@@ -19,13 +19,13 @@ from isotruss_ros.core.numerics.arrays import Array, finite_array
 import numpy as np
 from numpy.typing import ArrayLike
 
-#: E t and G t of the fabric [N/m]: the order of thin coated cloth, an assumption.
+#: Assumed E t and G t of the fabric [N/m], of the order of thin coated cloth.
 MEMBRANE_MODULUS = 6.0e4
 MEMBRANE_SHEAR_MODULUS = 1.0e4
 #: c of k_end = c p R, from the pillow of `InflatableBeam`: theory.
 END_SOFTENING = 2.0 * np.pi / (4.0 - np.pi)
-#: Shear coefficient of a thin circular tube.
-KAPPA = 0.5
+#: Shear coefficient of a thin circular tube [-].
+SHEAR_COEFFICIENT = 0.5
 #: One gauge pressure for all tubes, one for each in the order of the robot file, or by tube name.
 Pressure: TypeAlias = 'ArrayLike | Mapping[str, float]'
 
@@ -46,7 +46,7 @@ class SectionStiffness(NamedTuple):
 
 class Fabric(NamedTuple):
     """
-    The elastic constants of the tube's wall; its thickness is part of them.
+    Elastic constants of the tube's wall times its thickness.
 
     :ivar membrane_modulus: E t [N/m].
     :ivar membrane_shear_modulus: G t [N/m].
@@ -57,11 +57,11 @@ class Fabric(NamedTuple):
 
 
 class TubeStiffness(Protocol):
-    """What the models have in common."""
+    """Base class of the stiffness models."""
 
     @property
     def fabric(self) -> Fabric | None:
-        """Return the constants of the wall; None where the model has beam stiffnesses only."""
+        """Return the constants of the wall; None for models of beam stiffnesses only."""
 
     def section_stiffness(self, length: ArrayLike, pressure: ArrayLike) -> SectionStiffness:
         """
@@ -75,7 +75,7 @@ class TubeStiffness(Protocol):
     @classmethod
     def of_block(cls, block: Mapping[str, Any], description: RobotDescription) -> TubeStiffness:
         """
-        Return the model that a robot file describes.
+        Return the model of a robot file.
 
         :param block: `stiffness` of the file without the name of the model; of checked form.
         :param description: all that the file says.
@@ -85,7 +85,7 @@ class TubeStiffness(Protocol):
 @dataclass(frozen=True)
 class InflatableBeam:
     """
-    Theory, not a measurement: the inflatable beam of Le Van and Wielgosz, with pinched ends.
+    Theoretical inflatable beam of Le Van and Wielgosz, with pinched ends.
 
     EI and GA are theirs (Thin-Walled Structures 43 (2005) 1166-1187 and 45 (2007) 221-236). The
     pressure pulls with P = p pi R^2, EI = (E + P/S0) I0 and GA = P + kappa G S0, S0 = 2 pi R t,
@@ -126,12 +126,12 @@ class InflatableBeam:
             axial=1.0 / (1.0 / wall + 2.0 / (end * length)),
             # The thickness cancels; fabrics do not state it.
             flexural=self.membrane_modulus * np.pi * R**3 + force * R**2 / 2.0,
-            shear=force + KAPPA * self.membrane_shear_modulus * circumference,
+            shear=force + SHEAR_COEFFICIENT * self.membrane_shear_modulus * circumference,
         )
 
     @classmethod
     def of_block(cls, block: Mapping[str, Any], description: RobotDescription) -> InflatableBeam:
-        """Return the beam of a robot file, or as assumed above; see `TubeStiffness.of_block`."""
+        """Return the beam of a robot file, or the assumed one; see `TubeStiffness.of_block`."""
         return cls(0.5 * description.tube_diameter, **as_floats(block))
 
 
@@ -200,7 +200,7 @@ def tube_pressures(
 
 def as_floats(block: Mapping[str, Any]) -> dict[str, float]:
     """
-    Return numbers as floats: YAML also has integers, which overflow differently.
+    Return numbers as floats, since integers of YAML overflow differently.
 
     :param block: of a robot file.
     """

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The robot as a frame: nodes and members of each module (Fig. 1b), tubes, bisection (3).
+Frame of the robot: nodes and members of each module (Fig. 1b), tubes, bisection (3).
 
 A module's triangle ABC is rigid; the tube goes from C through the guide ring E and from B through
 D. The rings sit on arms that turn about B and C and are coupled by (3): they guide the tube
@@ -59,7 +59,7 @@ class Structure:
 
     def node(self, name: str) -> int:
         """
-        Return the number of a node.
+        Return the index of a node.
 
         :param name: a joint j, or t/j/B, t/j/C, t/j/D, t/j/E.
         :raises StructureError: there is no such node.
@@ -73,7 +73,7 @@ class Structure:
 
     def locate(self, members: Indices, places: Array) -> tuple[Indices, Array, Array]:
         """
-        Return the pieces of tube that places are on, and where on these.
+        Return the pieces of tube at points, and the positions on these.
 
         :param members: (c,) numbers of the members.
         :param places: (c,) distances from the members' starts [m].
@@ -92,7 +92,7 @@ class Structure:
 def _frame_points(robot: Mechanism, nodes: Points) -> Points:
     """Return the nodes (n,) of a robot's frame [m], from those of its configuration (N,)."""
     topology, layout = robot.topology, frame_layout(robot)
-    side = nodes[topology.c[topology.following]] - nodes[topology.b]
+    side = nodes[topology.end] - nodes[topology.b]
     ahead = robot.description.module.guide_ring_distance * side / np.abs(side)
     points = np.empty(len(layout.node_names), dtype=np.complex128)
     b, joints = layout.b, len(topology.joint_names)
@@ -121,7 +121,7 @@ def _section_values(
 
 class FrameLayout(NamedTuple):
     """
-    What does not change with the configuration of a robot.
+    Data of the frame that are independent of the configuration.
 
     :ivar tube: how stiff the tube is.
     :ivar node_names: joints first, then B, C, D, E of module after module.
@@ -150,7 +150,7 @@ class FrameLayout(NamedTuple):
 @functools.lru_cache(maxsize=16)
 def frame_layout(robot: Mechanism) -> FrameLayout:
     """
-    Return what the frames of a robot share; that of the last few robots is kept.
+    Return the layout of a robot's frames; those of the last few robots are cached.
 
     :param robot: the robot.
     """
@@ -201,7 +201,7 @@ def frame_layout(robot: Mechanism) -> FrameLayout:
 
 def structure_of(config: Configuration, pressure: Pressure | None = None) -> Structure:
     """
-    Return the frame of a robot in one configuration; the last few are kept.
+    Return the frame of a robot in one configuration; the last few are cached.
 
     :param config: where the robot is.
     :param pressure: gauge [Pa], see `tube_pressures`; that of the robot file if None.

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-How stiff the inflated tube is: the models of the block `stiffness` of robot files.
+Stiffness models of the inflated tube, for the block `stiffness` of robot files.
 
 Each turns lengths and gauge pressures into the section stiffness EA, EI, GA of Timoshenko beams. A
 length is that of a whole member, pinch to pinch: its pieces inherit the section stiffness of the
@@ -36,15 +36,15 @@ from isotruss_ros.core.statics.section import (
 import numpy as np
 from numpy.typing import ArrayLike
 
-#: Half of the step of differences by length and pressure, as a share of these: errors of the
-#: derivatives are about its square, and rounding over it.
-STEP = 1e-5
+#: Relative half step of finite differences by length and pressure [-]: the error is about its
+#: square plus rounding over it.
+DIFFERENCE_STEP = 1e-5
 
 
 @dataclass(frozen=True)
 class Section:
     """
-    EA, EI and GA as given, for any length, at one pressure.
+    Given EA, EI and GA for any length, at one pressure.
 
     At another pressure EI and GA differ by what its pull P = p pi R^2 adds to them in the theory
     of `InflatableBeam`: P R^2 / 2 and P.
@@ -97,7 +97,7 @@ class Section:
 @dataclass(frozen=True)
 class PowerLaw:
     """
-    Measured end stiffnesses of a member, each a law of pressure and length.
+    Measured end stiffnesses of a member, as power laws of pressure and length.
 
     :param axial: P / delta x of a member from pinch to pinch, the other end held [N/m].
     :param transverse: V / delta y of one end of a tube from guide ring to guide ring, the
@@ -138,7 +138,7 @@ class PowerLaw:
 
     def section_stiffness(self, length: ArrayLike, pressure: ArrayLike) -> SectionStiffness:
         """
-        Return EA, EI and GA with which members have the measured end stiffnesses.
+        Return EA, EI and GA for the measured end stiffnesses of members.
 
         With L from pinch to pinch and l = L - 2 g from ring to ring, the inverse of
         k_axial = EA/L, k_transverse = 12 EI / (l^3 (1 + phi)) and
@@ -179,7 +179,7 @@ class PowerLaw:
 @dataclass(frozen=True)
 class TubeSections:
     """
-    Sections of tubes that are stiffer than a model by a measured factor, and their derivatives.
+    Sections of tubes scaled by a measured factor, with derivatives.
 
     :ivar model: the model.
     :ivar scale: stiffness against that of the model, positive [-].
@@ -194,7 +194,7 @@ class TubeSections:
         return self.model.fabric
 
     def section_stiffness(self, length: ArrayLike, pressure: ArrayLike) -> SectionStiffness:
-        """Return those of the model, scaled; see `TubeStiffness.section_stiffness`."""
+        """Return the scaled stiffness of the model; see `TubeStiffness.section_stiffness`."""
         sections = self.model.section_stiffness(length, pressure)
         return SectionStiffness(*(self.scale * each for each in sections))
 
@@ -208,17 +208,19 @@ class TubeSections:
         :param pressure: (k,) gauge [Pa].
         :return: per length [1/m], and per gauge pressure [1/Pa].
         """
-        shares = STEP * np.array([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]])[:, :, None]
+        shares = (
+            DIFFERENCE_STEP * np.array([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]])[:, :, None]
+        )
         moved = (np.array([length, pressure])[:, None] * (1.0 + shares)).reshape(2, -1)
         flexibility = 1.0 / np.array(self.section_stiffness(*moved)).reshape(3, 4, -1)
         longer, shorter, wider, narrower = flexibility.swapaxes(0, 1)
         return (
-            (longer - shorter) / (2.0 * STEP * length),
-            (wider - narrower) / (2.0 * STEP * pressure),
+            (longer - shorter) / (2.0 * DIFFERENCE_STEP * length),
+            (wider - narrower) / (2.0 * DIFFERENCE_STEP * pressure),
         )
 
 
-#: The models by their names in robot files.
+#: Models by their names in robot files.
 MODELS: dict[str, type[TubeStiffness]] = {
     'inflatable_beam': InflatableBeam,
     'power_law': PowerLaw,
@@ -228,7 +230,7 @@ MODELS: dict[str, type[TubeStiffness]] = {
 
 def tube_stiffness(description: RobotDescription) -> TubeSections:
     """
-    Return the model that a robot file asks for.
+    Return the stiffness model of a robot file.
 
     :param description: of the robot; its block `stiffness` was checked when the file was read.
     """

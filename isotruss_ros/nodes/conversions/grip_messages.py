@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Held grips to messages, and from them."""
+"""Conversion of held grips to messages and back."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from isotruss_ros.core.errors import quote
 from isotruss_ros.core.inputs import RollerState
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.paths.object_path import MAX_POSES
-from isotruss_ros.core.paths.path_servo import Outcome
+from isotruss_ros.core.paths.path_servo import PathOutcome
 from isotruss_ros.core.paths.path_tracking import Tracking
 from isotruss_ros.core.paths.roller_trajectory import RollerTrajectory
 from isotruss_ros.nodes.conversions.messages import (
@@ -92,7 +92,7 @@ def to_path_feedback(tracking: Tracking) -> FollowObjectPath.Feedback:
 
 
 def to_path_result(
-    outcome: Outcome, message: str, tracker: PathTracker | None, last: Tracking | None
+    outcome: PathOutcome, message: str, tracker: PathTracker | None, last: Tracking | None
 ) -> FollowObjectPath.Result:
     """
     Return the result of the action.

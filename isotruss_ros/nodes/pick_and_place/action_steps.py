@@ -37,7 +37,7 @@ CANCEL_TICKS = 100
 Steps = Generator[float, None, Any]
 
 
-class Outcome(enum.IntEnum):
+class StepOutcome(enum.IntEnum):
     """Final codes of a sequence, equal to those of PickObject, PlaceObject and MoveObject."""
 
     SUCCEEDED = 0
@@ -65,7 +65,7 @@ class StepError(IsotrussError, RuntimeError):
     :param details: fields of the result.
     """
 
-    def __init__(self, outcome: Outcome, message: str, **details: Any) -> None:
+    def __init__(self, outcome: StepOutcome, message: str, **details: Any) -> None:
         super().__init__(message)
         self.outcome, self.details = outcome, details
 
@@ -130,7 +130,7 @@ class ActionStep:
         def check() -> float:
             fault = find_fault()
             if fault is None and (loss := server.find_loss()) is not None:
-                raise StepError(Outcome.STOPPED, loss)
+                raise StepError(StepOutcome.STOPPED, loss)
             if fault is not None:
                 raise CancelledError from fault
             return made
@@ -152,16 +152,16 @@ class ActionStep:
         for _ in range(RETRY_TICKS):
             if sent.done():
                 break
-            self._supervise(info, Outcome.STOPPED)
+            self._supervise(info, StepOutcome.STOPPED)
             yield progress()
         wanted = ClientGoalHandle(self._client, info.goal_id, None)
-        ended = yield from self._request_result(wanted, info, progress, Outcome.STOPPED)
+        ended = yield from self._request_result(wanted, info, progress, StepOutcome.STOPPED)
         if ended.status != GoalStatus.STATUS_UNKNOWN:
             return ended.result
         if sent.done() and not sent.result().accepted:
-            raise StepError(Outcome.NOT_READY, f'the action {self._name} rejects goals now')
+            raise StepError(StepOutcome.NOT_READY, f'the action {self._name} rejects goals now')
         raise StepError(
-            Outcome.STOPPED,
+            StepOutcome.STOPPED,
             f'the node that offers the action {self._name} does not know the goal: it was '
             'started again',
         )
@@ -171,11 +171,11 @@ class ActionStep:
         goal: ClientGoalHandle,
         info: GoalInfo,
         progress: Callable[[], float] = lambda: 0.0,
-        missing: Outcome = Outcome.NOT_READY,
+        missing: StepOutcome = StepOutcome.NOT_READY,
     ) -> Steps:
         return _ask(goal.get_result_async, lambda: self._supervise(info, missing), progress)
 
-    def _supervise(self, info: GoalInfo, missing: Outcome) -> None:
+    def _supervise(self, info: GoalInfo, missing: StepOutcome) -> None:
         """Publish the heartbeat, if the server supervises its clients."""
         if not self._client.server_is_ready():
             raise StepError(missing, f'no node offers the action {self._name}')
@@ -217,11 +217,11 @@ def set_parameters(client: Client, values: dict[str, float | str]) -> Steps:
 
     def require_service() -> None:
         if not client.service_is_ready():
-            raise StepError(Outcome.NOT_READY, f'no node offers the service {client.srv_name}')
+            raise StepError(StepOutcome.NOT_READY, f'no node offers the service {client.srv_name}')
 
     request = request_parameters(values)
     answer = yield from _ask(lambda: client.call_async(request), require_service)
     for name, result in zip(values, answer.results, strict=True):
         if not result.successful:
-            raise StepError(Outcome.NOT_READY, f'{client.srv_name}: {name}: {result.reason}')
+            raise StepError(StepOutcome.NOT_READY, f'{client.srv_name}: {name}: {result.reason}')
     return None

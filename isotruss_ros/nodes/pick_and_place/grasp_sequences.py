@@ -45,9 +45,9 @@ from isotruss_ros.nodes.framework.sensors import TrackedShape
 from isotruss_ros.nodes.framework.supervision import create_heartbeat, MIN_FEEDBACK_TIMEOUT
 from isotruss_ros.nodes.pick_and_place.action_steps import (
     ActionStep,
-    Outcome,
     set_parameters,
     StepError,
+    StepOutcome,
     Steps,
 )
 from isotruss_ros.nodes.pick_and_place.sequence_goals import to_search_goal
@@ -184,7 +184,8 @@ class GraspSequences(TrackedShape):
         if found.value.held:
             members = ', '.join(found.value.grasping_members)
             raise StepError(
-                Outcome.BAD_GOAL, f'the object is held already, by {members}: place it first'
+                StepOutcome.BAD_GOAL,
+                f'the object is held already, by {members}: place it first',
             )
 
     def _plan_grasp(self, goal: PickObject.Goal, lay: PoseStamped) -> Steps:
@@ -205,7 +206,7 @@ class GraspSequences(TrackedShape):
         :raises IsotrussError: the reason why the object is not free.
         """
         self.stage = PLACE.PLANNING
-        state = yield from self._await_held(Outcome.NOT_READY)
+        state = yield from self._await_held(StepOutcome.NOT_READY)
         pose = self.pose.value  # type: ignore[union-attr]
         config = self.configuration(self._node.now())
         body = common.read_body(self._node.values).moved_to(pose)
@@ -222,7 +223,7 @@ class GraspSequences(TrackedShape):
         release = planned.result()
         if release.violation is not None:
             raise StepError(
-                Outcome.NO_MOTION_FOUND,
+                StepOutcome.NO_MOTION_FOUND,
                 f'the grip cannot open: {violation_in_words(release.violation)}',
                 **export_violation(release.violation),
             )
@@ -252,13 +253,13 @@ class GraspSequences(TrackedShape):
         :raises IsotrussError: the reason why the object is not at the end of the path.
         """
         self.stage = MOVE.MOVING
-        yield from self._await_held(Outcome.NOT_HELD)
+        yield from self._await_held(StepOutcome.NOT_HELD)
         wanted = FollowObjectPath.Goal(path=goal.path, speed=goal.speed, turn_rate=goal.turn_rate)
         followed = yield from self._object.run(wanted, find_fault=self._find_loss)
         codes = FollowObjectPath.Result
         if followed.code != codes.REACHED:
             bad = followed.code == codes.BAD_GOAL
-            raise StepError(Outcome.BAD_GOAL if bad else Outcome.STOPPED, followed.message)
+            raise StepError(StepOutcome.BAD_GOAL if bad else StepOutcome.STOPPED, followed.message)
         return MoveObject.Result(message=followed.message)
 
     def _bring_back(self, lay: PoseStamped) -> Steps:
@@ -297,7 +298,7 @@ class GraspSequences(TrackedShape):
         goal = FollowRollerTrajectory.Goal(trajectory=trajectory)
         result = yield from self._trajectories.run(goal, progress)
         if result.error_code != result.SUCCESSFUL:
-            raise StepError(Outcome.STOPPED, result.error_string)
+            raise StepError(StepOutcome.STOPPED, result.error_string)
 
     def _confirm(self, held: bool) -> Steps:
         """Await an analysis of the robot at rest that finds the object held, or free."""
@@ -313,7 +314,7 @@ class GraspSequences(TrackedShape):
             # any.
             waited = max(analysed, now - self.timeout) - arrived
             if waited > CONFIRMATION_TIMEOUT:
-                outcome = Outcome.NOT_HELD if analysed > arrived else Outcome.NOT_READY
+                outcome = StepOutcome.NOT_HELD if analysed > arrived else StepOutcome.NOT_READY
                 raise StepError(outcome, self._describe_grasp(arrived))
             yield min(1.0, max(0.0, waited / CONFIRMATION_TIMEOUT))
 
@@ -334,7 +335,7 @@ class GraspSequences(TrackedShape):
                     raise
             yield 0.0
 
-    def _await_held(self, otherwise: Outcome) -> Steps:
+    def _await_held(self, otherwise: StepOutcome) -> Steps:
         """Await a fresh analysis that finds the object held, and return it."""
         *_, grasp = yield from self._await_inputs(grasp_state=lambda: self.grasp)
         if not grasp.value.held:
@@ -346,8 +347,10 @@ class GraspSequences(TrackedShape):
         try:
             (grasp,) = require_fresh(self._node.now(), self.timeout, grasp_state=self.grasp)
         except InputError as error:
-            return StepError(Outcome.STOPPED, str(error))
-        return None if grasp.value.held else StepError(Outcome.NOT_HELD, self._describe_grasp())
+            return StepError(StepOutcome.STOPPED, str(error))
+        return (
+            None if grasp.value.held else StepError(StepOutcome.NOT_HELD, self._describe_grasp())
+        )
 
     def _describe_grasp(self, since: float = -np.inf) -> str:
         """Return the last analysis in words, if later than a time [s]."""
@@ -363,12 +366,12 @@ class GraspSequences(TrackedShape):
 
 def _plan_error(plan: PlanGrasp.Result) -> StepError:
     codes = {
-        plan.BAD_GOAL: Outcome.BAD_GOAL,
-        plan.NO_JOINT_STATES: Outcome.NOT_READY,
-        plan.FAILED: Outcome.STOPPED,
+        plan.BAD_GOAL: StepOutcome.BAD_GOAL,
+        plan.NO_JOINT_STATES: StepOutcome.NOT_READY,
+        plan.FAILED: StepOutcome.STOPPED,
     }
     return StepError(
-        codes.get(plan.code, Outcome.NO_MOTION_FOUND),
+        codes.get(plan.code, StepOutcome.NO_MOTION_FOUND),
         plan.message,
         violated_requirement=plan.violated_requirement,
         violation_value=plan.violation_value,

@@ -23,8 +23,8 @@ from isotruss_ros.nodes.framework.sensors import Inputs
 from isotruss_ros.nodes.framework.single_goal import BusyError, SingleGoal
 from isotruss_ros.nodes.pick_and_place.action_steps import (
     CancelledError,
-    Outcome,
     StepError,
+    StepOutcome,
     Steps,
 )
 from isotruss_ros.nodes.pick_and_place.grasp_sequences import GraspSequences
@@ -83,7 +83,7 @@ class PickAndPlace(ManagedNode):
         """End the goal and cancel the actions of its steps."""
         if self._course is not None:
             self._course.close()
-            self._end(StepError(Outcome.STOPPED, 'the node was deactivated'))
+            self._end(StepError(StepOutcome.STOPPED, 'the node was deactivated'))
 
     def cleanup(self) -> None:
         """Release the clients."""
@@ -122,7 +122,7 @@ class PickAndPlace(ManagedNode):
 
         def refuse(error: IsotrussError) -> Any:
             busy = isinstance(error, BusyError)
-            outcome = Outcome.NOT_READY if busy else Outcome.BAD_GOAL
+            outcome = StepOutcome.NOT_READY if busy else StepOutcome.BAD_GOAL
             return kind.Result(code=outcome, message=str(error))
 
         def begin(goal: Any) -> None:
@@ -160,7 +160,7 @@ class PickAndPlace(ManagedNode):
     def _end(self, ended: Any) -> None:
         """Publish the result of the goal, from the sequence or an error."""
         goal, self._course = self._goal, None
-        outcome = Outcome.SUCCEEDED
+        outcome = StepOutcome.SUCCEEDED
         if isinstance(ended, IsotrussError):
             outcome = _find_outcome(ended)
             details = getattr(ended, 'details', {})
@@ -173,12 +173,12 @@ class PickAndPlace(ManagedNode):
         goal.report_end(outcome, ended, 'no goal', f'{goal.kind.__name__}: ')
 
 
-def _find_outcome(error: IsotrussError) -> Outcome:
+def _find_outcome(error: IsotrussError) -> StepOutcome:
     """Return the final code of an error."""
     if isinstance(error, StepError):
         return error.outcome
     if isinstance(error, CancelledError):
-        return Outcome.CANCELLED
+        return StepOutcome.CANCELLED
     if isinstance(error, InputError):
-        return Outcome.NOT_READY
-    return Outcome.BAD_GOAL if isinstance(error, GraspError) else Outcome.NO_MOTION_FOUND
+        return StepOutcome.NOT_READY
+    return StepOutcome.BAD_GOAL if isinstance(error, GraspError) else StepOutcome.NO_MOTION_FOUND

@@ -8,7 +8,12 @@ from isotruss_ros.core import Ellipse, load_robot
 from isotruss_ros.core.contact import dents
 from isotruss_ros.core.contact.contact import solve_contact
 from isotruss_ros.core.contact.contact_points import find_contact_points
-from isotruss_ros.core.contact.dents import Indentation, POWER, skin_indentation, SkinIndentation
+from isotruss_ros.core.contact.dents import (
+    DEPTH_EXPONENT,
+    Indentation,
+    skin_indentation,
+    SkinIndentation,
+)
 from isotruss_ros.core.contact.flattening import flattening_of
 import numpy as np
 import pytest
@@ -40,19 +45,21 @@ def test_dents_are_those_of_the_librarys_spline(rng, count, size):
         forces = 1e5 * rng.uniform(0.5, 2.0) * depths ** rng.uniform(1.2, 1.8)
         presses = [(1e-3, np.array([force])) for force in forces]
         tables.append(SkinIndentation(depths, presses, flattening_of(ROBOT), 0))
-        places = np.append(0.0, forces**POWER)
+        places = np.append(0.0, forces**DEPTH_EXPONENT)
         splines.append(CubicSpline(places, np.append(0.0, depths), bc_type='natural'))
         lasts.append(places[-1])
-    pressing = 2.0 * rng.uniform(-1.0, 1.0, count) * np.array(lasts) ** (1.0 / POWER)
+    pressing = 2.0 * rng.uniform(-1.0, 1.0, count) * np.array(lasts) ** (1.0 / DEPTH_EXPONENT)
     found, slopes = Indentation(tables, scale=1.0)(pressing)
     for force, spline, last, depth, slope in zip(
         pressing, splines, lasts, found, slopes, strict=True
     ):
-        place = np.abs(force) ** POWER
+        place = np.abs(force) ** DEPTH_EXPONENT
         inside, steep = min(place, last), spline(min(place, last), 1)
         wanted = np.sign(force) * (spline(inside) + steep * (place - inside))
         assert depth == pytest.approx(wanted, rel=1e-9, abs=1e-15)
-        assert slope == pytest.approx(steep * POWER * place / np.abs(force), rel=1e-9, abs=1e-15)
+        assert slope == pytest.approx(
+            steep * DEPTH_EXPONENT * place / np.abs(force), rel=1e-9, abs=1e-15
+        )
 
 
 def test_softer_tubes_dent_as_under_more_force():

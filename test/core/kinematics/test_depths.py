@@ -12,7 +12,7 @@ import pytest
 ROBOT = load_robot('nine_member')
 HOME = ROBOT.home
 TOPOLOGY = ROBOT.topology
-BEGIN, END = HOME.points[TOPOLOGY.b], HOME.points[TOPOLOGY.c[TOPOLOGY.following]]
+BEGIN, END = HOME.points[TOPOLOGY.b], HOME.points[TOPOLOGY.end]
 TUBE = 0.5 * ROBOT.description.tube_diameter
 SIZE = 0.12
 BOX = Polygon([(-0.05, -0.04), (0.05, -0.04), (0.05, 0.04), (-0.05, 0.04)])
@@ -63,7 +63,7 @@ def test_an_enclosed_object_has_the_last_position():
     """Three members enclose a disc that is too large for them."""
     triangle = load_robot('triangle').home
     topology = triangle.robot.topology
-    begin, end = triangle.points[topology.b], triangle.points[topology.c[topology.following]]
+    begin, end = triangle.points[topology.b], triangle.points[topology.end]
     center, diameter = begin.mean(), 0.9
     body = ConvexObject(Disc(diameter), (center.real, center.imag, 0.2))
     pushed = push_out(triangle, body)

@@ -9,7 +9,7 @@ from hypothesis import given, strategies
 from isotruss_ros.core import ObjectPath, Pose, Status
 from isotruss_ros.core.errors import PathError
 from isotruss_ros.core.inputs import InputError, RejectedInput, StampedInput
-from isotruss_ros.core.paths.path_servo import Outcome, PathServo, ServoFeedback
+from isotruss_ros.core.paths.path_servo import PathOutcome, PathServo, ServoFeedback
 from isotruss_ros.core.paths.path_tracking import PathPhase, TrackingSettings
 import numpy as np
 import pytest
@@ -48,7 +48,7 @@ def run(servo, seconds, start=10.0, answer=OBEYS, follows=True):
 
 def test_reaches_the_end():
     steps = run(begun(), 3.0)
-    assert steps[-1].outcome is Outcome.REACHED
+    assert steps[-1].outcome is PathOutcome.REACHED
     assert 'off the end of the path' in steps[-1].message
     assert not steps[-1].twist.any()
     assert steps[-1].tracking.position_error < 1e-9
@@ -77,7 +77,7 @@ def test_another_rate_in_flight_is_as_good_as_one_from_the_start(begins, goes_on
             pose[1] = 0.002
         if pose[1]:
             aside.append((now, abs(pose[1])))
-    assert step.outcome is Outcome.REACHED
+    assert step.outcome is PathOutcome.REACHED
     # 6 s of way, and a ramp at each end; no slower by the other rate.
     assert now - 10.0 == pytest.approx(6.5, abs=0.3)
     assert (np.diff([error for _, error in aside]) <= 0.0).all()
@@ -112,7 +112,7 @@ def test_invalid_pose_stops_the_path(pose, words):
     servo = begun()
     servo.pose = pose
     step = servo.decide(10.0)
-    assert step.outcome is Outcome.STOPPED
+    assert step.outcome is PathOutcome.STOPPED
     assert words in step.message
     assert not step.twist.any()
     assert step.tracking is None
@@ -162,7 +162,7 @@ def test_goes_on_while_it_moves_however_it_is_slowed(status):
 def test_says_why_the_robot_stood_still_when_it_gives_up():
     halted = ServoFeedback(Status.HALT_EMERGENCY_STOP, 0.0, 'somebody pressed the button')
     steps = run(begun(progress_timeout=0.5), 2.0, answer=halted)
-    assert steps[-1].outcome is Outcome.STOPPED
+    assert steps[-1].outcome is PathOutcome.STOPPED
     assert steps[-1].message.endswith('manipulation: somebody pressed the button')
     assert len(steps) * PERIOD == pytest.approx(0.5, abs=0.05)
     assert not any(step.twist.any() for step in steps)

@@ -19,7 +19,7 @@ from isotruss_ros.core.planning.violations import (
     BOUNDS,
     export_violation,
     SearchTally,
-    SENTENCES,
+    SENTENCES_BY_REQUIREMENT,
     Violation,
     violation_in_words,
 )
@@ -119,7 +119,7 @@ def test_a_plan_without_grasps_says_what_is_violated(violation, words):
 
 
 def test_every_violation_has_words():
-    for name in SENTENCES | BOUNDS:
+    for name in SENTENCES_BY_REQUIREMENT | BOUNDS:
         words = violation_in_words(Violation(name, 0.125, 0.25))
         assert words.startswith(f'{name}: ')
         assert '{' not in words

@@ -12,7 +12,7 @@ from isotruss_ros.core import ConvexObject, GraspRequirements, load_robot
 from isotruss_ros.core.errors import GraspError, SolverError, StructureError
 from isotruss_ros.core.planning import searcher as searching
 from isotruss_ros.core.planning.grasp_plan import GraspPlan, Progress
-from isotruss_ros.core.planning.searcher import Outcome, Searcher, Stop
+from isotruss_ros.core.planning.searcher import Searcher, SearchOutcome, Stop
 import pytest
 
 #: What is searched for; no search of these tests computes anything.
@@ -28,11 +28,11 @@ DEADLINE = 240.0
 @pytest.mark.parametrize(
     ('ended_by', 'outcome', 'words'),
     [
-        (GraspError('no such module'), Outcome.BAD_GOAL, 'no such module'),
-        (StructureError('two laws'), Outcome.FAILED, 'two laws'),
-        (SolverError('no step'), Outcome.FAILED, 'no step'),
-        (ZeroDivisionError('an accident'), Outcome.FAILED, 'ZeroDivisionError: an accident'),
-        (BrokenProcessPool('gone'), Outcome.FAILED, 'a process of the search died'),
+        (GraspError('no such module'), SearchOutcome.BAD_GOAL, 'no such module'),
+        (StructureError('two laws'), SearchOutcome.FAILED, 'two laws'),
+        (SolverError('no step'), SearchOutcome.FAILED, 'no step'),
+        (ZeroDivisionError('an accident'), SearchOutcome.FAILED, 'ZeroDivisionError: an accident'),
+        (BrokenProcessPool('gone'), SearchOutcome.FAILED, 'a process of the search died'),
     ],
 )
 def test_every_end_of_a_search_is_an_answer(ended_by, outcome, words, monkeypatch):
@@ -102,9 +102,9 @@ def test_the_time_left_is_no_longer_than_the_limit(told, limit, left, monkeypatc
 @pytest.mark.parametrize(
     ('complete', 'requested', 'outcome'),
     [
-        (True, False, Outcome.NONE_FOUND),
-        (False, False, Outcome.TIME_OUT),
-        (False, True, Outcome.CANCELLED),
+        (True, False, SearchOutcome.NONE_FOUND),
+        (False, False, SearchOutcome.TIME_OUT),
+        (False, True, SearchOutcome.CANCELLED),
     ],
 )
 def test_a_plan_without_grasps_says_why(complete, requested, outcome, monkeypatch):

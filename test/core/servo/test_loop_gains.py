@@ -3,7 +3,7 @@
 
 """The gains of the squeeze control against one mode behind its loop."""
 
-from isotruss_ros.core.servo.loop_gains import choose_gain, gains_of, SLOW
+from isotruss_ros.core.servo.loop_gains import choose_gain, DEFAULT_GAIN, gains_of
 import numpy as np
 import pytest
 
@@ -35,4 +35,4 @@ def test_all_gains_follow_from_one():
 
 
 def test_an_unknown_frequency_gets_the_slow_gain():
-    assert choose_gain(None) == SLOW
+    assert choose_gain(None) == DEFAULT_GAIN
