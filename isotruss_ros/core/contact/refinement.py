@@ -46,7 +46,7 @@ EVERYWHERE = np.array([-np.inf, np.inf])
 #: apart, and are bent anew from straight ones where these move by more than that.
 ONE_REGION, CUT_LATTICE, SAME_CUT = 0.03, 0.04, 0.05
 #: Tubes are linearised anew until no node moves by more than this [m], at most so often.
-SETTLED_MOTION, MAX_BENDS = 3e-6, 12
+SETTLED_MOTION, MAX_BENDS = 1e-7, 12
 #: Tubes go so much of the way to where forces would bend them: less where they give way there.
 BENT_SHARES = (1.0, 0.5, 0.2, 0.0)
 
