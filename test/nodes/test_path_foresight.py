@@ -54,7 +54,7 @@ def test_a_path_is_refused_where_the_grip_of_the_loop_has_no_margin_left_on_it()
     numbers = np.array([ROBOT.member_names.index(name) for name in members])
     held = attach_grip(ROBOT.home, body, numbers)
     # It has slipped on both members, which turned it and left little of its margin.
-    record = GripRecord.of(roll_grip(replace(held, anchors=held.anchors - 0.018), ROBOT.home))
+    record = GripRecord.of(roll_grip(replace(held, anchors=held.anchors - 0.014), ROBOT.home))
     check((0.0, -0.05, 0.0))
     with pytest.raises(PathError, match='the path would end'):
         check((0.0, -0.05, 0.0), record=record)

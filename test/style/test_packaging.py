@@ -100,7 +100,8 @@ def imports(folder):
                 continue
             for name in found:
                 names.setdefault(name.split('.')[0], path)
-    foreign = names.keys() - sys.stdlib_module_names - {'comparison', 'isotruss_ros', 'paper'}
+    own = {'benchmarks', 'comparison', 'isotruss_ros', 'paper'}
+    foreign = names.keys() - sys.stdlib_module_names - own
     return {name: names[name] for name in foreign}
 
 

@@ -42,9 +42,10 @@ LENGTH_SPREAD = 0.02
 #: Regions are found in so many steps, or points are placed wherever tubes are within reach.
 MAX_STEPS = 3
 EVERYWHERE = np.array([-np.inf, np.inf])
-#: Points of one region are no farther apart than this [m]. Tubes are cut at places that are so far
-#: apart, and are bent anew from straight ones where these move by more than that.
-ONE_REGION, CUT_LATTICE, SAME_CUT = 0.03, 0.04, 0.05
+#: Points of one region are no farther apart than this. Tubes are cut at places that are so far
+#: apart, and are bent anew from straight ones where these move by more than that. Shares of the
+#: tube's diameter [-].
+ONE_REGION, CUT_LATTICE, SAME_CUT = 0.3, 0.4, 0.5
 #: Tubes are linearised anew until no node moves by more than this [m], at most so often.
 SETTLED_MOTION, MAX_BENDS = 1e-7, 12
 #: Tubes go so much of the way to where forces would bend them: less where they give way there.
@@ -254,24 +255,25 @@ def bend_tubes(
     if not len(touching):
         return straight_tubes(structure)
     member, place = points.member[touching], points.place[touching]
-    apart = (np.diff(member) != 0) | (np.diff(place) > ONE_REGION)
+    diameter = structure.config.robot.description.tube_diameter
+    apart = (np.diff(member) != 0) | (np.diff(place) > ONE_REGION * diameter)
     region, forces = np.append(0, np.cumsum(apart)), np.abs(contact.push[touching])
     middle = np.bincount(region, forces * place) / np.bincount(region, forces)
     members, known = member[np.searchsorted(region, np.arange(len(middle)))], points.bent
-    # Counted from the deepest point: whatever the search began with, the cuts are the same.
+    # Counted from the middle of the object: whatever the search began with, and whichever end of a
+    # face is deepest by rounding, the cuts are the same.
     config, topology = structure.config, structure.config.robot.topology
     start = config.points[topology.b[members]]
     along = config.points[topology.c[topology.following[members]]] - start
     axis = along / np.abs(along)
-    toward = axis * np.where(((body.middle - start) * axis.conj()).imag < 0.0, 1j, -1j)
-    deepest = body.center + body.turn * body.shape.support_points(toward / body.turn)
-    foot = ((deepest - start) * axis.conj()).real
-    cuts = foot + CUT_LATTICE * np.round((middle - foot) / CUT_LATTICE)
+    foot = ((body.middle - start) * axis.conj()).real
+    pitch = CUT_LATTICE * diameter
+    cuts = foot + pitch * np.round((middle - foot) / pitch)
     straight = BentTubes(structure, members, np.clip(cuts, 0.0, np.abs(along)))
     if np.array_equal(known.members, members):
-        if again and np.abs(known.places - middle).max() < CUT_LATTICE:
+        if again and np.abs(known.places - middle).max() < pitch:
             straight = replace(straight, places=known.places)
-        if np.abs(known.places - straight.places).max() < SAME_CUT:
+        if np.abs(known.places - straight.places).max() < SAME_CUT * diameter:
             return known.bent_to(points.displace(contact.push, share), straight)
     there = points_on_members(straight, member, place, points.spacing)
     return straight.bent_to(there.displace(contact.push[touching], share), straight)

@@ -16,7 +16,7 @@ from collections.abc import Callable
 from dataclasses import replace
 import math
 
-from isotruss_ros.core.estimation.contact_walk import JUMP_LENGTH, MAX_DEVIATIONS
+from isotruss_ros.core.estimation.contact_walk import JUMP_LENGTH
 from isotruss_ros.core.estimation.grip_belief import attach_model, GripBelief
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
 from isotruss_ros.core.holding.held_grip import (
@@ -251,8 +251,9 @@ class SqueezeControl:
         self._choose_gains(found)
         settings = replace(PRIOR, load=self.settings.load or PRIOR.load, zeros=self.settings.zeros)
         belief = GripBelief(found, grip, settings, self._zeros)
-        # As far as the squeeze is not known, neither is the share of it that friction has to be.
-        unsure = MAX_DEVIATIONS * belief.squeeze_deviation / belief.squeeze
+        # As far as the squeeze is not known, within two deviations, neither is the share of it
+        # that friction has to be.
+        unsure = 2.0 * belief.squeeze_deviation / belief.squeeze
         hold = found.hold(grip.friction * (1.0 + unsure))
         if hold is HoldStatus.HELD:
             self.belief, self._swings = belief, SwingWatch(self.frequency)

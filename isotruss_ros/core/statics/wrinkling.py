@@ -80,8 +80,8 @@ def load_sections(
     before = (piece[:, None] == piece) & (apart > 0.0)
     there = end_forces[piece]
     compression = there[:, 0] + before @ along
-    moment = there[:, 1] * within - there[:, 2] - compression * bow
-    moment += np.where(before, apart, 0.0) @ across
+    moment = there[:, 1] * within - there[:, 2] + np.where(before, apart, 0.0) @ across
+    moment -= compression * bow - before @ (along * bow)
     larger = np.maximum(compression, compression + along)
     pulls = np.zeros(len(end_forces))
     if not tubes.is_straight:
@@ -143,8 +143,9 @@ def _use_pieces(
     config, (pieces, member) = structure.config, tube_pieces(structure, frame)
     ends, topology = end_forces[pieces], config.robot.topology
     begun, ended = (_wall_pull(structure, member) + pull for pull in (-ends[:, 0], ends[:, 3]))
+    least = np.minimum(begun, ended)
     used, inside = use_sections(
-        (-ends[:, 2], ends[:, 5], np.stack([begun, ended, ended]), pulls[pieces]),
+        (-ends[:, 2], ends[:, 5], np.stack([begun, ended, least]), pulls[pieces]),
         np.stack([frame.length[pieces], *(each[pieces] for each in frame.members[3:5])]),
         0.5 * config.robot.description.tube_diameter,
     )

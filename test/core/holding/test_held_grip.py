@@ -241,7 +241,8 @@ def test_an_object_that_rolls_there_and_back_is_where_it_was(shape, angle, membe
         if len(grip.anchors) != count:
             return  # a face has lifted, or come to lie on a member: friction remembers that
     assert farthest > 1e-3
-    assert grip.pose == pytest.approx(begun.pose, abs=1e-8)
+    # Motions of less than 0.1 mm are followed without bending the tubes anew.
+    assert grip.pose == pytest.approx(begun.pose, abs=1e-7)
 
 
 @pytest.mark.parametrize(('shape', 'angle', 'members', 'count'), CASES)
