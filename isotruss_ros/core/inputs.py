@@ -20,6 +20,9 @@ import numpy as np
 
 #: Largest lead of a stamp [s]; clocks are never exactly synchronous.
 CLOCK_SKEW = 0.01
+#: The same in simulated time [s]: inputs overtake the message on /clock that they are stamped by,
+#: by up to the longest cycle of a node.
+SIMULATED_CLOCK_SKEW = 0.1
 #: Largest age of pressures [s]; they change slowly and are measured rarely.
 PRESSURE_TIMEOUT = 2.0
 #: Relative noise of a pressure [-]; changes the squeeze by 0.1 %.
@@ -89,7 +92,12 @@ class InputError(IsotrussError):
 
 
 def check_stamp(
-    name: str, stamp: float, now: float, timeout: float, setting: str = 'command_timeout'
+    name: str,
+    stamp: float,
+    now: float,
+    timeout: float,
+    setting: str = 'command_timeout',
+    skew: float = CLOCK_SKEW,
 ) -> float:
     """
     Return the effective time of a stamp: at most the current time.
@@ -102,7 +110,8 @@ def check_stamp(
     :param now: time on the same clock [s].
     :param timeout: largest age [s].
     :param setting: parameter of the timeout, for the error; empty without one.
-    :raises InputError: the stamp is too old, or in the future by more than `CLOCK_SKEW`.
+    :param skew: largest lead of the stamp [s].
+    :raises InputError: the stamp is too old, or in the future by more than the skew.
     """
     words, age = name.replace('_', ' '), now - stamp
     if age > timeout:
@@ -110,11 +119,11 @@ def check_stamp(
         raise InputError(
             'STALE', name, f'{words}: {age:.3f} s old; must be at most {timeout} s{remedy}'
         )
-    if age < -CLOCK_SKEW:
+    if age < -skew:
         raise InputError(
             'INVALID',
             name,
-            f'{words}: stamped {-age:.3f} s in the future; must be at most {CLOCK_SKEW:g} s: '
+            f'{words}: stamped {-age:.3f} s in the future; must be at most {skew:g} s: '
             'synchronise the clocks',
         )
     return min(stamp, now)

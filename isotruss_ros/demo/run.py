@@ -57,6 +57,8 @@ LOAD, OBJECT_MASS = 5.0, 0.5
 PULL = (0.0, -LOAD, 0.0)
 #: Longer than the default [s], for a machine that is busy otherwise.
 COMMAND_TIMEOUT = 1.0
+#: Of the analyses [Hz]: each takes 20 to 40 ms of a core that the loop needs too.
+ANALYSIS_RATE = 5.0
 #: Largest error of the final pose, against the integral of the twists that limits left, of nodes
 #: that come to their turns in time.
 MAX_POSITION_ERROR = 1e-3
@@ -151,7 +153,7 @@ def _play(
     started = [
         ('simulator', gripping | lying | (REAL_SENSORS if real else {})),
         ('manipulation', gripping | regulated),
-        ('grasp_analysis', shared | {'paper_model': simulated}),
+        ('grasp_analysis', shared | {'paper_model': simulated, 'rate': ANALYSIS_RATE}),
         ('grasp_planner', common),
     ]
     if real:

@@ -102,6 +102,20 @@ def test_runs_by_simulated_time():
         assert way == pytest.approx(speed * passed, rel=0.1)
 
 
+def test_inputs_that_overtake_simulated_time_are_accepted():
+    with simulated(Manipulation) as w:
+        time = SimulatedTime(w)
+
+        def send():
+            w.probe.send_all()
+            w.probe.send_joints(age=-0.05)
+
+        w.until_code(Status.OK, time.run(send))
+        w.probe.seen['status'].clear()
+        w.until(lambda: len(w.probe.seen['status']) > 20, time.run(send))
+        assert all(m.code < Status.HALT_NO_TWIST for _, m in w.probe.seen['status'])
+
+
 def test_without_any_time_nothing_moves():
     with simulated(Manipulation) as w:
         status = w.until_code(Status.HALT_CLOCK, w.probe.send_all)

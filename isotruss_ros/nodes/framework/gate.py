@@ -11,8 +11,10 @@ from typing import Any
 
 from isotruss_ros.core.inputs import (
     check_stamp,
+    CLOCK_SKEW,
     InputError,
     RejectedInput,
+    SIMULATED_CLOCK_SKEW,
     StampedInput,
 )
 from isotruss_ros.nodes.conversions.messages import MessageError, read_stamp
@@ -57,6 +59,8 @@ class Gate:
     ) -> None:
         self._node, self._name, self._read, self._take = node, name, read, take
         self._timeout = timeout
+        simulated = node.get_parameter('use_sim_time').value
+        self._skew = SIMULATED_CLOCK_SKEW if simulated else CLOCK_SKEW
         #: Queued messages with the reasons.
         self._waiting: deque[tuple[Any, str]] = deque(maxlen=MAX_QUEUED_MESSAGES)
         subscribe = subscribe_each if every else subscribe_newest
@@ -93,7 +97,9 @@ class Gate:
         time = now = self._node.now()
         if hasattr(message, 'header'):
             setting, timeout = self._timeout()
-            time = check_stamp(self._name, read_stamp(message.header), now, timeout, setting)
+            time = check_stamp(
+                self._name, read_stamp(message.header), now, timeout, setting, self._skew
+            )
         value = self._read(message)
         if value is not None:
             self._take(StampedInput(value, time))
