@@ -176,7 +176,7 @@ class ContactPoints:
 
     def compliance(self, places: Indices) -> Array:
         """
-        Return the axial and transverse compliance (2, a, 2, a) [m/N], cached.
+        Return the compliance along and across, of shape (2, a, 2, a) [m/N], cached.
 
         :param places: (a,) of which points.
         """
