@@ -172,7 +172,7 @@ class GripResponse:
 
     @property
     def stiffness(self) -> Array:
-        """Return the stiffness, of shape (3, 3): wrench (fx, fy, m) per displacement [N/m, N, N m]."""
+        """Return the stiffness: (3, 3), wrench (fx, fy, m) per displacement [N/m, N, N m]."""
         stiffness = np.linalg.inv(self.pose)
         stiffness[2] *= self.arm
         return stiffness
