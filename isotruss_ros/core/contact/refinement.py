@@ -45,7 +45,7 @@ EVERYWHERE = np.array([-np.inf, np.inf])
 #: Points of one region are no farther apart than this. Tubes are cut at places that are so far
 #: apart, and are bent anew from straight ones where these move by more than that. Shares of the
 #: tube's diameter [-].
-ONE_REGION, CUT_LATTICE, SAME_CUT = 0.3, 0.4, 0.5
+ONE_REGION, CUT_LATTICE, SAME_CUT = 0.3, 0.35, 0.45
 #: Tubes are linearised anew until no node moves by more than this [m], at most so often.
 SETTLED_MOTION, MAX_BENDS = 1e-7, 12
 #: Tubes go so much of the way to where forces would bend them: less where they give way there.
