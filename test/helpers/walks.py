@@ -25,6 +25,7 @@ from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.safety.margins import shape_margins
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
+from isotruss_ros.core.servo.servo_settings import ServoSettings
 import numpy as np
 
 ROBOT = load_robot('nine_member')
@@ -116,10 +117,14 @@ def walk(seed, steps, slide=False, guarded=True, sensors=None):
     held = begin(rng, module)
     period = float(rng.choice(PERIODS, p=[0.15, 0.35, 0.3, 0.1, 0.1]))
     sensors = Sensors.of(seed, period) if sensors is None else sensors
-    servo = TwistServo(ROBOT, held.grip, period, timeout=0.2)
-    servo.slide_along_limits = slide
-    if not guarded:
-        servo.guard = None
+    settings = ServoSettings(
+        held.grip,
+        period,
+        timeout=0.2,
+        bounds=ShapeBounds() if guarded else None,
+        slide_along_limits=slide,
+    )
+    servo = TwistServo(ROBOT, settings)
     result = Walk(np.full(3, np.inf), Counter())
     length = 1 + max(sensors.rollers, sensors.pose)
     seen = deque([(held, np.zeros(len(ROBOT.roller_names)))] * length, length)
@@ -133,9 +138,11 @@ def walk(seed, steps, slide=False, guarded=True, sensors=None):
         measured = RollerState(
             state.config.roller_positions, speeds if sensors.speeds else 0.0 * speeds
         )
-        servo.twist = StampedInput(twist, now)
-        servo.rollers = StampedInput(measured, now - period * sensors.rollers)
-        servo.pose = StampedInput(place.pose, now - period * sensors.pose)
+        servo.receive(
+            twist=StampedInput(twist, now),
+            rollers=StampedInput(measured, now - period * sensors.rollers),
+            pose=StampedInput(place.pose, now - period * sensors.pose),
+        )
         decision = servo.decide(now)
         command = decision.command
         if command.status >= Status.HALT_NO_TWIST:

@@ -16,6 +16,7 @@ from isotruss_ros.core import (
     TwistServo,
 )
 from isotruss_ros.core.inputs import RollerState, StampedInput
+from isotruss_ros.core.servo.servo_settings import ServoSettings
 from nightly import some_now
 import numpy as np
 import pytest
@@ -59,17 +60,20 @@ def come_back(seed, steps=40):
     rng = np.random.default_rng([seed, 7])
     held = begin_beyond(rng)
     period = float(rng.choice([0.02, 0.01, 0.005, 0.002]))
-    servo = TwistServo(ROBOT, held.grip, period, timeout=0.2)
-    servo.slide_along_limits = bool(seed % 3 == 2)
+    slide = bool(seed % 3 == 2)
+    settings = ServoSettings(held.grip, period, timeout=0.2, slide_along_limits=slide)
+    servo = TwistServo(ROBOT, settings)
     twist = rng.standard_normal(3) * rng.choice([0.03, 0.1])
     first = margins(held)
     commands, lost = [np.zeros(len(ROBOT.roller_names))], np.zeros(3)
     for step in range(steps):
         now = 1.0 + step * period
-        servo.twist = StampedInput(twist, now)
+        servo.receive(twist=StampedInput(twist, now))
         travel = held.config.roller_positions
-        servo.rollers = StampedInput(RollerState(travel, commands[-1]), now)
-        servo.pose = StampedInput(held.pose, now)
+        servo.receive(
+            rollers=StampedInput(RollerState(travel, commands[-1]), now),
+            pose=StampedInput(held.pose, now),
+        )
         commands.append(servo.decide(now).command.roller_velocities)
         held = rolled(held, period * commands[-1])
         after = margins(held)
