@@ -24,7 +24,8 @@ from benchmarks.measuring import Table
 import isotruss_ros
 from isotruss_ros import core
 from isotruss_ros.core.inputs import RollerState, StampedInput
-from isotruss_ros.core.safety.roller_failure import FailureDetector
+from isotruss_ros.core.safety.roller_failure import FAILURE_TIME
+from isotruss_ros.core.servo.servo_settings import ServoSettings
 from isotruss_ros.nodes.grasp.grasp_monitor import GraspMonitor
 from isotruss_ros.nodes.grasp.grasp_report import GraspCode, GraspQuery
 import numpy as np
@@ -85,17 +86,18 @@ def control_cycle() -> tuple[list[str], int]:
     robot = core.load_robot('nine_member')
     center = core.tangent_center(robot.home, MODULE, DIAMETER)
     grip = core.Grip.at_module(robot, MODULE, core.ConvexObject.disc(center, DIAMETER))
-    servo = core.TwistServo(robot, grip, PERIOD, 0.2)
-    servo.detector = FailureDetector(robot.roller_names)
+    servo = core.TwistServo(robot, ServoSettings(grip, PERIOD, 0.2, failure_time=FAILURE_TIME))
     held = core.RollingGrip.attach(robot.home, grip)
     positions = held.config.roller_positions
     now = 0.0
     for _ in range(CYCLES):
         found = []
-        servo.twist = StampedInput(TWIST, now)
-        servo.rollers = StampedInput(RollerState(positions, np.zeros(len(positions))), now - 0.002)
+        servo.receive(
+            twist=StampedInput(TWIST, now),
+            rollers=StampedInput(RollerState(positions, np.zeros(len(positions))), now - 0.002),
+        )
         held = held.moved_to(robot.configuration(positions))
-        servo.pose = StampedInput(held.pose, now - 0.002)
+        servo.receive(pose=StampedInput(held.pose, now - 0.002))
         traced = trace(lambda now=now, found=found: found.append(servo.decide(now)))
         positions = positions + PERIOD * found[0].command.roller_velocities
         now += PERIOD

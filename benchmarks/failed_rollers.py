@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Collection, Iterator
+import math
 
 from benchmarks.measuring import SHARE, Table
 from isotruss_ros.core import (
@@ -35,8 +36,9 @@ from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 from isotruss_ros.core.manipulation.solve_twist import default_limits
-from isotruss_ros.core.safety.roller_failure import FailureDetector
+from isotruss_ros.core.safety.roller_failure import FAILURE_TIME
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
+from isotruss_ros.core.servo.servo_settings import ServoSettings
 import numpy as np
 
 MODULE, DIAMETER = 'north/Z', 0.3
@@ -104,9 +106,8 @@ def reached(failed: Collection[str]) -> set[tuple[int, int]]:
 
 def follow(stuck: str | None, detect: bool) -> float:
     """Drive one lap; return the largest distance of the object from where it should be [m]."""
-    servo = TwistServo(ROBOT, HELD.grip, PERIOD, timeout=1.0)
-    if detect:
-        servo.detector = FailureDetector(ROBOT.roller_names)
+    time = FAILURE_TIME if detect else math.inf
+    servo = TwistServo(ROBOT, ServoSettings(HELD.grip, PERIOD, timeout=1.0, failure_time=time))
     faults = RollerFaults(stuck=frozenset() if stuck is None else frozenset([stuck]))
     robot = SimulatedRobot(ROBOT.home, RigidObject.in_grip(HELD), faults)
     start, error = HELD.grip.center, 0.0
@@ -114,10 +115,9 @@ def follow(stuck: str | None, detect: bool) -> float:
         now = k * PERIOD
         turn = np.exp(2j * np.pi * (now + 0.5 * PERIOD) / LAP)
         velocity = 2.0 * np.pi / LAP * RADIUS * 1j * turn
-        servo.twist = StampedInput((velocity.real, velocity.imag, 0.0), now)
+        servo.receive(twist=StampedInput((velocity.real, velocity.imag, 0.0), now))
         state = RollerState(robot.config.roller_positions, robot.roller_velocities)
-        servo.rollers = StampedInput(state, now)
-        servo.pose = StampedInput(robot.object_pose, now)
+        servo.receive(rollers=StampedInput(state, now), pose=StampedInput(robot.object_pose, now))
         robot.command(servo.decide(now).command.roller_velocities)
         robot.advance(PERIOD)
         goal = start + RADIUS * (np.exp(2j * np.pi * (now + PERIOD) / LAP) - 1.0)

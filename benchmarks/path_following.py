@@ -32,6 +32,7 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.paths.path_tracking import FINISHED, PathPhase, TrackingSettings
+from isotruss_ros.core.servo.servo_settings import ServoSettings
 import numpy as np
 
 ROBOT = load_robot('nine_member')
@@ -81,7 +82,7 @@ def follow(path: ObjectPath, loop: str, slip: float, noisy: bool, seed: int) -> 
     held = RigidObject.in_grip(RollingGrip.attach(ROBOT.home, GRIP))
     faults = RollerFaults(noise=roller_noise, slip=slip)
     robot = SimulatedRobot(ROBOT.home, held, faults, seed)
-    servo = TwistServo(ROBOT, GRIP, PERIOD, 0.1)
+    servo = TwistServo(ROBOT, ServoSettings(GRIP, PERIOD, timeout=0.1))
     tracker = PathTracker(path, LOOPS[loop], 2.0 * PERIOD)
     position, angle = [], []
     cycle, tracking, scale = 0, None, 1.0
@@ -103,9 +104,11 @@ def follow(path: ObjectPath, loop: str, slip: float, noisy: bool, seed: int) -> 
             if tracking.phase in FINISHED:
                 break
         if tracking is not None:
-            servo.twist = StampedInput(tracking.twist, now)
-            servo.rollers = StampedInput(state, now - PERIOD * (cycle % 2))
-            servo.pose = StampedInput(measured, now - PERIOD * (cycle % 2))
+            servo.receive(
+                twist=StampedInput(tracking.twist, now),
+                rollers=StampedInput(state, now - PERIOD * (cycle % 2)),
+                pose=StampedInput(measured, now - PERIOD * (cycle % 2)),
+            )
             command = servo.decide(now).command
             scale = command.scale
             robot.command(command.roller_velocities)

@@ -24,7 +24,7 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.servo.squeeze_control import SqueezeControl, SqueezeSettings
+from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
 from isotruss_ros.demo.path import Phase
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
@@ -127,13 +127,12 @@ class Regulated:
         self.rng = np.random.default_rng(seed)
         self._seen: deque[StampedInput] = deque(maxlen=late + 1)
         self.scale = 0.0
-        self.control = SqueezeControl(settings)
         self.statuses: list[Status] = []
         self.messages: set[str] = set()
         if grip.body.mass is None:
             grip = replace(grip, body=replace(grip.body, mass=PlantOptions().object_mass))
-        self.servo = TwistServo(robot, grip, 1.0 / RATE, 0.5)
-        self.servo.squeeze = self.control
+        self.servo = TwistServo(robot, ServoSettings(grip, 1.0 / RATE, 0.5, squeeze=settings))
+        self.control = self.servo.squeeze
 
     def measure(self) -> tuple[RollerState, Pose]:
         """Return the current measurements of rollers and object."""
@@ -146,8 +145,11 @@ class Regulated:
         servo, time = self.servo, self.plant.time
         rollers, pose = self.measure()
         self._seen.append(StampedInput(pose, time))
-        servo.rollers, servo.pose = StampedInput(rollers, time), self._seen[0]
-        servo.twist = StampedInput(tuple(twist), time)
+        servo.receive(
+            rollers=StampedInput(rollers, time),
+            pose=self._seen[0],
+            twist=StampedInput(tuple(twist), time),
+        )
         decision = servo.decide(time)
         self.statuses.append(decision.command.status)
         self.scale = decision.command.scale

@@ -125,7 +125,7 @@ class _Loop(Regulated):
         super().__init__(*arguments)
         robot = self.servo.robot
         self.estimator = StateEstimator(robot, EstimatorSettings(zeros=ZEROS, stiffness=MEASURED))
-        self.estimator.grip = self.servo.grip.moved_to(self.plant.object_pose())
+        self.estimator.grip = self.servo.settings.grip.moved_to(self.plant.object_pose())
         self.joints = robot.topology.joint_names
         self.offsets = np.zeros(len(robot.roller_names))
         self.squeezes: list[float] = []
@@ -152,9 +152,11 @@ class _Loop(Regulated):
         estimate = self.estimator.estimate()
         if self.fed:
             self.offsets = estimate.offsets
-            self.servo.estimate = StampedInput(
-                EstimatedTravel(estimate.offsets, estimate.offset_covariance),
-                now,
+            self.servo.receive(
+                estimate=StampedInput(
+                    EstimatedTravel(estimate.offsets, estimate.offset_covariance),
+                    now,
+                )
             )
         return RollerState(readings + self.offsets, state.velocities, self.offsets), pose
 

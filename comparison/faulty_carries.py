@@ -175,11 +175,14 @@ class Loop(Regulated):
     def command(self, twist: Array, error: Array) -> Array:
         """Return the velocities of the tubes with slip at the rollers."""
         servo, now, slip = self.servo, self.plant.time, self._draw.slip
-        servo.rollers = StampedInput(
-            RollerState(self.plant.travel / (1.0 - slip), self.plant.speeds / (1.0 - slip)), now
+        servo.receive(
+            rollers=StampedInput(
+                RollerState(self.plant.travel / (1.0 - slip), self.plant.speeds / (1.0 - slip)),
+                now,
+            )
         )
         self._measure(now)
-        servo.twist = StampedInput(tuple(twist), now)
+        servo.receive(twist=StampedInput(tuple(twist), now))
         begin = time.process_time()
         decision = servo.decide(now)
         self.times.append(time.process_time() - begin)
@@ -195,7 +198,7 @@ class Loop(Regulated):
             self._waiting.append((now + late, self.place() + noise))
         while self._waiting and self._waiting[0][0] <= now + 1e-9:
             when, pose = self._waiting.popleft()
-            self.servo.pose = StampedInput(Pose(*pose.tolist()), when)
+            self.servo.receive(pose=StampedInput(Pose(*pose.tolist()), when))
 
     def place(self) -> Array:
         """Return the pose of the object (3,)."""

@@ -31,7 +31,7 @@ from isotruss_ros.core.paths.path_tracking import TrackingSettings
 from isotruss_ros.core.paths.roller_trajectory import RollerTrajectory
 from isotruss_ros.core.planning import foresee_path, release
 from isotruss_ros.core.safety.margins import shape_margins
-from isotruss_ros.core.servo.squeeze_control import SqueezeControl, SqueezeSettings
+from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
 from isotruss_ros.nodes.grasp.grasp_monitor import GraspMonitor
 from isotruss_ros.nodes.grasp.grasp_report import GraspQuery
 import numpy as np
@@ -232,17 +232,20 @@ def solve_joint_velocity(world):
 def decide(world):
     """Let the servo decide, with late inputs and with a squeeze."""
     rng, robot = world.rng, world.robot
-    servo = core.TwistServo(robot, world.grip, 0.01, 0.2)
-    servo.failed = world.failed
-    servo.slide_along_limits = bool(rng.integers(2))
+    slide, squeeze = bool(rng.integers(2)), None
     if rng.integers(3) == 0:
-        servo.squeeze = SqueezeControl(SqueezeSettings(abs(world.number(1.0, 60.0)) or 1.0))
+        squeeze = SqueezeSettings(abs(world.number(1.0, 60.0)) or 1.0)
+    settings = ServoSettings(world.grip, 0.01, 0.2, squeeze=squeeze, slide_along_limits=slide)
+    servo = core.TwistServo(robot, settings)
+    servo.receive(failed=world.failed)
     config, speeds = world.config, np.zeros(len(robot.roller_names))
     for cycle in range(3):
         now = 1.0 + 0.01 * cycle
-        servo.twist = StampedInput(rng.uniform(-0.2, 0.2, 3), now)
-        servo.rollers = StampedInput(RollerState(config.roller_positions, speeds), now)
-        servo.pose = StampedInput(world.body.pose, now - 0.01 * int(rng.integers(3)))
+        servo.receive(
+            twist=StampedInput(rng.uniform(-0.2, 0.2, 3), now),
+            rollers=StampedInput(RollerState(config.roller_positions, speeds), now),
+            pose=StampedInput(world.body.pose, now - 0.01 * int(rng.integers(3))),
+        )
         decision = servo.decide(now)
         speeds = decision.command.roller_velocities
         check_speeds(robot, speeds)

@@ -25,6 +25,7 @@ from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.safety.margins import shape_margins
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
+from isotruss_ros.core.servo.servo_settings import ServoSettings
 import numpy as np
 
 ROBOT = load_robot('nine_member')
@@ -110,17 +111,20 @@ def come_back(seed, steps=40):
     rng = np.random.default_rng([seed, 7])
     held = begin_beyond(rng)
     period = float(rng.choice([0.02, 0.01, 0.005, 0.002]))
-    servo = TwistServo(ROBOT, held.grip, period, timeout=0.2)
-    servo.slide_along_limits = bool(seed % 3 == 2)
+    slide = bool(seed % 3 == 2)
+    settings = ServoSettings(held.grip, period, timeout=0.2, slide_along_limits=slide)
+    servo = TwistServo(ROBOT, settings)
     twist = rng.standard_normal(3) * rng.choice([0.03, 0.1])
     first = margins(held)
     commands, lost = [np.zeros(len(ROBOT.roller_names))], np.zeros(3)
     for step in range(steps):
         now = 1.0 + step * period
-        servo.twist = StampedInput(twist, now)
+        servo.receive(twist=StampedInput(twist, now))
         travel = held.config.roller_positions
-        servo.rollers = StampedInput(RollerState(travel, commands[-1]), now)
-        servo.pose = StampedInput(held.pose, now)
+        servo.receive(
+            rollers=StampedInput(RollerState(travel, commands[-1]), now),
+            pose=StampedInput(held.pose, now),
+        )
         commands.append(servo.decide(now).command.roller_velocities)
         held = rolled(held, period * commands[-1])
         after = margins(held)
@@ -173,10 +177,14 @@ def walk(seed, steps, slide=False, guarded=True, sensors=None):
     held = begin(rng, module)
     period = float(rng.choice(PERIODS, p=[0.15, 0.35, 0.3, 0.1, 0.1]))
     sensors = Sensors.of(seed, period) if sensors is None else sensors
-    servo = TwistServo(ROBOT, held.grip, period, timeout=0.2)
-    servo.slide_along_limits = slide
-    if not guarded:
-        servo.guard = None
+    settings = ServoSettings(
+        held.grip,
+        period,
+        timeout=0.2,
+        bounds=ShapeBounds() if guarded else None,
+        slide_along_limits=slide,
+    )
+    servo = TwistServo(ROBOT, settings)
     result = Walk(np.full(3, np.inf), Counter())
     length = 1 + max(sensors.rollers, sensors.pose)
     seen = deque([(held, np.zeros(len(ROBOT.roller_names)))] * length, length)
@@ -190,9 +198,11 @@ def walk(seed, steps, slide=False, guarded=True, sensors=None):
         measured = RollerState(
             state.config.roller_positions, speeds if sensors.speeds else 0.0 * speeds
         )
-        servo.twist = StampedInput(twist, now)
-        servo.rollers = StampedInput(measured, now - period * sensors.rollers)
-        servo.pose = StampedInput(place.pose, now - period * sensors.pose)
+        servo.receive(
+            twist=StampedInput(twist, now),
+            rollers=StampedInput(measured, now - period * sensors.rollers),
+            pose=StampedInput(place.pose, now - period * sensors.pose),
+        )
         decision = servo.decide(now)
         command = decision.command
         if command.status >= Status.HALT_NO_TWIST:

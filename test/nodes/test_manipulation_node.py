@@ -8,15 +8,14 @@ from pathlib import Path
 import re
 from types import SimpleNamespace
 
-from grips import disc_grip
-from isotruss_ros.core import ConvexObject, Disc, Grip, Status, tangent_center, TwistServo
+from isotruss_ros.core import ConvexObject, Disc, Grip, Status, tangent_center
 from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.manipulation.status import RollerCommand
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 from isotruss_ros.core.servo.decision import Decision
-from isotruss_ros.core.servo.squeeze_control import SqueezeSettings
+from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
 from isotruss_ros.nodes.conversions.messages import read_stamp, read_twist
-from isotruss_ros.nodes.manipulation import servo_settings
+from isotruss_ros.nodes.manipulation.servo_settings import make_settings, SPECS
 from isotruss_ros.nodes.simulator.node import Simulator
 from manual_world import world
 import numpy as np
@@ -94,21 +93,26 @@ def test_every_parameter_of_the_servo_reaches_it():
         'slide_along_limits': True,
         'failure_time': 3.0,
     }
-    assert given.keys() | {'failed_rollers'} == {spec.name for spec in servo_settings.SPECS}
-    servo = TwistServo(ROBOT, disc_grip(ROBOT.home, MODULE), 0.005, 0.2)
-    servo_settings.apply_settings(servo, SimpleNamespace(**given), None)
-    assert servo.guard.bounds == ShapeBounds(0.21, 0.011, 0.013)
+    assert given.keys() | {'failed_rollers'} == {spec.name for spec in SPECS}
+
+    def settings(**others):
+        return make_settings(ROBOT, SimpleNamespace(**given | others), None, 'Z')
+
     body = ConvexObject(Disc(0.21), mass=1.5)
-    assert servo.grip == Grip(('north/P-Z', 'north/Z-R'), body, 0.7)
-    assert (servo.period, servo.timeout, servo.pressure_timeout) == (0.02, 0.3, 9.0)
-    assert (servo.slide_along_limits, servo.detector.failure_time) == (True, 3.0)
-    assert servo.squeeze.settings == SqueezeSettings(30.0, frequency=8.0, load=4.0, zeros=0.002)
-    # One that is raised while the node runs goes on from where it is.
-    regulated = servo.squeeze
-    servo_settings.apply_settings(servo, SimpleNamespace(**given | {'squeeze_force': 34.0}), None)
-    assert (servo.squeeze is regulated, regulated.settings.force) == (True, 34.0)
-    servo_settings.apply_settings(servo, SimpleNamespace(**given | {'grip': ['']}), None)
-    assert servo.grip.members == members_at(ROBOT, 'south/P')
+    assert settings() == ServoSettings(
+        Grip(('north/P-Z', 'north/Z-R'), body, 0.7),
+        period=0.02,
+        timeout=0.3,
+        joint='Z',
+        squeeze=SqueezeSettings(30.0, frequency=8.0, load=4.0, zeros=0.002),
+        bounds=ShapeBounds(0.21, 0.011, 0.013),
+        failure_time=3.0,
+        pressure_timeout=9.0,
+    )
+    assert settings(slide_along_limits=False).slide_along_limits is False
+    assert settings(squeeze_force=0.0).squeeze is None
+    assert settings(failure_time=0.0).failure_time == math.inf
+    assert settings(grip=['']).grip.members == members_at(ROBOT, 'south/P')
 
 
 @pytest.mark.parametrize('squeeze', [(30.0, 2.0), None])
@@ -164,5 +168,5 @@ def test_the_mass_of_the_object_is_that_of_the_parameter_or_of_its_description()
     with world(node(object=described, squeeze_force=20.0, object_mass=1.5)) as w:
         manipulation = w.nodes[1]
         for mass in (1.5, 0.8):
-            assert manipulation._servo.grip.body.mass == mass
+            assert manipulation._servo.settings.grip.body.mass == mass
             manipulation.set_parameters(overrides(object_mass=0.0))

@@ -3,7 +3,9 @@
 
 """Limits and barriers of one's own in the node."""
 
-from isotruss_ros.core import ShapeGuard, Status
+from dataclasses import replace
+
+from isotruss_ros.core import Status
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.safety.barrier_law import ActiveValues, BarrierLaw
 from isotruss_ros.nodes.manipulation.node import Manipulation
@@ -34,9 +36,9 @@ class Wall:
 class Careful(Manipulation):
     """The node with a barrier of its own."""
 
-    def prepare(self, servo):
+    def prepare(self, settings):
         """Add the barrier."""
-        servo.guard = ShapeGuard(servo.robot, barriers=[Wall()])
+        return replace(settings, barriers=(Wall(),))
 
 
 def slowed(w):
@@ -49,7 +51,7 @@ def test_a_barrier_of_ones_own_is_kept_in_the_node_whatever_changes():
     with world(lambda: Careful(overrides(failure_time=0.0, slide_along_limits=False))) as w:
         assert 'a wall' in slowed(w)
         w.change(min_clearance=0.03)
-        assert w.nodes[1]._servo.guard.bounds.min_clearance == 0.03
+        assert w.nodes[1]._servo.settings.bounds.min_clearance == 0.03
         assert 'a wall' in slowed(w)
         Manager(w, 'manipulation').restart()
         assert 'a wall' in slowed(w)

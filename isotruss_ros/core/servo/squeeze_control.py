@@ -35,7 +35,7 @@ from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.servo.decision import describe_squeeze
 from isotruss_ros.core.servo.grip_faults import GripFault, SwingWatch
 from isotruss_ros.core.servo.loop_gains import choose_gain, DEFAULT_GAIN, gains_of, LoopGains
-from isotruss_ros.core.servo.squeeze_target import SqueezeSettings
+from isotruss_ros.core.servo.servo_settings import SqueezeSettings
 import numpy as np
 
 #: Time at rest after an oscillation [s]; the gain is halved then.

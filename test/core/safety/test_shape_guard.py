@@ -16,6 +16,7 @@ from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.safety.barrier_law import BarrierLaw
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
+from isotruss_ros.core.servo.servo_settings import DEFAULT_BOUNDS, ServoSettings
 from nightly import some_now
 import numpy as np
 import pytest
@@ -29,23 +30,23 @@ PERIOD = 0.01
 class Pushed:
     """A robot whose object is pushed along one twist."""
 
-    def __init__(self, held, guard=None, slide=False, period=PERIOD):
+    def __init__(self, held, bounds=DEFAULT_BOUNDS, slide=False, period=PERIOD):
         robot = held.config.robot
         self.period, self.held = period, held
         self.velocities = np.zeros(len(robot.roller_names))
-        self.servo = TwistServo(robot, held.grip, period, 1.0)
-        self.servo.slide_along_limits = slide
+        settings = ServoSettings(held.grip, period, 1.0, bounds=bounds, slide_along_limits=slide)
+        self.servo = TwistServo(robot, settings)
         self.now = 0.0
-        if guard is not None:
-            self.servo.guard = guard
 
     def step(self, twist):
         """Go on for one cycle, and return the command."""
         self.now += self.period
         state = RollerState(self.held.config.roller_positions, self.velocities)
-        self.servo.twist = StampedInput(np.asarray(twist), self.now)
-        self.servo.rollers = StampedInput(state, self.now)
-        self.servo.pose = StampedInput(self.held.pose, self.now)
+        self.servo.receive(
+            twist=StampedInput(np.asarray(twist), self.now),
+            rollers=StampedInput(state, self.now),
+            pose=StampedInput(self.held.pose, self.now),
+        )
         command = self.servo.decide(self.now).command
         self.velocities = command.roller_velocities
         self.held = rolled(self.held, self.period * self.velocities)
@@ -203,9 +204,7 @@ def test_rollers_do_not_swing_in_slow_loops(seed, size, period, guarded):
     held = walks.begin(rng, walks.GRIPS[seed % len(walks.GRIPS)])
     twist = rng.standard_normal(3)
     twist *= size / np.linalg.norm(twist)
-    robot = Pushed(held, period=period)
-    if not guarded:
-        robot.servo.guard = None
+    robot = Pushed(held, ShapeBounds() if guarded else None, period=period)
     turns, rolled = 0, 0.0
     for _ in range(round(6.0 / period)):
         before = robot.velocities

@@ -23,7 +23,8 @@ from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
-from isotruss_ros.core.servo.squeeze_control import SqueezeControl, SqueezeSettings
+from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
+from isotruss_ros.core.servo.squeeze_control import SqueezeControl
 from nightly import some_now
 import numpy as np
 import pytest
@@ -247,17 +248,18 @@ def servo_on_plant(twist, cycles, force, rate=25.0, friction=FRICTION, late=1, *
     plant_object = ElasticObject(CYLINDER, FRICTION)
     plant = SimulatedRobot(CONFIG, plant_object, RollerFaults())
     plant.advance(0.0)
-    servo = TwistServo(CONFIG.robot, measured_at(CYLINDER.pose, friction), 1.0 / rate, timeout=0.2)
-    servo.guard = None
+    grip = measured_at(CYLINDER.pose, friction)
     settings = {'max_utilisation': math.inf} | MASSLESS | settings
-    servo.squeeze = SqueezeControl(SqueezeSettings(force, **settings))
+    squeeze = SqueezeSettings(force, **settings)
+    servo = TwistServo(
+        CONFIG.robot, ServoSettings(grip, 1.0 / rate, 0.2, squeeze=squeeze, bounds=None)
+    )
     codes = []
     for number in range(cycles):
         now = number * late / rate
-        servo.twist = StampedInput(twist, now)
+        servo.receive(twist=StampedInput(twist, now))
         state = RollerState(plant.roller_positions.copy(), plant.roller_velocities.copy())
-        servo.rollers = StampedInput(state, now)
-        servo.pose = StampedInput(plant.object_pose, now)
+        servo.receive(rollers=StampedInput(state, now), pose=StampedInput(plant.object_pose, now))
         decision = servo.decide(now)
         codes.append(decision.command.status)
         plant.command(decision.command.roller_velocities)
