@@ -14,6 +14,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.records import Record
+from isotruss_ros.core.statics.bent_tubes import SHORTEST_PART
 from isotruss_ros.core.statics.cut_frame import CutFrame, keep_apart
 from isotruss_ros.core.statics.frame import Frame, FrameState
 from isotruss_ros.core.statics.load_path import follow_loads
@@ -25,8 +26,6 @@ from numpy.typing import ArrayLike
 
 #: Largest searched limit load factor [-].
 MAX_LIMIT_FACTOR = 100.0
-#: Loads on a tube act no nearer to each other and to its ends than this [m].
-SHORTEST_PART = 1e-6
 #: Largest rotation of a member without load steps [rad]; beyond it a snap is possible.
 MAX_TURN = 0.3
 
@@ -157,7 +156,8 @@ def _load_tubes(structure: Structure, tube_loads: Mapping[str, ArrayLike]) -> tu
         return structure.frame, np.zeros((len(structure.node_names), 3))
     place, *load = np.array(rows).T
     pieces, within, _ = structure.locate(np.array(members), place)
-    apart = keep_apart(pieces, within, structure.frame.length[pieces], SHORTEST_PART)
+    # Loads do not move the places: parts may be a thousandth as long as those that do.
+    apart = keep_apart(pieces, within, structure.frame.length[pieces], 1e-3 * SHORTEST_PART)
     cut = CutFrame(structure.frame, pieces, apart)
     loads = np.zeros((len(cut.points), 3))
     loads[cut.nodes] = np.stack(load, axis=1)
