@@ -23,16 +23,11 @@ FILTER_TIME = 0.05
 
 
 class GripFault(enum.Enum):
-    """Fault of the grip."""
+    """Faults of the grip with their statuses."""
 
-    SLIPPED = 'slipped'
-    NOT_HELD = 'not held'
-    OSCILLATES = 'oscillates'
-
-    @property
-    def halt(self) -> Status:
-        """Return the status in this fault."""
-        return Status[f'HALT_{self.name}']
+    SLIPPED = Status.HALT_SLIPPED
+    NOT_HELD = Status.HALT_NOT_HELD
+    OSCILLATES = Status.HALT_OSCILLATES
 
 
 class SwingWatch:

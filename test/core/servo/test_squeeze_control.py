@@ -78,6 +78,21 @@ def test_an_unknown_load_costs_little_squeeze_and_no_pose():
     assert loop.control.belief.pose == pytest.approx(loop.plant.object_pose, abs=1e-4)
 
 
+def load_after_a_push(expected):
+    """Return the load that a push of 3 N for 0.2 s is estimated as, by the expected load [N]."""
+    loop = Loop(load=expected)
+    loop.run((0.0, 0.0, 0.0), 0.3)
+    loop.object.external_wrench = (1.8, 2.4, 0.0)
+    loop.run((0.0, 0.0, 0.0), 0.2)
+    return float(np.hypot(*loop.control.belief.load[:2]))
+
+
+def test_the_larger_the_expected_load_the_more_of_a_push_is_taken_for_one():
+    small, given, large = (load_after_a_push(load) for load in (0.2, 2.0, 20.0))
+    assert small < 0.1 * given < 0.1 * large
+    assert load_after_a_push(0.0) == given
+
+
 def test_an_object_that_is_loaded_from_the_start_is_wanted_where_it_is():
     loop = Loop()
     loop.object.external_wrench = (1.2, 1.6, 0.0)

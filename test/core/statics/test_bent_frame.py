@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Bent frames against OpenSees, finer meshes, and closed forms of columns."""
+"""Bent frames against OpenSees, finer meshes, and closed forms of columns and merged loads."""
 
 import ctypes
 import importlib.util
@@ -10,9 +10,12 @@ from pathlib import Path
 
 import frames
 from hypothesis import assume, given
+from isotruss_ros.core import load_robot
 from isotruss_ros.core.statics.beam_column import BeamColumns
+from isotruss_ros.core.statics.bent_tubes import BentTubes
 from isotruss_ros.core.statics.cut_frame import CutFrame
 from isotruss_ros.core.statics.load_path import follow_loads
+from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
 from robots import examples, generators
@@ -186,3 +189,11 @@ def test_without_axial_force_the_element_is_the_linear_one():
     matrix, _ = frames.member_stiffness(0.7, 1.9e4, 25.0, 1.9e3)
     moments = matrix[np.ix_([2, 5], [2, 5])] @ [1e-6, -2e-6]
     assert small.moments[0] == pytest.approx(moments, rel=1e-9)
+
+
+def test_two_places_at_one_point_of_a_member_give_as_one_place_does():
+    structure, load = structure_of(load_robot('nine_member').home), np.array([0.5, 3.0, 0.1])
+    one, two = (BentTubes(structure, np.full(k, 1), np.full(k, 0.5)) for k in (1, 2))
+    moved = one.respond(load[None], one.places)[0, :2]
+    halves = two.respond(0.5 * np.array([load, load]), two.places)
+    assert halves[:, :2] == pytest.approx(np.array([moved] * 2), rel=1e-3)
