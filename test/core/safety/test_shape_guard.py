@@ -87,6 +87,8 @@ def test_comes_to_a_bound_slower_and_slower_along_the_twist(seed):
                 assert there >= least - 1e-4
         before = after
         slowed += bool(command.limiting) and command.scale < 1.0
+        if slowed > 200:
+            break
     assert slowed
     assert before.min() > 0.0
 
