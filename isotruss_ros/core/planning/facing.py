@@ -131,7 +131,7 @@ def find_facing(
     :return: (2,) such directions, or None.
     """
     # Directions in the object's frame, so that the contacts of one search serve the next.
-    firsts = np.exp(1j * np.deg2rad(np.arange(0.0, 360.0, 5.0)))
+    firsts = np.exp(2j * np.pi * np.arange(72) / 72)
     firsts = np.concatenate([firsts, _face_normals(contact_body(body, tube_radius).shape)])
     firsts, wedges = (grid.ravel() for grid in np.meshgrid(firsts, np.linspace(-0.8, 0.8, 17)))
     others = -firsts * np.exp(1j * wedges)

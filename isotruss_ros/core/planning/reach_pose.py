@@ -29,8 +29,9 @@ from numpy.typing import ArrayLike
 STEP = 2e-3
 #: Speed of the twists, low enough for limits of the configuration not to slow early [m/s].
 STEP_SPEED = 0.02
-#: Largest ratio of the number of steps to that without limits [-]; a step that is scaled by its
-#: inverse ends the motion.
+#: Smallest scale of a step by limits [-]; a smaller one ends the motion.
+MIN_STEP_SCALE = 0.05
+#: Largest ratio of the number of steps to that without limits [-].
 MAX_STEP_RATIO = 20
 
 
@@ -109,7 +110,7 @@ def _take_step(
         words = f'the rollers produce {command.reachable_dof} of 3 motions there'
         return None, command.status, words
     command = watch.keep(command, np.zeros(len(config.roller_positions)), duration)
-    if command.scale < 1.0 / MAX_STEP_RATIO:
+    if command.scale < MIN_STEP_SCALE:
         named = ', '.join(command.limiting)
         return None, command.status, f'limits of {named}' if named else str(command.status)
     travel = config.roller_positions + duration * command.roller_velocities

@@ -33,7 +33,7 @@ from isotruss_ros.core.planning.requirements import MIN_RIGIDITY
 from isotruss_ros.core.planning.violations import RequirementError, Violation
 import numpy as np
 
-#: Shares of the squeeze at the waypoints of the unloading [-]. The squeeze that is left at the last
+#: Shares of the squeeze at the waypoints of the unloading [-]. The squeeze left at the last one
 #: moves the object by its share of the deflection.
 UNLOADING_SHARES = (0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.04, 0.015, 0.005, 0.002)
 #: Smallest normal force of a pressing member [N].
