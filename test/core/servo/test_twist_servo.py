@@ -77,13 +77,6 @@ def test_a_roller_that_fails_in_motion_is_commanded_zero_at_once():
     assert command.roller_velocities[1] == 0.0
 
 
-def test_moves_when_all_is_known():
-    decision = servo().decide(NOW)
-    assert decision.command.status is Status.OK
-    assert decision.message == ''
-    assert decision.command.achieved_twist == pytest.approx([0.0, 0.02, 0.1], abs=1e-9)
-
-
 @pytest.mark.parametrize(
     ('name', 'missing', 'stale', 'invalid'),
     [
@@ -235,13 +228,6 @@ def test_failed_rollers_are_not_expected_to_move():
     there = servo(**moved((0.1 + 0.0025) * sent * working))
     there.receive(failed=made.failed)
     assert np.abs(late - there.decide(NOW).command.roller_velocities).max() < 1e-5
-
-
-def test_says_what_limits():
-    decision = servo(twist=StampedInput((0.0, 3.0, 0.0), NOW)).decide(NOW)
-    assert decision.command.status is Status.SLOWED_ROLLER_SPEED
-    for name in decision.command.limiting:
-        assert name in decision.message
 
 
 def test_failed_rollers_are_held_and_told():
