@@ -59,11 +59,7 @@ class GraspRequirements:
     min_length: float | None = None  #: shortest member [m]; None: that of the robot file
     max_length: float | None = None  #: longest member [m]; None: that of the robot file
     measure: Measure = Measure.SLIP_MARGIN  #: criterion of the ranking
-    direction: tuple[float, float, float] = (
-        0.0,
-        1.0,
-        0.0,
-    )  #: for the stiffness [m, m, rad]
+    direction: tuple[float, float, float] = (0.0, 1.0, 0.0)  #: for `STIFFNESS` [m, m, rad]
     carry: tuple[tuple[float, float, float], ...] = ()  #: poses of a path [m, rad]
     paper_model: bool = False  #: see `analyze_grasp`
     count: int = 3  #: number of distinct grasps, at least 1
