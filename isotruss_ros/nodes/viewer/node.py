@@ -261,13 +261,11 @@ class Viewer(StoppableNode):
         elif name == PLACE:
             self._goals.send(PLACE)
         elif name == PLANT:
-            self._restart.restart_simulator(value)  # type: ignore[arg-type]
+            self._restart.restart_simulator(self._squeeze, value)  # type: ignore[arg-type]
         elif name == SHAPE:
             self._change_object(value)  # type: ignore[arg-type]
         elif name == RESET:
-            self._restart.restart_simulator()
-            # It also acknowledges a slip or loss, as the manipulation requires.
-            self._send_parameters('manipulation', {'squeeze_force': self._squeeze})
+            self._restart.restart_simulator(self._squeeze)
         else:
             parameter, nodes = SETTINGS[name]
             if name == 'squeeze':
@@ -280,7 +278,7 @@ class Viewer(StoppableNode):
     def _change_object(self, kind: str) -> None:
         description = OBJECTS[kind]
         self.picture.shape = read_object(description).shape if description else None
-        self._restart.change_object(kind, description)
+        self._restart.change_object(self._squeeze, kind, description)
 
     def _report_refusal(self, words: str) -> None:
         self.picture.goal_report = words
