@@ -105,6 +105,10 @@ def test_a_drag_of_what_is_not_seen_is_stuck_after_its_patience():
     assert drag.is_stuck(5.0 + PATIENCE)
 
 
+def test_a_drag_is_stuck_after_a_jump_of_the_clock():
+    assert Drag((1.0, 0.0), 500.0).is_stuck(5.0)
+
+
 @pytest.mark.parametrize(('begin', 'end'), [(0.0, 2.5), (3.0, -3.0), (-3.1, 3.1), (1.0, -1.0)])
 def test_a_turn_goes_the_shorter_way_and_not_faster_than_allowed(begin, end):
     angle, drag = begin, Drag(place_on_circle(end, place_on_circle(begin)[0]), 0.0)
