@@ -24,8 +24,6 @@ from browser import (
 from geometry_msgs.msg import WrenchStamped
 from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.demo.processes import running_nodes
-from isotruss_ros.viewer.names import OBJECTS
-from isotruss_ros.viewer.requests import INITIAL_CHOICE
 from lifecycle_msgs.msg import TransitionEvent
 import numpy as np
 from probe import world
@@ -72,9 +70,8 @@ class Session:
             thumb.press(key)
 
     def choose_object(self, name):
-        """Choose from the first menu that has objects."""
-        menus = self.page.locator('input:not([type])').all()
-        next(menu for menu in menus if menu.input_value() in (INITIAL_CHOICE, *OBJECTS)).click()
+        """Choose from the menu of objects."""
+        self.page.get_by_label('object', exact=True).click()
         self.page.get_by_role('option', name=name, exact=True).click()
 
     def begin_anew(self, act):
