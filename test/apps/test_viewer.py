@@ -8,7 +8,7 @@ import math
 from geometry_msgs.msg import Point
 from isotruss_msgs.msg import GraspState, ManipulationStatus
 from isotruss_ros.core import load_robot, Polygon, Status
-from isotruss_ros.viewer.camera import FIELD_OF_VIEW, PANEL_SHARE, place_camera
+from isotruss_ros.viewer.camera import FIELD_OF_VIEW, PANEL_SHARE, PHONE_ASPECT, place_camera
 from isotruss_ros.viewer.control import Control, ZERO
 from isotruss_ros.viewer.drag import (
     Drag,
@@ -267,4 +267,4 @@ def test_the_whole_robot_is_on_the_screen_and_above_the_panel_of_a_phone(aspect)
     across, upward = rays[:, 0] / depth / (scale * aspect), (rays @ up) / depth / scale
     assert np.abs(across).max() < 1.0
     assert upward.max() < 1.0
-    assert upward.min() > (-1.0 if aspect >= 1.0 else 2.0 * PANEL_SHARE - 1.0)
+    assert upward.min() > (-1.0 if aspect > PHONE_ASPECT else 2.0 * PANEL_SHARE - 1.0)
