@@ -151,7 +151,7 @@ fuzz: venv $(STAMPS)/fuzz
 
 soak: MINUTES = 15
 soak: venv
-	$(BIN)/python test/helpers/soak.py --minutes $(MINUTES)
+	PYTHONPATH=test/helpers $(BIN)/python tools/soak.py --minutes $(MINUTES)
 	WALKS=$(WALKS) $(PYTEST) test/core/safety/test_walks.py -k other
 
 calls: venv

@@ -18,7 +18,7 @@ from isotruss_ros.viewer.drag import (
     PROGRESS,
     REACHED,
 )
-from isotruss_ros.viewer.meshes import color_of, CORNERS, prism, tube_faces, tube_vertices
+from isotruss_ros.viewer.meshes import CORNERS, prism, tube_faces, tube_vertices
 from isotruss_ros.viewer.picture import MESSAGE_TIMEOUT, Picture, trim_start
 import numpy as np
 import pytest
@@ -53,12 +53,6 @@ def test_a_prism_is_closed_and_shows_its_faces_outward():
     # Six times the volume, by the divergence theorem.
     volume = (a * np.cross(b, c)).sum() / 6.0
     assert volume == pytest.approx(0.2 * (0.5 * 0.2 - (4.0 - np.pi) * 0.05**2), rel=1e-2)
-
-
-def test_a_wrinkling_tube_is_red_and_an_unloaded_one_is_not():
-    red, green, blue = color_of(1.2)
-    assert red > 200 > 60 > max(green, blue)
-    assert color_of(0.0)[2] > color_of(0.0)[0]
 
 
 def test_a_drag_goes_straight_to_its_target_and_not_faster_than_allowed():

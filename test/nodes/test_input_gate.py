@@ -142,7 +142,7 @@ def test_an_estimate_of_another_time_is_not_added_to_the_encoders(age):
             message.header = make_header(w.probe.past(late), 'truss')
             estimates.publish(message)
             w.spin(0.1, w.probe.send_all)
-            assert np.any(w.nodes[1]._servo.rollers.value.offsets) == added
+            assert np.any(w.nodes[1]._servo.inputs.rollers.value.offsets) == added
 
 
 @pytest.mark.parametrize(('ahead', 'right'), [(0.002, True), (0.02, False)])

@@ -135,7 +135,7 @@ def grasps(count):
 
 def test_random_grasps_are_balanced_or_say_what_has_no_solution():
     outcomes = Counter()
-    for config, cylinder, friction, wrench in grasps(400):
+    for config, cylinder, friction, wrench in grasps(160):
         settled = settle_grasp(config, cylinder, friction, wrench)
         outcomes[settled.hold] += 1
         if not settled.normal_forces:
@@ -158,7 +158,7 @@ def test_random_grasps_are_balanced_or_say_what_has_no_solution():
         if settled.held:
             assert ratio.max() <= friction
             assert settled.slip_margin >= 0.0
-    assert min(outcomes[HoldStatus.HELD], outcomes[HoldStatus.SLIPS]) > 40
+    assert min(outcomes[HoldStatus.HELD], outcomes[HoldStatus.SLIPS]) > 15
 
 
 def test_measured_pressures_stiffen_the_tubes():

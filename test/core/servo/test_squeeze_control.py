@@ -23,7 +23,8 @@ from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
-from isotruss_ros.core.servo.squeeze_control import SqueezeControl, SqueezeSettings
+from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
+from isotruss_ros.core.servo.squeeze_control import SqueezeControl
 from nightly import some_now
 import numpy as np
 import pytest
@@ -75,6 +76,21 @@ def test_an_unknown_load_costs_little_squeeze_and_no_pose():
     assert loop.squeeze == pytest.approx(loop.target, rel=0.03)
     assert loop.errors[-1] < 1.5e-4
     assert loop.control.belief.pose == pytest.approx(loop.plant.object_pose, abs=1e-4)
+
+
+def load_after_a_push(expected):
+    """Return the load that a push of 3 N for 0.2 s is estimated as, by the expected load [N]."""
+    loop = Loop(load=expected)
+    loop.run((0.0, 0.0, 0.0), 0.3)
+    loop.object.external_wrench = (1.8, 2.4, 0.0)
+    loop.run((0.0, 0.0, 0.0), 0.2)
+    return float(np.hypot(*loop.control.belief.load[:2]))
+
+
+def test_the_larger_the_expected_load_the_more_of_a_push_is_taken_for_one():
+    small, given, large = (load_after_a_push(load) for load in (0.2, 2.0, 20.0))
+    assert small < 0.1 * given < 0.1 * large
+    assert load_after_a_push(0.0) == given
 
 
 def test_an_object_that_is_loaded_from_the_start_is_wanted_where_it_is():
@@ -232,17 +248,18 @@ def servo_on_plant(twist, cycles, force, rate=25.0, friction=FRICTION, late=1, *
     plant_object = ElasticObject(CYLINDER, FRICTION)
     plant = SimulatedRobot(CONFIG, plant_object, RollerFaults())
     plant.advance(0.0)
-    servo = TwistServo(CONFIG.robot, measured_at(CYLINDER.pose, friction), 1.0 / rate, timeout=0.2)
-    servo.guard = None
+    grip = measured_at(CYLINDER.pose, friction)
     settings = {'max_utilisation': math.inf} | MASSLESS | settings
-    servo.squeeze = SqueezeControl(SqueezeSettings(force, **settings))
+    squeeze = SqueezeSettings(force, **settings)
+    servo = TwistServo(
+        CONFIG.robot, ServoSettings(grip, 1.0 / rate, 0.2, squeeze=squeeze, bounds=None)
+    )
     codes = []
     for number in range(cycles):
         now = number * late / rate
-        servo.twist = StampedInput(twist, now)
+        servo.receive(twist=StampedInput(twist, now))
         state = RollerState(plant.roller_positions.copy(), plant.roller_velocities.copy())
-        servo.rollers = StampedInput(state, now)
-        servo.pose = StampedInput(plant.object_pose, now)
+        servo.receive(rollers=StampedInput(state, now), pose=StampedInput(plant.object_pose, now))
         decision = servo.decide(now)
         codes.append(decision.command.status)
         plant.command(decision.command.roller_velocities)

@@ -153,6 +153,8 @@ def slipped(away, speed=np.inf):
         control.solve(np.zeros(3), 0.02, solve_at_rest)
         grip = replace(AT_REST, body=MODEL.body.moved_to(np.array(MODEL.pose) + off))
         control.follow(CONFIG, grip, 0.02)
+        if control.fault is not None:
+            break
     return control, grip
 
 

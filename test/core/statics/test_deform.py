@@ -75,6 +75,27 @@ def test_loads_at_places_of_a_tube_are_those_of_a_node_there():
     assert found.utilisation[LEG] > found.utilisation['main/T-L']
 
 
+@pytest.mark.parametrize('apart', [0.0, 1e-9, 1e-7])
+def test_loads_at_one_place_of_a_tube_act_as_their_sum(apart):
+    two = [(0.6, 2.0, 0.0, 0.0), (0.6 + apart, 0.0, 3.0, 0.1)]
+    both, found = (
+        deform(TRIANGLE, {}, tube_loads={LEG: loads}).displacement('T')
+        for loads in ([(0.6, 2.0, 3.0, 0.1)], two)
+    )
+    assert found == pytest.approx(both, rel=1e-6)
+
+
+@pytest.mark.parametrize('end', ['start', 'end'])
+def test_a_force_at_an_end_of_a_tube_is_that_of_a_place_nearby(end):
+    length = TRIANGLE.member_lengths[1]
+    places = [1e-300, 1e-5] if end == 'start' else [np.nextafter(length, 0.0), length - 1e-5]
+    there, nearby = (
+        deform(TRIANGLE, {}, tube_loads={LEG: [(at, 2.0, 3.0, 0.0)]}).displacement('T')
+        for at in places
+    )
+    assert there == pytest.approx(nearby, rel=1e-3)
+
+
 @pytest.mark.parametrize(
     ('loads', 'complaint'),
     [
