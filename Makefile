@@ -127,7 +127,8 @@ paper: venv
 plant: venv
 	$(BIN)/python -m comparison
 
-# By what they show and what draws them; the films need Chromium and EGL, and a machine that does nothing else.
+# By what they show and what draws them; the films need Chromium and EGL, that in MuJoCo a machine that does
+# nothing else.
 pictures: venv
 	$(BIN)/python tools/pictures.py
 

@@ -277,7 +277,7 @@ def test_errors_of_the_analysis_have_their_codes(monkeypatch, error, code):
     assert report.message == 'so it is'
 
 
-def test_history_does_not_matter():
+def test_decision_is_independent_of_earlier_states():
     there = np.linspace(-0.1, 0.12, len(HOME))
     center = tangent_center(ROBOT.configuration(there), 'north/Z', DIAMETER, indentation=0.01)
     travelled = monitor()

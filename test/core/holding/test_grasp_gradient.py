@@ -226,7 +226,7 @@ def error(number, sizes):
 
 
 @pytest.mark.parametrize('wanted', [15, pytest.param(500, marks=pytest.mark.nightly)])
-def test_gradients_are_those_of_central_differences(wanted):
+def test_gradients_agree_with_central_differences(wanted):
     # Other pressures take new tables of dents, which take a while.
     cases = ((n, PRESSURES if n % 8 == 1 else OTHERS) for n in range(4 * wanted))
     found = (error(*case) for case in cases)
@@ -235,7 +235,7 @@ def test_gradients_are_those_of_central_differences(wanted):
     assert max(compared) < 1e-6
 
 
-def test_the_members_that_decide_are_named():
+def test_critical_members_are_named():
     case = RandomGrasp(1)
     grasp = settle(case, case.chosen)
     gradient = grasp_gradient(grasp)
@@ -243,7 +243,7 @@ def test_the_members_that_decide_are_named():
     assert gradient.most_used == (max(grasp.utilisation, key=grasp.utilisation.get),)
 
 
-def test_the_member_that_gives_way_is_the_one_that_is_about_to_slip():
+def test_member_that_gives_way_is_nearest_to_slip():
     grasp = settle_grasp(*gripped(35.0, squeeze=0.08), external_wrench=(0.3, 0.0, 0.05))
     scarce = 1.001 * grasp.required_friction
     about_to = assess_equilibrium(grasp.pose, grasp.equilibrium, scarce)
@@ -254,7 +254,7 @@ def test_the_member_that_gives_way_is_the_one_that_is_about_to_slip():
     assert more == pytest.approx(about_to.slip_margin, rel=2e-3)
 
 
-def test_all_members_that_give_way_at_once_are_named():
+def test_all_members_at_equal_slip_margin_are_named():
     config = load_robot('nine_member').home
     body = ConvexObject.disc(tangent_center(config, 'north/Z', 0.3, 0.02), 0.3, friction=0.8)
     gradient = grasp_gradient(settle_grasp(config, body))
@@ -270,7 +270,7 @@ def test_all_members_that_give_way_at_once_are_named():
         assert change == pytest.approx((pull * sideways).min(), rel=2e-3)
 
 
-def test_friction_and_the_place_across_the_bisector_change_nothing():
+def test_equilibrium_is_independent_of_friction_and_position_across_the_bisector():
     grasp = settle_grasp(*gripped(35.0, squeeze=0.08))
     gradient = grasp_gradient(grasp)
     one, other = grasp.equilibrium.state.normals
@@ -311,7 +311,7 @@ def move(grip, values):
 
 
 @pytest.mark.parametrize('name', GRASPS)
-def test_the_gradient_is_that_of_differences(name):
+def test_held_gradient_agrees_with_finite_differences(name):
     grip = grip_of(name)
     found, columns = held_gradient(grip), []
     here = np.concatenate(
@@ -334,6 +334,6 @@ def test_the_gradient_is_that_of_differences(name):
 
 
 @pytest.mark.parametrize('name', ['disc 0.2 m', 'box'])
-def test_the_places_are_those_of_the_held_joints(name):
+def test_joint_positions_agree_with_held_joints(name):
     grip = grip_of(name)
     assert held_gradient(grip).places.reshape(-1, 2) == pytest.approx(held_joints(grip), abs=1e-12)

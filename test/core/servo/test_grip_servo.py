@@ -49,7 +49,7 @@ def test_commands_what_solve_twist_finds_for_the_grip():
     assert decision.command.roller_velocities == pytest.approx(expected.roller_velocities)
 
 
-def test_a_twist_that_would_leave_the_contacts_becomes_the_nearest_that_keeps_them():
+def test_twist_is_projected_onto_the_contact_constraints():
     # Three members leave no rolling: whatever turns the object is out of reach.
     grip = box_between()
     turned = servo(grip.body.pose, (0.0, 0.0, 1.0))
