@@ -42,6 +42,7 @@ def test_an_object_is_lost_where_friction_is_too_low():
     require_kept(friction.compare((PressedCase(50.0, 0.03),)))
 
 
+@pytest.mark.nightly
 @needs_mujoco
 def test_an_object_carried_with_its_squeeze_regulated_follows_its_path():
     result = carried.run(carried.REGULATED, (translation('up', 3.0, 0.03, 0.08),))
