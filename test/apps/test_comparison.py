@@ -25,6 +25,7 @@ def require_kept(section):
         assert check.kept, check.row()
 
 
+@pytest.mark.nightly
 @needs_mujoco
 def test_a_grasp_is_within_its_bounds():
     require_kept(grasps.compare(wedges=(40.0,), indentations=(0.02,)))
