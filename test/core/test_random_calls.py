@@ -251,7 +251,7 @@ def decide(world):
 
 
 def analyze_grasp(world):
-    """Analyze the object held fast."""
+    """Analyse a fixed object."""
     return core.analyze_grasp(
         world.config,
         world.body,
