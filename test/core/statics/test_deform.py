@@ -4,10 +4,13 @@
 """The robot deformed by loads: its limit load, utilisation, and loads on modules and tubes."""
 
 from isotruss_ros.core import deform, load_robot
-from isotruss_ros.core.errors import StructureError
+from isotruss_ros.core.errors import SolverError, StructureError
 from isotruss_ros.core.statics.cut_frame import CutFrame
+from isotruss_ros.core.statics.load_path import follow_loads
+from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
+import random_calls
 
 TRIANGLE = load_robot('triangle').home
 LEG = 'main/R-T'
@@ -37,6 +40,32 @@ def test_beyond_the_limit_load_the_error_names_it():
     assert deform(TRIANGLE, {'T': (0.0, -99.0 * limit)}).displacement('T')[1] < 0.0
     with pytest.raises(StructureError, match=r'gives way at 0\.5\d* times these loads'):
         deform(TRIANGLE, {'T': (0.0, -190.0 * limit)})
+
+
+# Where Newton's method finds a stable state beyond a limit load, and some where it does not.
+@pytest.mark.parametrize('seed', [91, 931, 987, 1020, 1640, 1710, 3940, 4950, *range(5)])
+def test_a_state_beyond_a_limit_load_that_small_steps_do_not_reach_is_refused(seed):
+    config, rng = random_calls.world_of(seed // 10).config, np.random.default_rng(seed)
+    joint = str(rng.choice(list(config.robot.description.joints)))
+    load = rng.uniform(-1.0, 1.0, 2) * 10.0 ** rng.uniform(0.0, 2.0)
+    structure = structure_of(config)
+    loads = np.zeros((len(structure.node_names), 3))
+    loads[structure.node(joint), :2] = load
+    path = follow_loads(structure.frame, loads, 1.0)
+    if path.factors[-1] < 1.0:
+        with pytest.raises(StructureError, match='beyond the limit load'):
+            deform(config, {joint: load})
+    else:
+        found = deform(config, {joint: load}).state.displacements
+        assert found == pytest.approx(path.tangents[-1].displacements, abs=1e-7)
+
+
+def test_a_limit_that_is_farther_than_the_search_goes_is_an_error():
+    config, rng = random_calls.world_of(6).config, np.random.default_rng(66)
+    joint = str(rng.choice(list(config.robot.description.joints)))
+    found = deform(config, {joint: rng.uniform(-5.0, 5.0, 2)})
+    with pytest.raises(SolverError, match=r'no limit load up to \S+ times these loads'):
+        found.limit_factor()
 
 
 def test_a_load_that_stretches_no_column_has_no_limit_nearby():
