@@ -19,15 +19,15 @@ import numpy as np
 from paper.tables import number, Table
 
 WEDGES, INDENTATIONS = (55.0, 40.0, 30.0), (0.01, 0.02, 0.04)
-#: Up to this indentation our linear structure is good [m].
+#: Largest indentation of the linear structure [m].
 LIGHT = 0.02
 STEPS = 'MuJoCo bends in steps, and its friction creeps'
 LINEAR = 'the object gives by a centimetre, tubes incline: our structure is linear'
-#: So that every wedge holds.
+#: Friction at which every wedge holds [-].
 FRICTION = 0.8
-#: Twice the usual number of segments where the object is.
+#: Number of segments at the object, twice the usual [-].
 FINE = 16
-#: Small wrenches with which the stiffness is measured [N, N, N m], and rest under each [s].
+#: Small wrenches for the stiffness [N, N, N m], and rest under each [s].
 PULLS, REST = np.diag([0.3, 0.3, 0.03]), 2.0
 
 
@@ -35,14 +35,14 @@ PULLS, REST = np.diag([0.3, 0.3, 0.03]), 2.0
 class Compared:
     """One grasp in both models."""
 
-    grip: PressedCase  #: what presses
-    normals: Array  #: (2, 2) normal forces held fast, without friction: MuJoCo's, ours [N]
-    places: Array  #: (2,) how far apart the places of contact are [m]
-    gives: Array  #: (2, 3) by which the object gives when it is released: MuJoCo's, ours [m, rad]
-    free: Array  #: (2, 2) normal forces of the free object: MuJoCo's, ours [N]
-    required: Array  #: (2,) friction that it requires: MuJoCo's, ours
-    utilisation: float  #: largest bending moment over that at which a tube wrinkles
-    stiffness: Array  #: (2, 3, 3) of the grasp: MuJoCo's, ours [N/m, N, N m]
+    grip: PressedCase  #: wedge and object
+    normals: Array  #: (2, 2) normal forces on the fixed object, frictionless: MuJoCo, model [N]
+    places: Array  #: (2,) distances of the contacts of both models [m]
+    gives: Array  #: (2, 3) displacement of the object at its release: MuJoCo, model [m, rad]
+    free: Array  #: (2, 2) normal forces on the free object: MuJoCo, model [N]
+    required: Array  #: (2,) required friction: MuJoCo, model [-]
+    utilisation: float  #: largest utilisation [-]
+    stiffness: Array  #: (2, 3, 3) stiffness of the grasp: MuJoCo, model [N/m, N, N m]
 
 
 def compare(
@@ -52,7 +52,7 @@ def compare(
     Compare grasps.
 
     :param wedges: angles between the grasping members [degrees].
-    :param indentations: of the members by the object, tubes unbent [m].
+    :param indentations: indentations of the members, tubes unbent [m].
     """
     grips = [PressedCase(*pair) for pair in itertools.product(wedges, indentations)]
     found = [compare_one(grip) for grip in grips]
@@ -73,7 +73,7 @@ def compare_one(grip: PressedCase) -> Compared:
     """
     Compare one grasp.
 
-    :param grip: what presses.
+    :param grip: wedge and object.
     """
     plant, config, cylinder = press(grip, segments=FINE)
     analysis, forces = analyze_grasp(config, cylinder), plant.contact_forces()
@@ -150,7 +150,7 @@ def _checks(found: Sequence[Compared]) -> tuple[Check, ...]:
 def _checks_of(
     grasps: Sequence[Compared], which: str, bounds: Sequence[float], why: str
 ) -> tuple[Check, ...]:
-    """Return the checks of grasps, with their bounds [%, mm, %, %, %, %]."""
+    """Return the checks of grasps with their bounds [%, mm, %, %, %, %]."""
 
     def worst(share: Callable[[Compared], Array | float]) -> float:
         return max(float(np.max(share(grasp))) for grasp in grasps)

@@ -23,7 +23,7 @@ SHAPES: dict[str, Shape] = {
     'ellipse': Ellipse((0.16, 0.1)),
     'box': Polygon(BOX, 0.02),
 }
-#: Angle of the wedge [degrees], of the object [rad], and its depth in each member [m].
+#: Angle of the wedge [degrees], orientation of the object [rad], and indentations [m].
 WEDGE, ANGLE, DEPTHS = 40.0, 0.5, (0.005, 0.01)
 
 
@@ -31,8 +31,8 @@ def compare(shapes: Mapping[str, Shape] = SHAPES, depths: Sequence[float] = DEPT
     """
     Compare the normal forces on fixed objects of several shapes, without friction.
 
-    :param shapes: by name.
-    :param depths: of the object in each member, tubes unbent [m].
+    :param shapes: shapes by name.
+    :param depths: indentations of the members, tubes unbent [m].
     """
     config = closed_to(round_robot().home, WEDGE, 0.3)
     members = members_at(config.robot, MODULE)

@@ -36,12 +36,6 @@ GRIPS = ('north/Z', 'north/R', 'north/P', 'east/Q', 'east/R')
 PERIODS = (0.05, 0.01, 0.005, 0.002, 0.001)
 #: Inputs are this old at most [s].
 LATE = 0.15
-#: Changes of the speed of a roller from cycle to cycle that do not count as chatter [m/s].
-CHATTER = 0.005
-#: So many cycles with reversals are a limit that binds in place of another.
-EXCHANGE = 2
-#: By how much starts beyond a bound may get further beyond it.
-LOST = 1e-4
 
 
 @dataclass
@@ -84,60 +78,6 @@ def begin(rng, module):
         fits = lengths.min() > file.min_length and lengths.max() < file.max_length
         if fits and margins(held).min() > 0.002:
             return held
-
-
-def begin_beyond(rng):
-    """Return an object held at a module, the robot beyond some bounds."""
-    modules = ROBOT.module_names
-    while True:
-        try:
-            config = ROBOT.configuration(rng.uniform(-0.8, 0.8, len(ROBOT.roller_names)))
-            diameter, module = float(rng.uniform(0.1, 0.4)), modules[rng.integers(len(modules))]
-            body = ConvexObject.disc(tangent_center(config, module, diameter), diameter)
-            held = RollingGrip.attach(config, Grip.at_module(ROBOT, module, body))
-            if margins(held).min() < 0.0:
-                return held
-        except IsotrussError:
-            continue
-
-
-def come_back(seed, steps=40):
-    """
-    Command one twist from a random start beyond bounds.
-
-    :return: (steps, r) commanded roller velocities [m/s], and (3,) by how much the margins that
-        were beyond their bounds fell below where they began.
-    """
-    rng = np.random.default_rng([seed, 7])
-    held = begin_beyond(rng)
-    period = float(rng.choice([0.02, 0.01, 0.005, 0.002]))
-    slide = bool(seed % 3 == 2)
-    settings = ServoSettings(held.grip, period, timeout=0.2, slide_along_limits=slide)
-    servo = TwistServo(ROBOT, settings)
-    twist = rng.standard_normal(3) * rng.choice([0.03, 0.1])
-    first = margins(held)
-    commands, lost = [np.zeros(len(ROBOT.roller_names))], np.zeros(3)
-    for step in range(steps):
-        now = 1.0 + step * period
-        servo.receive(twist=StampedInput(twist, now))
-        travel = held.config.roller_positions
-        servo.receive(
-            rollers=StampedInput(RollerState(travel, commands[-1]), now),
-            pose=StampedInput(held.pose, now),
-        )
-        commands.append(servo.decide(now).command.roller_velocities)
-        held = rolled(held, period * commands[-1])
-        after = margins(held)
-        lost = np.maximum(lost, np.where(first < 0.0, first - after, 0.0))
-    return np.array(commands[1:]), lost
-
-
-def reversals(commands):
-    """Return in how many cycles a roller is slowed that was driven before, and is after."""
-    changes = np.diff(commands, axis=0)
-    turned = changes[1:] * changes[:-1] < 0.0
-    noticed = np.minimum(np.abs(changes[1:]), np.abs(changes[:-1])) > CHATTER
-    return int((turned & noticed).any(axis=1).sum())
 
 
 @dataclass

@@ -78,11 +78,6 @@ def test_only_our_action_is_offered_without_control_msgs():
     assert names == ['follow_roller_trajectory']
 
 
-def test_the_rollers_arrive(make, kind):
-    with make() as w:
-        assert ended(w, send(w, kind, HOME, AWAY)) == SUCCEEDED
-
-
 def test_one_point_is_driven_to_from_where_the_rollers_are(make, kind):
     with make() as w:
         assert ended(w, send(w, kind, AWAY, times=[0.5])) == SUCCEEDED

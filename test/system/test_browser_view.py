@@ -14,6 +14,7 @@ from browser import (
     CHROMIUM,
     count_green,
     DEADLINE,
+    find_switch,
     HARMLESS,
     launch,
     MARKS,
@@ -259,7 +260,7 @@ def test_a_browser_that_reloads_in_mid_drag_commands_nothing_more(view):
     drag_and_leave(view, page, page.reload)
     page.mouse.up()
     assert number_of(page) > number
-    assert not page.locator('input[type=checkbox]').last.is_checked()
+    assert not find_switch(page).is_checked()
 
 
 @pytest.mark.nightly
@@ -267,7 +268,7 @@ def test_a_browser_that_closes_in_mid_drag_leaves_control_to_nobody(view):
     (page, _), (other, other_number) = view.open_pages(2)
     drag_and_leave(view, page, page.close)
     other.get_by_text(f'browser {other_number}: nobody has control').wait_for()
-    assert not other.locator('input[type=checkbox]').last.is_checked()
+    assert not find_switch(other).is_checked()
 
 
 @pytest.mark.nightly
@@ -321,7 +322,7 @@ def test_a_second_browser_has_no_control_until_the_first_lets_go(view):
     (page, number), (other, other_number) = view.open_pages(2)
     switch_control(page)
     other.get_by_text(f'browser {other_number}: browser {number} has control').wait_for()
-    assert other.locator('input[type=checkbox]').last.is_disabled()
+    assert find_switch(other).is_disabled()
     assert other.get_by_role('button', name='pick', exact=True).count() == 0
     grab(other, view.follower.until)
     switch_control(page)

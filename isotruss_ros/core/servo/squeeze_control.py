@@ -198,13 +198,13 @@ class SqueezeControl:
         belief = self.belief
         if self.fault is GripFault.OSCILLATES:
             still = np.zeros(len(belief.grasp.config.roller_positions))
-            return RollerCommand(still, np.zeros(3), 0.0, self.fault.halt)
+            return RollerCommand(still, np.zeros(3), 0.0, self.fault.value)
         missing = self.gains.squeeze * (self.settings.force - belief.regulated_squeeze)
         rate = max(-MAX_FORCE_RATE, min(missing, MAX_FORCE_RATE))
         opening = (rate - belief.drift[3]) / belief.slope
         if self.fault is not None:
             held = solve(np.zeros(3), opening)
-            return replace(held, scale=0.0, status=self.fault.halt)
+            return replace(held, scale=0.0, status=self.fault.value)
         twist, correction = np.asarray(twist), self._correction(belief, period)
         command = _solve_within_limits(twist + correction, opening, solve)
         free = belief.slip_margin - LEFT_MARGIN * belief.regulated_squeeze

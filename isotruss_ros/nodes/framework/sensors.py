@@ -19,6 +19,7 @@ from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.estimation.roller_parts import RollerParts
 from isotruss_ros.core.inputs import (
     Input,
+    InputFault,
     keep_latest,
     RejectedInput,
     require_fresh,
@@ -123,7 +124,7 @@ class Inputs:
 
         def receive(received: StampedInput | RejectedInput) -> None:
             valid = isinstance(received, StampedInput)
-            erased = stops and not valid and received.fault == 'INVALID'
+            erased = stops and not valid and received.fault is InputFault.INVALID
             kept = None if erased else self.latest(name)
             self.store(name, keep_latest(kept, received, self._node.now()))
             if valid and take is not None:

@@ -87,6 +87,8 @@ def test_comes_to_a_bound_slower_and_slower_along_the_twist(seed):
                 assert there >= least - 1e-4
         before = after
         slowed += bool(command.limiting) and command.scale < 1.0
+        if slowed > 200:
+            break
     assert slowed
     assert before.min() > 0.0
 
@@ -108,9 +110,9 @@ def test_statuses_and_names_say_what_is_in_the_way():
 
 def test_weak_shapes_are_named_and_not_entered():
     robot = walks.ROBOT
-    held, guard = held_at(robot.home, 'north/Z', 0.3), ShapeGuard(robot, ShapeBounds(0.9))
+    held, bounds = held_at(robot.home, 'north/Z', 0.3), ShapeBounds(0.9)
     for angle in np.linspace(0.0, 2.0 * np.pi, 9):
-        weak = Pushed(held, guard)
+        weak = Pushed(held, bounds)
         for _ in range(300):
             command = weak.step([0.1 * np.cos(angle), 0.1 * np.sin(angle), 0.0])
             assert weak.margins[0] + walks.BOUNDS.min_rigidity > 0.9
@@ -128,7 +130,7 @@ def test_leaving_is_always_allowed(seed):
     own = np.array(walks.LEAST)
     found = walks.margins(held) + own
     bounds = ShapeBounds(min(0.95, found[0] + 0.05), found[1] + 0.01, found[2] + 0.02)
-    robot = Pushed(held, ShapeGuard(walks.ROBOT, bounds))
+    robot = Pushed(held, bounds)
     least = (
         np.array([bounds.min_rigidity, bounds.min_clearance, bounds.min_object_clearance]) - own
     )

@@ -28,7 +28,7 @@ HOME = np.zeros(len(ROBOT.roller_names))
 NOW, PERIOD, TIMEOUT = 1000.0, 0.005, 0.2
 
 
-def test_corrected_zeros_are_no_travel_of_the_encoders(monkeypatch):
+def test_corrected_offsets_are_no_roller_travel(monkeypatch):
     made, seen = TwistServo(ROBOT, ServoSettings(GRIP, PERIOD, TIMEOUT)), []
     monkeypatch.setattr(made.detector, 'update', lambda found, *_: seen.append(found.tolist()))
     offsets = np.linspace(0.005, 0.01, len(HOME))
@@ -93,7 +93,7 @@ def test_a_late_loop_counts_no_more_than_the_timeout_as_one_cycle(monkeypatch):
     assert elapsed == pytest.approx([0.0, 0.05, TIMEOUT])
 
 
-def test_the_belief_of_a_held_object_is_kept_while_no_twist_comes():
+def test_belief_of_a_held_object_is_kept_without_twists():
     made, positions, pose = held_servo()
     decide(made, positions, pose, NOW, (0.0, 0.0, 0.0))
     belief = made.squeeze.belief
@@ -104,7 +104,7 @@ def test_the_belief_of_a_held_object_is_kept_while_no_twist_comes():
     assert made.squeeze.reference is None
 
 
-def test_the_belief_begins_before_a_twist_comes():
+def test_belief_begins_before_the_first_twist():
     made, positions, pose = held_servo()
     decide(made, positions, pose, NOW)
     assert made.squeeze.grasp.pose == pytest.approx(pose, abs=1e-3)

@@ -18,7 +18,7 @@ TRIANGLE = load_robot('triangle').home
 LEG = 'main/R-T'
 
 
-def test_small_loads_bend_the_robot_as_the_linear_model_does():
+def test_small_loads_agree_with_the_linear_model():
     load = {'T': (1e-3, -2e-3)}
     bent, linear = (deform(TRIANGLE, load, paper_model=paper) for paper in (False, True))
     moved = linear.state.displacements
@@ -86,7 +86,7 @@ def test_a_load_that_stretches_no_column_has_no_limit_nearby():
     assert deform(TRIANGLE, {'T': (0.0, 0.1)}).limit_factor() == np.inf
 
 
-def test_compression_makes_moments_inside_a_member_grow():
+def test_compression_amplifies_moments_inside_a_member():
     load = {'T': (0.0, -150.0)}
     bent, linear = (deform(TRIANGLE, load, paper_model=paper) for paper in (False, True))
     assert bent.utilisation[LEG] > 1.2 * linear.utilisation[LEG]
@@ -148,6 +148,6 @@ def test_a_force_at_an_end_of_a_tube_is_that_of_a_place_nearby(end):
         ({'tube_loads': {LEG: [(0.4, np.nan, 0.0, 1.0)]}}, 'must be 4 finite numbers'),
     ],
 )
-def test_loads_on_what_is_not_there_are_refused(loads, complaint):
+def test_loads_on_unknown_parts_are_refused(loads, complaint):
     with pytest.raises(StructureError, match=complaint):
         deform(TRIANGLE, {}, **loads)
