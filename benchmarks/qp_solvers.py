@@ -13,12 +13,9 @@ always admissible.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
-import sys
-
-sys.path.append(str(Path(__file__).parents[1] / 'test' / 'helpers'))
 
 from benchmarks.measuring import part, Table, timed
+from comparison import walks
 from isotruss_ros.core import ConvexObject, load_robot, plan_grasps
 from isotruss_ros.core.manipulation import twist_qp
 from isotruss_ros.core.numerics.arrays import Array
@@ -26,7 +23,6 @@ from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
 from isotruss_ros.core.planning import closing_step
 import numpy as np
 import qpsolvers
-import walks
 
 PROGRAMS, KEPT, WALKS = part(20_000), 3000, part(30)
 PEERS = {'daqp': {'primal_tol': 1e-9}, 'quadprog': {}}

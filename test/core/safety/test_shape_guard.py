@@ -3,6 +3,7 @@
 
 """The robot stays within good shapes, from sample to sample, and can always leave bad ones."""
 
+from comparison import walks
 from grips import disc_grip, rolled
 from hypothesis import assume, given, strategies
 from isotruss_ros.core import (
@@ -21,7 +22,6 @@ from nightly import some_now
 import numpy as np
 import pytest
 import robots
-import walks
 
 BARRIERS = {Status.SLOWED_RIGIDITY, Status.SLOWED_SELF_COLLISION, Status.SLOWED_OBJECT}
 PERIOD = 0.01

@@ -5,6 +5,8 @@
 
 import os
 
+from comparison import walks
+from comparison.walks import margins, ROBOT
 from grips import rolled
 from isotruss_ros.core import (
     ConvexObject,
@@ -20,8 +22,6 @@ from isotruss_ros.core.servo.servo_settings import ServoSettings
 from nightly import some_now
 import numpy as np
 import pytest
-import walks
-from walks import margins, ROBOT
 
 #: Changes of the speed of a roller from cycle to cycle that do not count as chatter [m/s].
 CHATTER = 0.005

@@ -1,16 +1,13 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""
-Random walks of a held object under the twist servo, and how near to its bounds each came.
+"""Random walks of a held object under the twist servo, and the smallest margins of each."""
 
-Others begin beyond bounds, and must not chatter there.
-"""
+from __future__ import annotations
 
 from collections import Counter, deque
 from dataclasses import dataclass
 
-from grips import rolled
 from isotruss_ros.core import (
     ConvexObject,
     Grip,
@@ -23,6 +20,7 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.inputs import RollerState, StampedInput
+from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.safety.margins import shape_margins
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 from isotruss_ros.core.servo.servo_settings import ServoSettings
@@ -49,21 +47,27 @@ class Walk:
     """
 
     lowest: np.ndarray
-    statuses: Counter
+    statuses: Counter[Status]
     quickest: float = 0.0
 
     @property
-    def crossed(self):
+    def crossed(self) -> bool:
+        """Return whether a margin became negative."""
         return bool((self.lowest < 0.0).any())
 
 
-def margins(held):
+def rolled(rolling: RollingGrip, travel: Array) -> RollingGrip:
+    """Return a rolling grip after some travel (r,) of the rollers [m]."""
+    return rolling.moved_to(rolling.config.moved_to(rolling.config.roller_positions + travel))
+
+
+def margins(held: RollingGrip) -> Array:
     """Return what is left above the bounds."""
     found = shape_margins(held.config, held.grip.body, held.grip.members)
     return np.array(found[:3]) - LEAST
 
 
-def begin(rng, module):
+def begin(rng: np.random.Generator, module: str) -> RollingGrip:
     """Return an object held at a module, anywhere within the bounds."""
     file = ROBOT.description
     while True:
@@ -93,7 +97,7 @@ class Sensors:
     speeds: bool
 
     @classmethod
-    def of(cls, seed, period):
+    def of(cls, seed: int, period: float) -> Sensors:
         """Return prompt ones, ones that are a cycle late, and twice as many up to 150 ms late."""
         rng = np.random.default_rng([seed, 1])
         speeds = bool(rng.integers(2))
@@ -106,7 +110,13 @@ class Sensors:
         return cls(rollers, pose, speeds)
 
 
-def walk(seed, steps, slide=False, guarded=True, sensors=None):
+def walk(
+    seed: int,
+    steps: int,
+    slide: bool = False,
+    guarded: bool = True,
+    sensors: Sensors | None = None,
+) -> Walk:
     """
     Command one twist after another, far more than the robot can do, at 20 Hz to 1 kHz.
 
