@@ -89,12 +89,12 @@ def compare(cases: Sequence[Case] = CASES, phases: Sequence[Phase] = PHASES) -> 
     )
     return Section(
         'Boxes between sides that do not meet',
-        'Objects are pressed between the sides `south/P-Q` and `north/R-P`. Held fast without '
-        'friction, the normal forces are those of `analyze_grasp`. Let go with friction '
-        f'({FRICTION:g}), they are those of `settle_grasp`, but for the box on a face, whose '
-        'contacts share the forces by what friction went before. Then a free box is picked up, '
-        'carried by 85 mm, turned by 17° on two rolling corners and put down by the servo of '
-        '`manipulation`, which keeps the squeeze.',
+        'Objects are pressed between the sides `south/P-Q` and `north/R-P`. On the '
+        'fixed object, without friction, the normal forces are those of `analyze_grasp`, and on '
+        f'the free object, with friction ({FRICTION:g}), those of `settle_grasp`, except for the '
+        'box on a face, whose contact forces depend on the contact history. Then a free box is '
+        'picked up, carried by 85 mm, turned by 17° on two rolling corners and put down by the '
+        'servo of `manipulation`, which keeps the squeeze.',
         checks,
         (_table(found), _picked_table(picked)),
         draw(picked),
@@ -136,7 +136,7 @@ def _force_checks(found: Sequence[Compared]) -> tuple[Check, ...]:
     )
     why = 'MuJoCo bends in steps, and our structure is linear'
     return (
-        Check('objects between two sides: normal forces, held fast', 100.0 * fast, 5.0, '%', why),
+        Check('objects between two sides: normal forces, fixed', 100.0 * fast, 5.0, '%', why),
         Check('objects between two sides: normal forces, free', 100.0 * free, 5.0, '%', why),
         Check(
             'objects between two sides: required friction', 100.0 * float(required), 3.0, '%', why
@@ -158,7 +158,7 @@ def _table(found: Sequence[Compared]) -> Table:
         rows.append((one.case.name, depth, *cells, *needs))
     return Table(
         'boxes',
-        'Held fast without friction, then let go and held by friction',
+        'Fixed object without friction, then free object held by friction',
         (
             'object',
             'indentation [mm]',

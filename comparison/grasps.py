@@ -59,11 +59,11 @@ def compare(
     return Section(
         'Forces, friction and stiffness of grasps',
         'An object of 0.3 m is pressed into the corner of the tube `north` at the joint `Z`. '
-        'Held fast without friction, the normal forces and their places are those of '
-        f'`analyze_grasp`. Let go with friction ({FRICTION:g}), it gives by the unbalanced wrench '
-        'over the grasp stiffness, and rests where `settle_grasp` has its forces and the friction '
-        'that it requires. Small wrenches measure the stiffness. Where a tube would wrinkle no '
-        'bound is checked.',
+        'On the fixed object, without friction, the normal forces and their positions are those '
+        f'of `analyze_grasp`. Released with friction ({FRICTION:g}), it moves by the unbalanced '
+        'wrench over the grasp stiffness, to the equilibrium of `settle_grasp` with its forces '
+        'and required friction. Small wrenches measure the stiffness. Grasps with wrinkling tubes '
+        'have no bound.',
         _checks(found),
         _tables(found),
     )
@@ -156,7 +156,12 @@ def _checks_of(
         return max(float(np.max(share(grasp))) for grasp in grasps)
 
     kinds: tuple[tuple[str, float, str, Callable[[Compared], Array | float]], ...] = (
-        ('normal forces, held fast', 1e2, '%', lambda g: np.abs(g.normals[0] / g.normals[1] - 1)),
+        (
+            'normal forces, fixed',
+            1e2,
+            '%',
+            lambda g: np.abs(g.normals[0] / g.normals[1] - 1),
+        ),
         ('place of contact', 1e3, 'mm', lambda g: g.places),
         ('give on release', 1e2, '%', _give_error),
         ('normal forces, free', 1e2, '%', lambda g: np.abs(g.free[0] / g.free[1] - 1)),
@@ -199,7 +204,7 @@ def _tables(found: Sequence[Compared]) -> tuple[Table, ...]:
     return (
         Table(
             'grasps_fast',
-            'Held fast, without friction',
+            'Fixed object, without friction',
             (
                 *wedge,
                 'N₁ MuJoCo [N]',

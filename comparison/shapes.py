@@ -52,7 +52,7 @@ def compare(shapes: Mapping[str, Shape] = SHAPES, depths: Sequence[float] = DEPT
         'Forces on other shapes',
         f'A disc of 0.3 m, an ellipse with semi-axes of 0.16 and 0.1 m and a box of 0.24 x 0.18 m '
         f'with corners of 20 mm, each turned by {np.degrees(ANGLE):.0f}°, are pressed into the '
-        f'same corner, closed to {WEDGE:g}°, and held fast without friction.',
+        f'same corner, closed to {WEDGE:g}°, and fixed, without friction.',
         (
             Check(
                 'normal forces on disc, ellipse and box',
@@ -65,7 +65,7 @@ def compare(shapes: Mapping[str, Shape] = SHAPES, depths: Sequence[float] = DEPT
         (
             Table(
                 'shapes',
-                'Held fast, without friction',
+                'Fixed object, without friction',
                 (
                     'object',
                     'depth in each [mm]',

@@ -251,7 +251,7 @@ def decide(world):
 
 
 def analyze_grasp(world):
-    """Analyze the object held fast."""
+    """Analyse a fixed object."""
     return core.analyze_grasp(
         world.config,
         world.body,
@@ -271,9 +271,18 @@ def settle_grasp(world):
 
 
 def deform(world):
-    """Load a joint."""
+    """Load a joint, and a tube at places that may be one or at its ends."""
     joint = str(world.rng.choice(list(world.robot.description.joints)))
-    return core.deform(world.config, joint_loads={joint: world.numbers(2, -30.0, 30.0)})
+    number = int(world.rng.integers(len(world.robot.member_names)))
+    shares = world.rng.choice([0.0, 1e-9, 0.3, 0.3, world.rng.random(), 1.0], 2)
+    places = shares * world.config.member_lengths[number]
+    rows = [[place, *world.numbers(3, -20.0, 20.0)] for place in places.tolist()]
+    return core.deform(
+        world.config,
+        joint_loads={joint: world.numbers(2, -30.0, 30.0)},
+        tube_loads={world.robot.member_names[number]: rows[: world.rng.integers(3)]},
+        paper_model=bool(world.rng.integers(2)),
+    )
 
 
 def report(world):

@@ -95,8 +95,8 @@ def _grasp_in_words(grasp: PlannedGrasp) -> str:
     where = '' if grasp.module is None else f'at {grasp.module} '
     return (
         f'{where}between {", ".join(grasp.members)}: presses with '
-        f'{grasp.squeeze:.3g} N each, slips at {grasp.slip_margin:.3g} N, closure margin held '
-        f'fast {1e3 * grasp.closure_margin:.3g} mN, tubes bear {grasp.utilisation:.2g} of their '
+        f'{grasp.squeeze:.3g} N each, slips at {grasp.slip_margin:.3g} N, closure margin '
+        f'{1e3 * grasp.closure_margin:.3g} mN, tubes bear {grasp.utilisation:.2g} of their '
         f'wrinkling moment and press {100.0 * grasp.nonlinearity:.2g} % harder than linear ones'
         f'{outside if grasp.outside_model else ""}'
     )

@@ -26,7 +26,7 @@ SENTENCES_BY_REQUIREMENT = {
     'object_clearance': 'a part that must not touch comes within {value:.4g} m of the object',
     'in_place': 'the rollers cannot close and leave the object in place: it moves {value:.4g} m',
     'turned': 'as it is let go the object turns by {value:.3g} rad; must be at most {bound:.3g}',
-    'grip': '{value:.0f} members press on an object held fast there; must be those of the grip',
+    'grip': '{value:.0f} members are in contact with the fixed object; must be those of the grip',
     'squeeze': 'limits end the closing at {value:.4g} N of each member; must be {bound:.4g} N',
     'held': 'no pose near the object balances the forces of the members',
 }

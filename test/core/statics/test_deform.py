@@ -3,11 +3,16 @@
 
 """The robot deformed by loads: its limit load, utilisation, and loads on modules and tubes."""
 
+import contextlib
+
 from isotruss_ros.core import deform, load_robot
-from isotruss_ros.core.errors import StructureError
+from isotruss_ros.core.errors import ConfigurationError, SolverError, StructureError
 from isotruss_ros.core.statics.cut_frame import CutFrame
+from isotruss_ros.core.statics.load_path import follow_loads
+from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
+import robots
 
 TRIANGLE = load_robot('triangle').home
 LEG = 'main/R-T'
@@ -37,6 +42,44 @@ def test_beyond_the_limit_load_the_error_names_it():
     assert deform(TRIANGLE, {'T': (0.0, -99.0 * limit)}).displacement('T')[1] < 0.0
     with pytest.raises(StructureError, match=r'gives way at 0\.5\d* times these loads'):
         deform(TRIANGLE, {'T': (0.0, -190.0 * limit)})
+
+
+def near_the_end_of_the_shapes(seed):
+    """Return a random robot, far on a random way of its rollers, and a force on a joint."""
+    rng, robot = np.random.default_rng(seed), robots.random_robot(seed)
+    size, reached = robot.home.member_lengths.min(), 0.0
+    way = rng.uniform(-size, size, len(robot.roller_names))
+    for share in 0.5 ** np.arange(1, 9):
+        with contextlib.suppress(ConfigurationError):
+            robot.configuration((reached + share) * way)
+            reached += share
+    joint = str(rng.choice(list(robot.description.joints)))
+    force = rng.uniform(-1.0, 1.0, 2) * 10.0 ** rng.uniform(0.0, 2.0)
+    return robot.configuration(reached * way), joint, force
+
+
+# Newton's method alone finds a stable state beyond a limit load at the first three.
+@pytest.mark.parametrize('seed', [39, 204, 315, *range(5)])
+def test_a_state_beyond_a_limit_load_that_small_steps_do_not_reach_is_refused(seed):
+    config, joint, force = near_the_end_of_the_shapes(seed)
+    structure = structure_of(config)
+    loads = np.zeros((len(structure.node_names), 3))
+    loads[structure.node(joint), :2] = force
+    path = follow_loads(structure.frame, loads, 1.0)
+    if path.factors[-1] < 1.0:
+        with pytest.raises(StructureError, match='beyond the limit load'):
+            deform(config, {joint: force})
+    else:
+        found = deform(config, {joint: force}).state.displacements
+        assert found == pytest.approx(path.tangents[-1].displacements, abs=1e-7)
+
+
+def test_a_limit_load_farther_than_the_search_goes_is_an_error():
+    rng, robot = np.random.default_rng(80), robots.random_robot(80)
+    joint = str(rng.choice(list(robot.description.joints)))
+    found = deform(robot.home, {joint: rng.uniform(-20.0, 20.0, 2)})
+    with pytest.raises(SolverError, match=r'no limit load up to \S+ times these loads'):
+        found.limit_factor()
 
 
 def test_a_load_that_stretches_no_column_has_no_limit_nearby():
