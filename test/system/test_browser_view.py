@@ -181,15 +181,12 @@ def test_the_object_follows_its_handle_and_a_stop_ends_it(tmp_path):
         page.mouse.up()
         until(lambda: w.code() == ManipulationStatus.IDLE and w.place()[2] > 0.1)
 
-        # A held object cannot be picked up; it is let go, and picked up again.
+        # A held object cannot be picked up; it is let go.
         page.get_by_role('button', name='pick', exact=True).click()
         page.get_by_text('place it first').wait_for()
         page.get_by_role('button', name='place', exact=True).click()
         page.get_by_text('place: free, ').wait_for()
         until(lambda: count_green(pixels(page)) <= SOME)
-        page.get_by_role('button', name='pick', exact=True).click()
-        page.get_by_text('pick: held at ').wait_for()
-        until(lambda: count_green(pixels(page)) > SOME)
 
         page.get_by_role('button', name='reset', exact=True).click()
         until(lambda: np.all(np.abs(w.place() - before) < (2e-3, 2e-3, 1e-2)))
@@ -334,6 +331,7 @@ def test_a_second_browser_has_no_control_until_the_first_lets_go(view):
     other.mouse.up()
 
 
+@pytest.mark.nightly
 def test_a_drag_without_progress_is_given_up_with_the_reason(view):
     ((page, number),) = view.open_pages(1)
     follower = view.follower
