@@ -117,6 +117,7 @@ class Carry:
     target: float = 0.0  #: [N]
     believed: tuple[float, float] = (math.nan, math.inf)  #: squeeze and its deviation then [N]
     cycle: float = 0.0  #: processor time of a cycle, median [s]
+    walk: float = 0.0  #: largest sum of corrections until the halt [standard deviations]
     innovations: list[float] = field(default_factory=list)  #: squared and normalised
 
     @property
@@ -139,7 +140,7 @@ class Carry:
             f'{self.kind} {self.shape} {self.seed}: {", ".join(self.draw.names) or "-"}: '
             f'{self.end}; path {1e3 * self.way:.0f} mm, off {1e3 * self.off:.1f} mm; squeeze '
             f'{self.squeeze:.1f} of {self.target:.1f} N, believed {believed:.1f} ± '
-            f'{deviation:.1f} ({away:+.1f}); innovation {median:.2f}; cycle '
+            f'{deviation:.1f} ({away:+.1f}); innovation {median:.2f}; walk {self.walk:.1f}; cycle '
             f'{1e3 * self.cycle:.2f} ms'
             + (f'; {self.halt.name}: {self.message}' if self.halt is not None else '')
         )
@@ -283,9 +284,11 @@ def _follow(loop: Loop, legs: Array, held: HeldGrip, found: Carry) -> None:
         alone = alone + 1 if squeezes[-1] == 0.0 else 0
         if alone == round(LOST_TIME * RATE):
             found.lost = now - LOST_TIME
-        seen = getattr(getattr(loop.control, 'belief', None), 'innovation', None)
-        if seen is not None and (not found.innovations or found.innovations[-1] != seen):
-            found.innovations.append(seen)
+        belief = loop.control.belief
+        if belief is not None and belief.innovation not in found.innovations[-1:]:
+            found.innovations.append(belief.innovation)
+            if found.halt is None:
+                found.walk = max(found.walk, belief.slip_deviations)
     found.squeeze = float(np.mean(squeezes[-round(0.5 * RATE) :]))
     found.believed = loop.decision.squeeze or (math.nan, math.inf)
     found.cycle = float(np.median(loop.times[round(REST * RATE) : -round(REST * RATE)]))
@@ -322,6 +325,9 @@ def summarise(carries: Sequence[Carry]) -> list[str]:
         if one.kind == CLEAN:
             share = 100.0 * (one.squeeze / one.target - 1.0)
             lines.append(f'clean {one.seed}: {1e3 * one.off:.1f} mm off, squeeze {share:+.1f} %')
+    walks = [one.walk for one in held if one.halt is None]
+    if walks:
+        lines.append(f'walk of those that arrived: {max(walks):.1f} deviations at most')
     medians = [float(np.median(one.innovations)) for one in carries if one.innovations]
     if medians:
         lines.append(f'median squared innovation: {min(medians):.2f} to {max(medians):.2f}')

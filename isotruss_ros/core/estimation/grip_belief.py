@@ -53,6 +53,9 @@ FIRST_POSES, MAX_CORRECTION = 15, 2e-3
 MAX_RATE_TRAVEL = 3e-3
 #: Poses of so long tell how fast the object is [s], and older ones than this are not used [s].
 SPEED_TIME, OLDEST = 0.05, 1.0
+#: Corrections and load of so many standard deviations are a slip. A load that is within the slip
+#: margin is none: its standard deviation is at least this share of the margin [-].
+MAX_DEVIATIONS, MARGIN_SHARE = 5.0, 0.5
 #: Gauge pressures (t,) by tube [Pa]; None for those of the robot file.
 Pressures = tuple[float, ...] | None
 #: Parts of the state: load, unexplained pose, delay; then the contacts' shifts by member.
@@ -121,7 +124,7 @@ class GripBelief:
         self._sensitivity = np.zeros((len(variances), count + 1))
         self.load, self.delay = np.zeros(3), 0.0
         self.innovation, self.jump, self.searches = 0.0, 0.0, 0
-        self.bias = self._even * pose_difference(grip.body.pose, grasp.pose)
+        self.bias = np.zeros(3)
         self.drift, self.usage = np.zeros(4), UsageLimits(grasp)
         self.walk, self.noise = ContactWalk(), PoseNoise(self._even * noise)
         self._time, self._way, self._poses = 0.0, Timeline(), 0
@@ -131,7 +134,7 @@ class GripBelief:
         self._lag = np.zeros((2, 4))  # of pose and squeeze behind each low-pass
         self._differentiated: HeldGrip | None = None
         self._take(grasp)
-        self._place_contacts()
+        self._place_contacts(np.array(grip.body.pose))
 
     @property
     def pose(self) -> Array:
@@ -186,8 +189,24 @@ class GripBelief:
 
     @property
     def slip_margin(self) -> float:
-        """Return the slip margin without the estimated load [N]."""
-        return self._margin(self.grasp, self._pending_forces)
+        """
+        Return the slip margin [N], without the estimated load and the contacts' history.
+
+        An object that has slid into place uses all friction, and yet is held: a further slip leads
+        to the equilibrium without that history.
+        """
+        return self._margin(self.grasp, self._pending_forces) + self._spare
+
+    @property
+    def slip_deviations(self) -> float:
+        """Return the corrections and the load in their standard deviations [-]."""
+        least = max(self.settings.load, MARGIN_SHARE * self.slip_margin)
+        return math.hypot(self.walk.deviations, *(self.load / least))
+
+    @property
+    def slipped(self) -> bool:
+        """Return whether noise and expected loads do not explain corrections and load."""
+        return self.slip_deviations > MAX_DEVIATIONS
 
     @property
     def slope(self) -> float:
@@ -212,9 +231,7 @@ class GripBelief:
         rolled = roll_grip(given, config)
         if rolled is None:
             return HoldStatus.NO_BALANCE
-        hold = rolled.hold(self._friction)
-        if hold is HoldStatus.HELD and rolled.response is None:
-            return HoldStatus.UNSTABLE
+        hold = self._hold(rolled)
         if hold is not HoldStatus.HELD:
             return hold
         change = pose_difference(rolled.pose, np.array(before.pose) + self._pending[:3])
@@ -234,7 +251,7 @@ class GripBelief:
         # One noisy pose is not enough, and large corrections are beyond the first order.
         if self._poses == FIRST_POSES or np.abs(self._corrected).max() > MAX_CORRECTION:
             self._poses += 1
-            self._attach(config, pressures)
+            self.attach(config, pressures)
         return hold
 
     def observe(self, pose: Pose, age: float) -> None:
@@ -263,37 +280,60 @@ class GripBelief:
         :param pressures: (t,) gauge, by tube [Pa]; those of the robot file if None.
         :return: whether there is such an equilibrium.
         """
-        found = self._attach(config, pressures)
-        if found:
-            self._place_contacts()
-        return found
-
-    def _attach(self, config: Configuration, pressures: Pressures) -> bool:
-        """Solve for the equilibrium anew, with unchanged covariance of the contacts."""
         self.searches += 1
-        pose = self.pose
+        pose, squeeze = self.pose, self.squeeze
         unloaded = pose - self.grasp.response.pose @ self.load
         try:
             found = attach_model(config, self._given.moved_to(unloaded), pressures)
         except NotHeldError:
             return False
+        before = self._considered_rates.pose
         self._take(found)
-        self.usage, self.walk, self.drift = UsageLimits(found), ContactWalk(), np.zeros(4)
+        self.walk.attach(self._considered_rates.pose - before)
+        self.usage, self.drift = UsageLimits(found), np.zeros(4)
         self._corrected = np.zeros_like(self._corrected)
-        self.bias = np.zeros(3)
-        self.bias = self._even * pose_difference(pose, self.pose)
+        self._place_contacts(pose)
+        self._lag[0, 3] += self.squeeze - squeeze
         return True
 
-    def _place_contacts(self) -> None:
-        """Initialise the contacts by the measured pose, independent of load and offsets."""
+    def _place_contacts(self, pose: Array) -> None:
+        """
+        Initialise the contacts by a pose, independent of load and offsets.
+
+        They take it up where they can, and the unexplained pose the rest.
+
+        :param pose: (3,) of the object [m, rad].
+        """
+        self.bias = np.zeros(3)
+        gain = self._initialise()
+        shifts = (gain @ (self._even * pose_difference(pose, self.pose)))[SHIFTS:]
+        grasp = self.grasp
+        anchors = grasp.anchors + shifts[grasp.contacts.owners]
+        placed = roll_grip(replace(grasp, anchors=anchors), grasp.config)
+        self._spare = 0.0  # slip margin that the history of the contacts costs [N]
+        # Forces that friction does not carry are those of wrong offsets.
+        if placed is not None and self._hold(placed) is HoldStatus.HELD:
+            self._spare = self._margin(grasp) - self._margin(placed)
+            self._take(placed)
+            self._initialise()
+        self.bias = self._even * pose_difference(pose, self.pose)
+
+    def _initialise(self) -> Array:
+        """Set the prior covariance, conditioned on a pose; return the Kalman gain (n, 3)."""
         rates, variances = self._rates.pose, np.diag(self._covariance).copy()
         variances[LOAD], variances[BIAS] = self.settings.load**2, POSE_DEVIATION**2
         variances[SHIFTS:] = ANY**2
         self._covariance, self._sensitivity[:] = np.diag(variances), 0.0
-        # Contacts take the pose up where they can, the unexplained pose the rest.
         reached = rates[:, SHIFTS:] @ np.linalg.pinv(rates[:, SHIFTS:])
         self._covariance[BIAS, BIAS] += ANY**2 * (np.eye(3) - reached)
-        self._condition(rates, np.diag(self.noise.variances))
+        return self._condition(rates, np.diag(self.noise.variances))
+
+    def _hold(self, grasp: HeldGrip) -> HoldStatus:
+        """Return whether an equilibrium holds the object, with a response to loads."""
+        hold = grasp.hold(self._friction)
+        if hold is HoldStatus.HELD and grasp.response is None:
+            return HoldStatus.UNSTABLE
+        return hold
 
     def take_zeros(self, covariance: Array) -> None:
         """
@@ -446,11 +486,12 @@ class GripBelief:
         self._considered_rates = _Rates(considered[:3], considered[3])
         self._gradient, self._differentiated = found, grasp
 
-    def _margin(self, grasp: HeldGrip, more: Array) -> float:
+    def _margin(self, grasp: HeldGrip, more: Array | None = None) -> float:
         """Return the slip margin under additional forces (2k,) [N]."""
         reserve, _, size = grasp.slip_reserves(self._friction)
-        rows = slip_conditions(grasp.contacts.owners, self._friction)
-        return float(((reserve + rows @ more) / size).min())
+        if more is not None:
+            reserve = reserve + slip_conditions(grasp.contacts.owners, self._friction) @ more
+        return float((reserve / size).min())
 
     def _learn(
         self, before: HeldGrip, grasp: HeldGrip, travel: Array, change: Array, elapsed: float

@@ -132,7 +132,7 @@ class StateEstimator:
         searched, belief = known is not None and known.searches > searches, self.belief
         if belief is not None:
             belief.observe(pose, self._rolled - time)
-            if searched or (belief.jump <= JUMP_LENGTH and not belief.walk.slipped):
+            if searched or (belief.jump <= JUMP_LENGTH and not belief.slipped):
                 return True
         elif searched:
             return False
