@@ -273,7 +273,8 @@ def _follow(loop: Loop, legs: Array, held: HeldGrip, found: Carry) -> None:
         off = float(np.hypot(*(goal - loop.place())[:2]))
         status = loop.decision.command.status
         if found.halt is None:
-            found.off, found.way = off, found.way + float(np.hypot(*twist[:2])) / RATE
+            found.off = off
+            found.way += loop.scale * float(np.hypot(*twist[:2])) / RATE
         if found.halt is None and now > BEGIN and status > Status.HALT_NO_TWIST:
             found.halt, found.halted, found.message = status, now, loop.decision.message
         forces = plant.contact_forces().values()

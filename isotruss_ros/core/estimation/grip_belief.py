@@ -49,6 +49,12 @@ INNOVATION_GATE = 25.0
 #: After so many poses the object is attached anew to their mean, and where zeros were corrected by
 #: more than this [m].
 FIRST_POSES, MAX_CORRECTION = 15, 2e-3
+#: Period of searches while contacts slip in the model [s].
+SEARCH_PERIOD = 0.1
+#: Relative model error of the required friction [-].
+FRICTION_ERROR = 0.1
+#: Standard deviations within which the squeeze may be wrong [-], and its least size for that [N].
+SQUEEZE_SIGMAS, MIN_SQUEEZE = 2.0, 1e-3
 #: Largest roller travel with unchanged derivatives [m].
 MAX_RATE_TRAVEL = 3e-3
 #: Poses of so long tell how fast the object is [s], and older ones than this are not used [s].
@@ -128,6 +134,7 @@ class GripBelief:
         self.drift, self.usage = np.zeros(4), UsageLimits(grasp)
         self.walk, self.noise = ContactWalk(), PoseNoise(self._even * noise)
         self._time, self._way, self._poses = 0.0, Timeline(), 0
+        self._searched = 0.0
         self._corrected = np.zeros(count)
         self._travelled = np.array(grasp.pose)  # by what the rollers did alone
         self._way.add(0.0, self._travelled)
@@ -160,6 +167,16 @@ class GripBelief:
     def squeeze_is_unknown(self) -> bool:
         """Return whether the deviation of the squeeze is more than `MAX_KNOWN_DEVIATION` of it."""
         return self.squeeze_deviation > MAX_KNOWN_DEVIATION * self.squeeze
+
+    @property
+    def largest_friction(self) -> float:
+        """
+        Return the largest coefficient of friction that contacts may seem to need [-].
+
+        As far as the squeeze is not known, neither is the share of it that friction has to be.
+        """
+        unsure = SQUEEZE_SIGMAS * self.squeeze_deviation / max(self.squeeze, MIN_SQUEEZE)
+        return self._friction * (1.0 + unsure)
 
     @property
     def pose_covariance(self) -> Array:
@@ -222,6 +239,9 @@ class GripBelief:
         """
         Roll to the current configuration; return whether the object is still held, or why not.
 
+        Where contacts slip or let go in the model, it is attached anew at the pose of the belief,
+        by one search at most.
+
         :param config: where the robot is.
         :param elapsed: since the last call [s].
         :param pressures: (t,) gauge, by tube [Pa]; those of the robot file if None.
@@ -229,11 +249,11 @@ class GripBelief:
         before = self.grasp
         given = replace(with_pressures(before, pressures), anchors=self._anchors)
         rolled = roll_grip(given, config)
-        if rolled is None:
-            return HoldStatus.NO_BALANCE
-        hold = self._hold(rolled)
-        if hold is not HoldStatus.HELD:
-            return hold
+        hold = HoldStatus.NO_BALANCE if rolled is None else self._hold(rolled)
+        self._time += elapsed
+        if rolled is None or hold not in (HoldStatus.HELD, HoldStatus.SLIPS):
+            self._way.add(self._time, self._travelled)
+            return HoldStatus.HELD if self.attach(config, pressures) else hold
         change = pose_difference(rolled.pose, np.array(before.pose) + self._pending[:3])
         travel = config.roller_positions - before.config.roller_positions
         if self._moved_zeros.any():
@@ -242,17 +262,18 @@ class GripBelief:
             travel, change = travel - self._moved_zeros, np.zeros(3)
         else:
             self._learn(before, rolled, travel, change, elapsed)
-        self._time += elapsed
         self._travelled = self._travelled + change
         self._way.add(self._time, self._travelled)
         self._way.discard_before(self._time - OLDEST)
         self._take(rolled)
         self._predict(elapsed, self._even * change, np.abs(travel))
         # One noisy pose is not enough, and large corrections are beyond the first order.
-        if self._poses == FIRST_POSES or np.abs(self._corrected).max() > MAX_CORRECTION:
-            self._poses += 1
+        due = self._poses == FIRST_POSES or np.abs(self._corrected).max() > MAX_CORRECTION
+        self._poses += due
+        slips = hold is HoldStatus.SLIPS and self._time - self._searched > SEARCH_PERIOD
+        if due or slips:
             self.attach(config, pressures)
-        return hold
+        return self.grasp.hold(self.largest_friction)
 
     def observe(self, pose: Pose, age: float) -> None:
         """
@@ -274,17 +295,16 @@ class GripBelief:
 
     def attach(self, config: Configuration, pressures: Pressures) -> bool:
         """
-        Solve for the equilibrium at the mean pose anew, without the history of the contacts.
+        Solve for the equilibrium at the mean pose anew, with the contacts placed by it.
 
         :param config: where the robot is.
         :param pressures: (t,) gauge, by tube [Pa]; those of the robot file if None.
         :return: whether there is such an equilibrium.
         """
-        self.searches += 1
-        pose, squeeze = self.pose, self.squeeze
-        unloaded = pose - self.grasp.response.pose @ self.load
+        self.searches, self._searched = self.searches + 1, self._time
+        pose, squeeze = self.pose - self.grasp.response.pose @ self.load, self.squeeze
         try:
-            found = attach_model(config, self._given.moved_to(unloaded), pressures)
+            found = attach_model(config, self._given.moved_to(pose), pressures)
         except NotHeldError:
             return False
         before = self._considered_rates.pose
@@ -302,12 +322,10 @@ class GripBelief:
 
         They take it up where they can, and the unexplained pose the rest.
 
-        :param pose: (3,) of the object [m, rad].
+        :param pose: (3,) of the object without load [m, rad].
         """
-        self.bias = np.zeros(3)
-        gain = self._initialise()
-        shifts = (gain @ (self._even * pose_difference(pose, self.pose)))[SHIFTS:]
         grasp = self.grasp
+        shifts = (self._initialise() @ (self._even * pose_difference(pose, grasp.pose)))[SHIFTS:]
         anchors = grasp.anchors + shifts[grasp.contacts.owners]
         placed = roll_grip(replace(grasp, anchors=anchors), grasp.config)
         self._spare = 0.0  # slip margin that the history of the contacts costs [N]
@@ -316,7 +334,7 @@ class GripBelief:
             self._spare = self._margin(grasp) - self._margin(placed)
             self._take(placed)
             self._initialise()
-        self.bias = self._even * pose_difference(pose, self.pose)
+        self.bias = self._even * pose_difference(pose, self.grasp.pose)
 
     def _initialise(self) -> Array:
         """Set the prior covariance, conditioned on a pose; return the Kalman gain (n, 3)."""
@@ -330,10 +348,9 @@ class GripBelief:
 
     def _hold(self, grasp: HeldGrip) -> HoldStatus:
         """Return whether an equilibrium holds the object, with a response to loads."""
-        hold = grasp.hold(self._friction)
-        if hold is HoldStatus.HELD and grasp.response is None:
+        if grasp.response is None:
             return HoldStatus.UNSTABLE
-        return hold
+        return grasp.hold((1.0 + FRICTION_ERROR) * self._friction)
 
     def take_zeros(self, covariance: Array) -> None:
         """

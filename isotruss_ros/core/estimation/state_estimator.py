@@ -261,8 +261,7 @@ class StateEstimator:
         self._corrected = False
         try:
             config = belief.grasp.config.moved_to(travel)
-            hold = belief.follow(config, elapsed, self._pressures)
-            if hold is not HoldStatus.HELD and not belief.attach(config, self._pressures):
+            if belief.follow(config, elapsed, self._pressures) is not HoldStatus.HELD:
                 self.belief = None
         except (ConfigurationError, GraspError, StructureError):
             self.belief = None

@@ -178,7 +178,7 @@ class SqueezeControl:
             self._lost = None
             return hold
         hold = belief.follow(config, elapsed, self._pressures)
-        if hold is not HoldStatus.HELD and not belief.attach(config, self._pressures):
+        if hold is not HoldStatus.HELD:
             self.belief, self._lost = None, hold
             return hold
         self._choose_gains(belief.grasp)
@@ -255,10 +255,7 @@ class SqueezeControl:
         self._choose_gains(found)
         settings = replace(PRIOR, load=self.settings.load or PRIOR.load, zeros=self.settings.zeros)
         belief = GripBelief(found, grip, settings, self._zeros)
-        # As far as the squeeze is not known, within two deviations, neither is the share of it
-        # that friction has to be.
-        unsure = 2.0 * belief.squeeze_deviation / belief.squeeze
-        hold = found.hold(grip.friction * (1.0 + unsure))
+        hold = belief.grasp.hold(belief.largest_friction)
         if hold is HoldStatus.HELD:
             self.belief, self._swings = belief, SwingWatch(self.frequency)
         return hold
