@@ -128,6 +128,8 @@ class Carry:
             return f'lost, told {late:+.2f} s' if late < math.inf else 'lost in silence'
         if self.halt is None:
             return 'arrived'
+        if not self.innovations:  # there was no belief: its first equilibrium is none
+            return 'refused'
         strict = self.halted < self.used and self.off < OFF
         return 'halted, strictly false' if strict else 'halted, held'
 
@@ -306,10 +308,11 @@ def summarise(carries: Sequence[Carry]) -> list[str]:
     held = [one for one in drawn if one.lost == math.inf]
     if drawn:
         strict = sum(one.end == 'halted, strictly false' for one in held)
-        halted = sum(one.halt is not None for one in held)
+        refused = sum(one.end == 'refused' for one in held)
+        halted = sum(one.halt is not None for one in held) - refused
         lines.append(
-            f'drawn: {len(drawn)}, held {len(held)}, of these halted {halted}, strictly false '
-            f'{strict}'
+            f'drawn: {len(drawn)}, held {len(held)}, of these refused at the start {refused}, '
+            f'halted {halted}, strictly false {strict}'
         )
         sure = [one for one in held if one.believed[1] < math.inf]
         inside = sum(abs(one.believed[0] - one.squeeze) <= 2.0 * one.believed[1] for one in sure)
@@ -345,17 +348,19 @@ def tabulate(carries: Sequence[Carry]) -> list[str]:
     groups = [(name, [c for c in carries if name in c.draw.names]) for name in FAULTS]
     kinds = {CLEAN: 'none', LOST: 'a pull that breaks the grip', NOTHING: 'nothing gripped'}
     groups += [(words, [c for c in carries if c.kind == kind]) for kind, words in kinds.items()]
-    rows = ['| fault | carries | arrived | halted | loss told after [s] | told after [mm] |']
-    rows.append('| --- | --- | --- | --- | --- | --- |')
+    headings = ('fault', 'carries', 'arrived', 'refused', 'halted, held', 'lost')
+    headings += ('loss told after [s]', 'told after [mm]')
+    rows = [f'| {" | ".join(headings)} |', f'|{" --- |" * len(headings)}']
     for name, some in groups:
         if not some:
             continue
         lost = [c for c in some if c.lost < math.inf and c.kind != NOTHING]
         late = f'{max(c.halted - c.lost for c in lost):+.2f}' if lost else '–'
         ways = [1e3 * c.way for c in some if c.kind == NOTHING]
-        counts = [sum(word in c.end for c in some) for word in ('arrived', 'halted')]
+        words = ('arrived', 'refused', 'halted', 'lost')
+        counts = ' | '.join(str(sum(word in c.end for c in some)) for word in words)
         way = f'{max(ways):.0f}' if ways else '–'
-        rows.append(f'| {name} | {len(some)} | {counts[0]} | {counts[1]} | {late} | {way} |')
+        rows.append(f'| {name} | {len(some)} | {counts} | {late} | {way} |')
     return rows
 
 

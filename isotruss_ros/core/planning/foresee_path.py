@@ -56,21 +56,24 @@ def foresee_grip(
     :param body: the object, where it is held.
     :param friction: coefficient between tubes and object.
     :param poses: see `foresee_path`.
-    :param record: how the loop that holds the object has it; if None, or where that is no
-        equilibrium, the object is held as it would be with unknown contact history.
+    :param record: how the loop that holds the object has it. Without one, or where its contacts
+        would slip on the path, they have no history, as in the loop after a slip.
     :param tubes: what is assumed of the tubes.
     :return: None where no members hold the object: what they push has no slip margin.
     :raises IsotrussError: see `foresee_path`.
     """
     (friction,) = finite_array([friction], 1, 'friction', GraspError).tolist()
     held = None if record is None else record.restore(config, body)
+    found = None
+    if held is not None and held.hold(friction) is HoldStatus.HELD:
+        found = foresee_path(held, friction, poses)
+        if not found.why:
+            return found
     try:
-        held = held or attach_grip(config, body, tubes=tubes)
+        held = attach_grip(config, body, tubes=tubes)
     except NotHeldError:
-        return None
-    if held.hold(friction) is not HoldStatus.HELD:
-        return None
-    return foresee_path(held, friction, poses)
+        return found
+    return foresee_path(held, friction, poses) if held.hold(friction) is HoldStatus.HELD else found
 
 
 @single_threaded
