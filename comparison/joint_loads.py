@@ -13,9 +13,9 @@ from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
 from paper.tables import number, Table
 
-#: Loads at each joint that is free, one after the other [N].
+#: Loads at each free joint in turn [N].
 SMALL, LARGE = (0.05, 0.03), (2.0, 1.2)
-#: Largest travel of a roller in a random shape [m], and how many are looked at for soft ones.
+#: Largest roller travel of random configurations [m], and their number [-].
 TRAVEL, TRIALS = 0.25, 60
 #: Rest after a motion and after a load [s].
 REST = 4.0
@@ -25,7 +25,7 @@ def compare(soft: int = 2) -> Section:
     """
     Compare displacements at home and in soft configurations.
 
-    :param soft: how many of them.
+    :param soft: number of soft configurations.
     """
     robot = round_robot()
     topology = robot.topology

@@ -130,7 +130,7 @@ def contact_table(records: Sequence[PhaseRecord]) -> Table:
     :param records: of the phases.
     """
     table = make_table(
-        'Contact at the end of each phase, of the object held fast: length, largest\n'
+        'Contact at the end of each phase, of the fixed object: length, largest\n'
         'width and area of each region; mean and largest pressure on the object',
         ('phase', 'member'),
         ('length\nmm', 'width\nmm', 'area\ncm\u00b2', 'mean\nkPa', 'peak\nkPa'),

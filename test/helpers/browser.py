@@ -107,6 +107,11 @@ def read_address(process):
     return words.partition('viewer: ')[2].split()[0]
 
 
+def find_switch(page):
+    """Return the switch of the control; the settings of the browser's client have some as well."""
+    return page.get_by_label('control', exact=True)
+
+
 def switch_control(page):
-    """Click the switch of the control."""
-    page.locator('input[type=checkbox]').last.evaluate('box => box.click()')
+    """Click the switch of the control, once it is there."""
+    find_switch(page).evaluate('box => box.click()')

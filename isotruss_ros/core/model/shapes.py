@@ -23,9 +23,6 @@ from isotruss_ros.core.model.units import likely_unit
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices, Points
 import numpy as np
 
-#: Number of tangents that enclose a smooth shape [-].
-BOUNDING_TANGENTS = 16
-
 
 class SurfacePoints(NamedTuple):
     """
@@ -64,7 +61,7 @@ class Shape(ABC):
     @property
     def bounding_normals(self) -> Points:
         """Return outward unit normals (k,) of tangents that enclose the shape tightly."""
-        return np.exp(2j * np.pi * np.arange(BOUNDING_TANGENTS) / BOUNDING_TANGENTS)
+        return np.exp(2j * np.pi * np.arange(16) / 16)
 
     @property
     @abstractmethod

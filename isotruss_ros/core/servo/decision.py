@@ -9,10 +9,24 @@ from dataclasses import dataclass
 
 from isotruss_ros.core.errors import GraspError, IsotrussError
 from isotruss_ros.core.estimation.state_estimate import MAX_KNOWN_DEVIATION
-from isotruss_ros.core.inputs import InputError
+from isotruss_ros.core.inputs import InputError, InputFault
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
 from isotruss_ros.core.numerics.arrays import Array
 
+#: Statuses by names and faults of inputs. A stale twist is none: its client has stopped.
+INPUT_HALTS = {
+    ('twist', InputFault.MISSING): Status.HALT_NO_TWIST,
+    ('twist', InputFault.STALE): Status.HALT_NO_TWIST,
+    ('twist', InputFault.INVALID): Status.HALT_INVALID_TWIST,
+    ('joint_states', InputFault.MISSING): Status.HALT_NO_JOINT_STATES,
+    ('joint_states', InputFault.STALE): Status.HALT_STALE_JOINT_STATES,
+    ('joint_states', InputFault.INVALID): Status.HALT_INVALID_JOINT_STATES,
+    ('object_pose', InputFault.MISSING): Status.HALT_NO_OBJECT_POSE,
+    ('object_pose', InputFault.STALE): Status.HALT_STALE_OBJECT_POSE,
+    ('object_pose', InputFault.INVALID): Status.HALT_INVALID_OBJECT_POSE,
+    ('tube_pressures', InputFault.STALE): Status.HALT_STALE_TUBE_PRESSURES,
+    ('tube_pressures', InputFault.INVALID): Status.HALT_INVALID_TUBE_PRESSURES,
+}
 #: Statuses by errors of the solution; the last one applies to all others.
 HALT_STATUSES = (
     (GraspError, Status.HALT_NO_GRASP),
@@ -81,8 +95,7 @@ def halt_for(error: IsotrussError) -> Status:
     if isinstance(error, HaltError):
         return error.status
     if isinstance(error, InputError):
-        # A twist that is too old is none: whoever sent it has stopped.
-        return Status['HALT_' + error.code.replace('STALE_TWIST', 'NO_TWIST')]
+        return INPUT_HALTS[error.name, error.fault]
     return next(status for kind, status in HALT_STATUSES if isinstance(error, kind))
 
 

@@ -35,7 +35,7 @@ from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.servo.decision import describe_squeeze
 from isotruss_ros.core.servo.grip_faults import GripFault, SwingWatch
 from isotruss_ros.core.servo.loop_gains import choose_gain, DEFAULT_GAIN, gains_of, LoopGains
-from isotruss_ros.core.servo.squeeze_target import SqueezeSettings
+from isotruss_ros.core.servo.servo_settings import SqueezeSettings
 import numpy as np
 
 #: Time at rest after an oscillation [s]; the gain is halved then.
@@ -203,13 +203,13 @@ class SqueezeControl:
         belief = self.belief
         if self.fault is GripFault.OSCILLATES:
             still = np.zeros(len(belief.grasp.config.roller_positions))
-            return RollerCommand(still, np.zeros(3), 0.0, self.fault.halt)
+            return RollerCommand(still, np.zeros(3), 0.0, self.fault.value)
         missing = self.gains.squeeze * (self.settings.force - belief.regulated_squeeze)
         rate = max(-MAX_FORCE_RATE, min(missing, MAX_FORCE_RATE))
         opening = (rate - belief.drift[3]) / belief.slope
         if self.fault is not None:
             held = solve(np.zeros(3), opening)
-            return replace(held, scale=0.0, status=self.fault.halt)
+            return replace(held, scale=0.0, status=self.fault.value)
         twist, correction = np.asarray(twist), self._correction(belief, period)
         command = _solve_within_limits(twist + correction, opening, solve)
         free = belief.slip_margin - LEFT_MARGIN * belief.regulated_squeeze
