@@ -38,8 +38,6 @@ from numpy.typing import ArrayLike
 MAX_INCONSISTENT_MESSAGES = 5
 #: Largest age of a measurement, and largest lead over the encoders [s].
 OLDEST, AHEAD = 1.0, 0.05
-#: Smallest squeeze of a held object in standard deviations [-].
-MIN_SQUEEZE_SIGMAS = 1.0
 
 
 class StateEstimator:
@@ -278,7 +276,7 @@ class StateEstimator:
             belief = GripBelief(found, grip, self.settings, zeros.covariance, deviations)
         except (ConfigurationError, GraspError, StructureError):
             return None
-        return belief if belief.squeeze > MIN_SQUEEZE_SIGMAS * belief.squeeze_deviation else None
+        return belief if belief.squeeze > belief.squeeze_deviation else None
 
     def _place_joints(self, readings: Array, offsets: Array) -> tuple[Array, Array]:
         """Return the joint positions (2j,) [m] and their Jacobian (2j, r) by the offsets."""
