@@ -49,19 +49,12 @@ INNOVATION_GATE = 25.0
 #: After so many poses the object is attached anew to their mean, and where zeros were corrected by
 #: more than this [m].
 FIRST_POSES, MAX_CORRECTION = 15, 2e-3
-#: Period of searches while contacts slip in the model [s].
-SEARCH_PERIOD = 0.1
-#: Relative model error of the required friction [-].
-FRICTION_ERROR = 0.1
-#: Standard deviations within which the squeeze may be wrong [-], and its least size for that [N].
-SQUEEZE_SIGMAS, MIN_SQUEEZE = 2.0, 1e-3
 #: Largest roller travel with unchanged derivatives [m].
 MAX_RATE_TRAVEL = 3e-3
 #: Poses of so long tell how fast the object is [s], and older ones than this are not used [s].
 SPEED_TIME, OLDEST = 0.05, 1.0
-#: Corrections and load of so many standard deviations are a slip. A load that is within the slip
-#: margin is none: its standard deviation is at least this share of the margin [-].
-MAX_DEVIATIONS, MARGIN_SHARE = 5.0, 0.5
+#: Largest standard deviations of corrections and load that are no slip [-].
+MAX_DEVIATIONS = 5.0
 #: Gauge pressures (t,) by tube [Pa]; None for those of the robot file.
 Pressures = tuple[float, ...] | None
 #: Parts of the state: load, unexplained pose, delay; then the contacts' shifts by member.
@@ -173,10 +166,11 @@ class GripBelief:
         """
         Return the largest coefficient of friction that contacts may seem to need [-].
 
-        As far as the squeeze is not known, neither is the share of it that friction has to be.
+        As far as the squeeze is not known, within two deviations, neither is the share of it that
+        friction has to be.
         """
-        unsure = SQUEEZE_SIGMAS * self.squeeze_deviation / max(self.squeeze, MIN_SQUEEZE)
-        return self._friction * (1.0 + unsure)
+        unsure = 2.0 * self.squeeze_deviation
+        return self._friction * (1.0 + unsure / self.squeeze) if self.squeeze > 0.0 else math.inf
 
     @property
     def pose_covariance(self) -> Array:
@@ -216,8 +210,12 @@ class GripBelief:
 
     @property
     def slip_deviations(self) -> float:
-        """Return the corrections and the load in their standard deviations [-]."""
-        least = max(self.settings.load, MARGIN_SHARE * self.slip_margin)
+        """
+        Return the corrections and the load in their standard deviations [-].
+
+        That of the load is at least half of the slip margin: a load within the margin is no slip.
+        """
+        least = max(self.settings.load, 0.5 * self.slip_margin)
         return math.hypot(self.walk.deviations, *(self.load / least))
 
     @property
@@ -270,7 +268,9 @@ class GripBelief:
         # One noisy pose is not enough, and large corrections are beyond the first order.
         due = self._poses == FIRST_POSES or np.abs(self._corrected).max() > MAX_CORRECTION
         self._poses += due
-        slips = hold is HoldStatus.SLIPS and self._time - self._searched > SEARCH_PERIOD
+        # A search sooner would see loads that pass.
+        waited = self._time - self._searched > self.settings.load_time
+        slips = hold is HoldStatus.SLIPS and waited
         if due or slips:
             self.attach(config, pressures)
         return self.grasp.hold(self.largest_friction)
@@ -350,7 +350,7 @@ class GripBelief:
         """Return whether an equilibrium holds the object, with a response to loads."""
         if grasp.response is None:
             return HoldStatus.UNSTABLE
-        return grasp.hold((1.0 + FRICTION_ERROR) * self._friction)
+        return grasp.hold((1.0 + 2.0 * self.settings.squeeze_error) * self._friction)
 
     def take_zeros(self, covariance: Array) -> None:
         """
