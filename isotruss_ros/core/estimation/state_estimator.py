@@ -130,7 +130,7 @@ class StateEstimator:
         searched, belief = known is not None and known.searches > searches, self.belief
         if belief is not None:
             belief.observe(pose, self._rolled - time)
-            if searched or (belief.jump <= JUMP_LENGTH and not belief.walk.slipped):
+            if searched or (belief.jump <= JUMP_LENGTH and not belief.slipped):
                 return True
         elif searched:
             return False
@@ -259,8 +259,7 @@ class StateEstimator:
         self._corrected = False
         try:
             config = belief.grasp.config.moved_to(travel)
-            hold = belief.follow(config, elapsed, self._pressures)
-            if hold is not HoldStatus.HELD and not belief.attach(config, self._pressures):
+            if belief.follow(config, elapsed, self._pressures) is not HoldStatus.HELD:
                 self.belief = None
         except (ConfigurationError, GraspError, StructureError):
             self.belief = None
