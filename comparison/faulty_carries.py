@@ -117,6 +117,7 @@ class Carry:
     target: float = 0.0  #: desired squeeze [N]
     believed: tuple[float, float] = (math.nan, math.inf)  #: estimated final squeeze, deviation [N]
     cycle: float = 0.0  #: median processor time of a cycle [s]
+    walk: float = 0.0  #: largest `slip_deviations` of the belief until the halt [-]
     innovations: list[float] = field(default_factory=list)  #: normalised squared innovations [-]
 
     @property
@@ -127,6 +128,8 @@ class Carry:
             return f'lost, told {late:+.2f} s' if late < math.inf else 'lost in silence'
         if self.halt is None:
             return 'arrived'
+        if not self.innovations:  # there was no belief: its first equilibrium is none
+            return 'refused'
         strict = self.halted < self.used and self.off < OFF
         return 'halted, strictly false' if strict else 'halted, held'
 
@@ -139,7 +142,7 @@ class Carry:
             f'{self.kind} {self.shape} {self.seed}: {", ".join(self.draw.names) or "-"}: '
             f'{self.end}; path {1e3 * self.way:.0f} mm, off {1e3 * self.off:.1f} mm; squeeze '
             f'{self.squeeze:.1f} of {self.target:.1f} N, believed {believed:.1f} ± '
-            f'{deviation:.1f} ({away:+.1f}); innovation {median:.2f}; cycle '
+            f'{deviation:.1f} ({away:+.1f}); innovation {median:.2f}; walk {self.walk:.1f}; cycle '
             f'{1e3 * self.cycle:.2f} ms'
             + (f'; {self.halt.name}: {self.message}' if self.halt is not None else '')
         )
@@ -275,7 +278,8 @@ def _follow(loop: Loop, legs: Array, held: HeldGrip, found: Carry) -> None:
         off = float(np.hypot(*(goal - loop.place())[:2]))
         status = loop.decision.command.status
         if found.halt is None:
-            found.off, found.way = off, found.way + float(np.hypot(*twist[:2])) / RATE
+            found.off = off
+            found.way += loop.scale * float(np.hypot(*twist[:2])) / RATE
         if found.halt is None and now > BEGIN and status > Status.HALT_NO_TWIST:
             found.halt, found.halted, found.message = status, now, loop.decision.message
         forces = plant.contact_forces().values()
@@ -286,9 +290,11 @@ def _follow(loop: Loop, legs: Array, held: HeldGrip, found: Carry) -> None:
         alone = alone + 1 if squeezes[-1] == 0.0 else 0
         if alone == round(LOST_TIME * RATE):
             found.lost = now - LOST_TIME
-        seen = getattr(getattr(loop.control, 'belief', None), 'innovation', None)
-        if seen is not None and (not found.innovations or found.innovations[-1] != seen):
-            found.innovations.append(seen)
+        belief = loop.control.belief
+        if belief is not None and belief.innovation not in found.innovations[-1:]:
+            found.innovations.append(belief.innovation)
+            if found.halt is None:
+                found.walk = max(found.walk, belief.slip_deviations)
     found.squeeze = float(np.mean(squeezes[-round(0.5 * RATE) :]))
     found.believed = loop.decision.squeeze or (math.nan, math.inf)
     found.cycle = float(np.median(loop.times[round(REST * RATE) : -round(REST * RATE)]))
@@ -305,10 +311,11 @@ def summarise(carries: Sequence[Carry]) -> list[str]:
     held = [one for one in drawn if one.lost == math.inf]
     if drawn:
         strict = sum(one.end == 'halted, strictly false' for one in held)
-        halted = sum(one.halt is not None for one in held)
+        refused = sum(one.end == 'refused' for one in held)
+        halted = sum(one.halt is not None for one in held) - refused
         lines.append(
-            f'drawn: {len(drawn)}, held {len(held)}, of these halted {halted}, strictly false '
-            f'{strict}'
+            f'drawn: {len(drawn)}, held {len(held)}, of these refused at the start {refused}, '
+            f'halted {halted}, strictly false {strict}'
         )
         sure = [one for one in held if one.believed[1] < math.inf]
         inside = sum(abs(one.believed[0] - one.squeeze) <= 2.0 * one.believed[1] for one in sure)
@@ -325,6 +332,9 @@ def summarise(carries: Sequence[Carry]) -> list[str]:
         if one.kind == CLEAN:
             share = 100.0 * (one.squeeze / one.target - 1.0)
             lines.append(f'clean {one.seed}: {1e3 * one.off:.1f} mm off, squeeze {share:+.1f} %')
+    walks = [one.walk for one in held if one.halt is None]
+    if walks:
+        lines.append(f'walk of those that arrived: {max(walks):.1f} deviations at most')
     medians = [float(np.median(one.innovations)) for one in carries if one.innovations]
     if medians:
         lines.append(f'median squared innovation: {min(medians):.2f} to {max(medians):.2f}')
@@ -341,17 +351,19 @@ def tabulate(carries: Sequence[Carry]) -> list[str]:
     groups = [(name, [c for c in carries if name in c.draw.names]) for name in FAULTS]
     kinds = {CLEAN: 'none', LOST: 'a pull that breaks the grip', NOTHING: 'nothing gripped'}
     groups += [(words, [c for c in carries if c.kind == kind]) for kind, words in kinds.items()]
-    rows = ['| fault | carries | arrived | halted | loss told after [s] | told after [mm] |']
-    rows.append('| --- | --- | --- | --- | --- | --- |')
+    headings = ('fault', 'carries', 'arrived', 'refused', 'halted, held', 'lost')
+    headings += ('loss told after [s]', 'told after [mm]')
+    rows = [f'| {" | ".join(headings)} |', f'|{" --- |" * len(headings)}']
     for name, some in groups:
         if not some:
             continue
         lost = [c for c in some if c.lost < math.inf and c.kind != NOTHING]
         late = f'{max(c.halted - c.lost for c in lost):+.2f}' if lost else '–'
         ways = [1e3 * c.way for c in some if c.kind == NOTHING]
-        counts = [sum(word in c.end for c in some) for word in ('arrived', 'halted')]
+        words = ('arrived', 'refused', 'halted', 'lost')
+        counts = ' | '.join(str(sum(word in c.end for c in some)) for word in words)
         way = f'{max(ways):.0f}' if ways else '–'
-        rows.append(f'| {name} | {len(some)} | {counts[0]} | {counts[1]} | {late} | {way} |')
+        rows.append(f'| {name} | {len(some)} | {counts} | {late} | {way} |')
     return rows
 
 

@@ -24,7 +24,7 @@ class Drag:
         the plane.
     :param target: initial target [m].
     :param now: time on the clock of the robot [s], as in `follow` and `is_stuck`.
-    :param turns: see above.
+    :param turns: whether it rotates the object.
     """
 
     def __init__(self, target: tuple[float, float], now: float, turns: bool = False) -> None:

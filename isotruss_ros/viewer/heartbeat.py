@@ -72,7 +72,7 @@ class Heartbeats:
         """
         Return whether the heartbeat of a browser has timed out.
 
-        :param browser: its index; None for none.
+        :param browser: index of the browser; None without one.
         :param timeout: the timeout [s].
         """
         now = time.monotonic()

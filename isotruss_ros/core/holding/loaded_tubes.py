@@ -144,7 +144,7 @@ class LoadedTubes:
         """
         Return these columns about another state in the same configuration.
 
-        :param grip: how the object is held there.
+        :param grip: equilibrium of the object in that state.
         """
         return LoadedTubes(grip, self._chosen, self._parameters, self.sections)
 

@@ -30,7 +30,6 @@ from isotruss_ros.core.holding.held_grip import HeldGrip, scaled_wrench, travel_
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths, member_lines
 from isotruss_ros.core.manipulation.grip import MAX_MEMBERS
-from isotruss_ros.core.model.contact_patch import MIN_FACE_LENGTH
 from isotruss_ros.core.model.convex_object import segment_gaps
 from isotruss_ros.core.model.shapes import Face
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
@@ -186,7 +185,7 @@ def _lay_down(grip: HeldGrip, changes: Iterator[int]) -> HeldGrip:
         for face in reversed(grip.body.shape.faces_at(int(corners[k]))):
             if face.step * (own[k] * face.normal.conjugate()).imag <= 0.0:
                 continue
-            short = face.length < MIN_FACE_LENGTH * grip.statics.tube_radius
+            short = face.length < grip.statics.tube_radius
             laid = None if next(changes, None) is None else _lay(grip, k, face, short)
             # In a longer motion the object rolls over the face, and this end lifts again.
             laid = None if laid is None else _lift_ends(laid, changes)

@@ -33,9 +33,6 @@ from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.numerics.tolerances import COINCIDENCE, MAX_NEWTON_ITERATIONS, ROUNDING
 import numpy as np
 
-#: Iterations with a changing set of contacts [-]; fixed afterwards, against cycling by rounding.
-FREE_ITERATIONS = 10
-
 
 @dataclass(frozen=True, eq=False)
 class RollingGrip:
@@ -130,7 +127,7 @@ class RollingGrip:
         body, lines, corners = self.grip.body, self._lines(config), self.corners
         center, angle = body.center, body.pose.angle
         for step in range(MAX_NEWTON_ITERATIONS):
-            if step < FREE_ITERATIONS:
+            if step < 10:  # fixed afterwards, against cycling by rounding
                 corners = self._lowest(lines.normals * cmath.rect(1.0, -angle))
             touch = self._touch_there(lines, center, angle, corners)
             off = (touch.values - self.kept).ravel()
@@ -222,7 +219,7 @@ class _Lines(NamedTuple):
     starts: Points  #: x + iy [m]
     axes: Points  #: their directions
     normals: Points  #: unit vectors out of the object
-    travel: Array  #: of the tubes into the members at their starts [m]
+    travel: Array  #: travel of the tubes into the members at their starts [m]
 
 
 def roll_object(grip: Grip, start: Configuration, end: Configuration) -> Grip:

@@ -182,7 +182,7 @@ class Task(NamedTuple):
 
     :ivar reach: the reachable twists, with the rows of (20).
     :ivar direction: (k + g,) unit vector of the closest reachable twist in these rows.
-    :ivar speed: its norm [m/s], zero if no part of the twist is reachable.
+    :ivar speed: norm of the twist [m/s], zero if no part of it is reachable.
     :ivar status: `OK` if it is the commanded twist, else `UNREACHABLE`; `IDLE` without a command.
     :ivar free: (w,) least-cost roller speeds for 1 m/s of it, without limits.
     :ivar velocities: (r,) least-cost speeds of all rollers for the whole of it [m/s].

@@ -22,8 +22,8 @@ def check_outline(vertices: object, corner_radius: object) -> tuple[Points, Arra
     """
     Return vertices (k,) x + iy and radii of the arcs (k,) [m] as checked arrays.
 
-    :param vertices: as given to `Polygon`.
-    :param corner_radius: as given to `Polygon`.
+    :param vertices: vertices, see `Polygon`.
+    :param corner_radius: radius of the corners, see `Polygon`.
     :raises GraspError: the polygon is not convex, or an arc does not fit; names the vertex.
     """
     corners = _validate_vertices(vertices)

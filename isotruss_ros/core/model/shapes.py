@@ -125,7 +125,7 @@ class Shape(ABC):
         """
         Return the faces before and after a corner; none for a smooth shape.
 
-        :param corner: its index, see `corner_at`.
+        :param corner: index of the corner, see `corner_at`.
         """
         return ()
 
@@ -181,7 +181,7 @@ class Shape(ABC):
         """
         Return the smooth shape that this one samples: of polygons, a curve through the corners.
 
-        :param length: of the shortest face that is no such sample [m].
+        :param length: length of the shortest face that is no such sample [m].
         """
         return self
 

@@ -55,8 +55,8 @@ def foresee_grip(
     :param body: the object at its held pose.
     :param friction: coefficient between tubes and object.
     :param poses: poses of the path, see `foresee_path`.
-    :param record: grip of the loop that holds the object; None, or no equilibrium of it: the
-        equilibrium with unknown contact history.
+    :param record: grip of the loop that holds the object. Without one, or where its contacts
+        would slip on the path: the equilibrium with unknown contact history, as in the loop.
     :param tubes: model of the tubes.
     :return: the prediction; None if no members hold the object, as a pushed object has no slip
         margin.
@@ -64,13 +64,16 @@ def foresee_grip(
     """
     (friction,) = finite_array([friction], 1, 'friction', GraspError).tolist()
     held = None if record is None else record.restore(config, body)
+    found = None
+    if held is not None and held.hold(friction) is HoldStatus.HELD:
+        found = foresee_path(held, friction, poses)
+        if not found.why:
+            return found
     try:
-        held = held or attach_grip(config, body, tubes=tubes)
+        held = attach_grip(config, body, tubes=tubes)
     except NotHeldError:
-        return None
-    if held.hold(friction) is not HoldStatus.HELD:
-        return None
-    return foresee_path(held, friction, poses)
+        return found
+    return foresee_path(held, friction, poses) if held.hold(friction) is HoldStatus.HELD else found
 
 
 @single_threaded

@@ -79,6 +79,7 @@ class SqueezeControl:
     def reset(self) -> None:
         """Drop belief and reference; both restart from the next measured pose."""
         self.belief: GripBelief | None = None
+        self._lost: HoldStatus | None = None  # by the belief before
         self.reference: Array | None = None
         self.frequency: float | None = None
         self.gains: LoopGains = gains_of(DEFAULT_GAIN)
@@ -97,7 +98,8 @@ class SqueezeControl:
 
     def lose(self) -> None:
         """Register the loss of the object from the grip."""
-        if self.belief is not None and self.fault is None:
+        had = self.belief is not None or self._lost is not None
+        if had and self.fault is None:
             self._fail(GripFault.NOT_HELD, 'the object is not between the members')
         self.reset()
 
@@ -153,7 +155,8 @@ class SqueezeControl:
         """
         Propagate belief and reference to now, and update the belief with the measured pose.
 
-        It starts again from the measured pose where the model has lost the object.
+        A call makes at most one search for an equilibrium with unknown contacts: where the mean
+        pose has none, the next call searches near the measured pose.
 
         :param config: where the robot is.
         :param grip: how it holds the object, which is where the last pose has it now.
@@ -169,13 +172,15 @@ class SqueezeControl:
         if self.reference is not None:
             self.reference = self.reference + elapsed * self._velocity
         if belief is None:
-            return self._start(config, grip)
+            hold = self._start(config, grip)
+            if self._lost is not None and hold is not HoldStatus.HELD and self.fault is None:
+                self._fail(GripFault.NOT_HELD, f'not held: {self._lost.value}')
+            self._lost = None
+            return hold
         hold = belief.follow(config, elapsed, self._pressures)
-        if hold is not HoldStatus.HELD and not belief.attach(config, self._pressures):
-            again = self._start(config, grip)
-            if self.fault is None and again is not HoldStatus.HELD:
-                self._fail(GripFault.NOT_HELD, f'not held: {hold.value}')
-            return again
+        if hold is not HoldStatus.HELD:
+            self.belief, self._lost = None, hold
+            return hold
         self._choose_gains(belief.grasp)
         belief.pass_corrections(elapsed, self.gains.filter_time)
         pose, age = sample or (grip.body.pose, 0.0)
@@ -243,7 +248,6 @@ class SqueezeControl:
 
     def _start(self, config: Configuration, grip: Grip) -> HoldStatus:
         """Start with the equilibrium near the measured pose."""
-        self.belief = None
         try:
             found = attach_model(config, grip, self._pressures)
         except NotHeldError as error:
@@ -251,10 +255,7 @@ class SqueezeControl:
         self._choose_gains(found)
         settings = replace(PRIOR, load=self.settings.load or PRIOR.load, zeros=self.settings.zeros)
         belief = GripBelief(found, grip, settings, self._zeros)
-        # As far as the squeeze is not known, within two deviations, neither is the share of it
-        # that friction has to be.
-        unsure = 2.0 * belief.squeeze_deviation / belief.squeeze
-        hold = found.hold(grip.friction * (1.0 + unsure))
+        hold = belief.grasp.hold(belief.largest_friction)
         if hold is HoldStatus.HELD:
             self.belief, self._swings = belief, SwingWatch(self.frequency)
         return hold
@@ -275,7 +276,7 @@ class SqueezeControl:
             return
         if belief.jump > JUMP_LENGTH:
             self._fail(GripFault.NOT_HELD, walked)
-        elif belief.walk.slipped:
+        elif belief.slipped:
             self._fail(GripFault.SLIPPED, walked)
 
     def _fail(self, fault: GripFault, why: str) -> None:

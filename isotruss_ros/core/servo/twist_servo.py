@@ -196,11 +196,11 @@ class TwistServo:
 
     def command(self, velocities: Array, now: float) -> Array:
         """
-        Return given roller velocities (r,), limited, instead of those for a twist [m/s].
+        Return limited roller velocities (r,) for desired ones, instead of those for a twist [m/s].
 
-        They count for the prediction of the next commands and for the detection of failures.
+        They are part of the history for the prediction and the detection of failures.
 
-        :param velocities: (r,) that are asked for; zeros stop the rollers at once [m/s].
+        :param velocities: (r,) desired velocities; zeros stop the rollers at once [m/s].
         :param now: time on the clock of the inputs [s].
         """
         self._prepare(now)

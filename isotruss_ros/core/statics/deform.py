@@ -34,10 +34,10 @@ MAX_UNLOADED_SHARE = 0.3
 @dataclass(frozen=True, eq=False, repr=False)
 class Deformation(Record, headline=('reactions', 'displacements')):
     """
-    The response of the robot to loads.
+    Response of the robot to loads.
 
-    :ivar structure: of the robot.
-    :ivar frame: that was loaded: the structure's, cut where tubes bear loads.
+    :ivar structure: frame of the robot.
+    :ivar frame: frame of the structure, cut at loads on tubes.
     :ivar loads: (n, 3) fx, fy [N], m [N m] on its nodes.
     :ivar state: displacements, reactions and member forces of all its nodes and members.
     """
@@ -78,8 +78,8 @@ class Deformation(Record, headline=('reactions', 'displacements')):
         """
         Return the largest bending moment over the wrinkling moment, by member [-].
 
-        Moments inside a member count, with their growth by its compression. From 1 on a tube
-        wrinkles, and all numbers are outside of the model.
+        It includes moments inside members, amplified by compression. From 1 on a tube wrinkles,
+        and the results are outside of the model.
         """
         forces = self.state.end_forces, self.state.bowing
         used = find_utilisation(self.structure, self.frame, *forces).used
@@ -90,7 +90,7 @@ class Deformation(Record, headline=('reactions', 'displacements')):
         """
         Return the factor on the loads at the limit load of the bent structure [-].
 
-        Infinite if it bears more than 100 times the loads.
+        Infinite beyond 100 times the loads.
 
         :raises SolverError: neither was reached, since the displacements are too large.
         """
@@ -117,17 +117,17 @@ def deform(
     """
     Return displacements and reactions under loads, with large bending: (1) and (4).
 
-    :param config: where the robot is; its rollers do not turn.
-    :param joint_loads: (fx, fy) by joint, robot frame [N]; joints turn freely and bear no moment.
-    :param pressure: gauge, measured [Pa]: one number for all tubes, one for each tube, or by tube
-        name; that of the robot file if None.
+    :param config: configuration of the robot, with rollers at rest.
+    :param joint_loads: (fx, fy) by joint, robot frame [N]; joints are hinges without moment.
+    :param pressure: gauge pressure [Pa]: one for all tubes, one for each, or by tube name; None:
+        that of the robot file.
     :param module_loads: (fx, fy, m) by module, in the middle of its pinch points [N, N m].
     :param tube_loads: (l, 4) by member, each (place, fx, fy, m) at a distance from the member's
         start, between its ends [m, N, N m].
-    :param paper_model: whether the structure is linear about straight tubes, as in the paper.
+    :param paper_model: structure linear about straight tubes, as in the paper.
     :raises StructureError: no such joint, module or member, loads that are not finite, a place
-        beyond a member, a pressure that is not usable, a structure that cannot carry the loads,
-        with the name of what moves, or loads beyond the limit load, which is named.
+        beyond a member, an invalid pressure, a mechanism (names the moving parts), or loads
+        beyond the limit load (names it).
     """
     structure = structure_of(config, pressure)
     robot = config.robot

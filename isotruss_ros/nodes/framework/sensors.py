@@ -50,7 +50,7 @@ class Inputs:
     Each message passes a `Gate` and becomes a StampedInput (stamped by the node's clock without a
     header), or a RejectedInput with the reason.
 
-    :ivar holder: see below.
+    :ivar holder: object with the inputs as attributes.
     :param node: subscribing node.
     :param robot: robot with the rollers, tubes and frame of the messages.
     :param holder: object with the inputs as attributes; its `timeout` is the largest age of an

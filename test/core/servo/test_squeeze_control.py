@@ -73,7 +73,7 @@ def test_unknown_load_changes_the_squeeze_little_and_not_the_pose():
     assert loop.object.slip_margin > 3.0
     loop.object.external_wrench = (1.8, 2.4, 0.0)
     loop.run((0.02, 0.02, 0.0), 4.0)
-    assert loop.squeeze == pytest.approx(loop.target, rel=0.03)
+    assert loop.squeeze == pytest.approx(loop.target, rel=0.05)
     assert loop.errors[-1] < 1.5e-4
     assert loop.control.belief.pose == pytest.approx(loop.plant.object_pose, abs=1e-4)
 
@@ -146,8 +146,9 @@ def test_corrected_offsets_agree_with_attaching_again(size):
     grip = loop.grip.moved_to(loop.plant.object_pose)
     assert loop.control.follow(config, grip, PERIOD) is HoldStatus.HELD
     assert belief.pose == pytest.approx(loop.plant.object_pose, abs=1e-4)
-    attached = attach_grip(config, grip.body, before.members)
-    change = attached.squeeze - before.squeeze
+    fresh = SqueezeControl(loop.control.settings)
+    assert fresh.follow(config, grip, PERIOD) is HoldStatus.HELD
+    change = fresh.belief.squeeze - before.squeeze
     assert belief.squeeze - before.squeeze == pytest.approx(change, rel=0.3, abs=0.2)
 
 
@@ -306,7 +307,8 @@ def held_by(pressures, control=None):
     """Return a controller of the object that is held with some pressures."""
     control = control or SqueezeControl(SqueezeSettings(20.0, **MASSLESS))
     control.take_pressures(pressures)
-    assert control.follow(CONFIG, measured_at(CYLINDER.pose), PERIOD) is HoldStatus.HELD
+    model = attach_grip(CONFIG, CYLINDER, tubes=TubeModel(pressure=pressures), quick=True)
+    assert control.follow(CONFIG, measured_at(model.pose), PERIOD) is HoldStatus.HELD
     return control
 
 

@@ -8,6 +8,7 @@ import math
 
 from grips import gripped, MASSLESS
 from isotruss_ros.core import Grip, HoldStatus, Pose, solve_twist, Status
+from isotruss_ros.core.estimation import grip_belief
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
@@ -210,6 +211,20 @@ def test_an_object_that_is_lost_stays_not_held_until_a_client_acts():
     assert control.follow(CONFIG, AT_REST, 0.02) is HoldStatus.HELD
     command = control.solve(np.array([0.02, 0.0, 0.0]), 0.02, solve_at_rest)
     assert command.status is Status.HALT_NOT_HELD
+
+
+def test_a_cycle_makes_one_search_at_most_until_a_loss_is_a_fault(monkeypatch):
+    control, searches = at_rest(), []
+    search = grip_belief.attach_grip
+    monkeypatch.setattr(
+        grip_belief, 'attach_grip', lambda *a, **b: searches.append(1) or search(*a, **b)
+    )
+    opening = solve_at_rest(np.zeros(3), 0.05).roller_velocities
+    opened = CONFIG.moved_to(CONFIG.roller_positions + 6.0 * opening)
+    for count in (1, 2):
+        assert control.follow(opened, AT_REST, 0.02) is not HoldStatus.HELD
+        assert len(searches) == count
+    assert control.fault is GripFault.NOT_HELD
 
 
 def test_limits_slow_the_twist_before_the_squeeze():
