@@ -229,6 +229,7 @@ class View:
         while len(pages) < count:
             pages.append(open_page(self._browser, 0.3))
             pages[-1].goto(self._address, wait_until='commit')
+            find_switch(pages[-1]).wait_for(state='attached')
         # A page that begins to draw is silent for long where the machine is busy.
         self.follower.until(lambda: all(count_tubes(pixels(page)) > SOME for page in pages))
         return [(page, number_of(page)) for page in pages[:count]]
