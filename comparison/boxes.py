@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from comparison.box_picked import BOX, draw, FRICTION, PHASES, pick, Picked, SIDES
 from comparison.carrying import RATE
-from comparison.grasps import FINE
+from comparison.grasps import FINE, STEPS
 from comparison.grips import press_on, release, round_robot
 from comparison.section import Check, Section
 from isotruss_ros.core import (
@@ -134,7 +134,7 @@ def _force_checks(found: Sequence[Compared]) -> tuple[Check, ...]:
         for one in found
         if 'face' not in one.case.name
     )
-    why = 'MuJoCo bends in steps, and our structure is linear'
+    why = STEPS
     return (
         Check('objects between two sides: normal forces, fixed', 100.0 * fast, 5.0, '%', why),
         Check('objects between two sides: normal forces, free', 100.0 * free, 5.0, '%', why),

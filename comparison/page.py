@@ -21,10 +21,10 @@ INTRODUCTION = """\
 robot. An error in what both models [share](mujoco.md#the-model) is in both, and this page cannot
 find it.
 
-MuJoCo's tubes are chains that bend by large angles; ours are linear beams. MuJoCo integrates
-invented masses, drag and losses; ours is in equilibrium. MuJoCo's tubes stay round: so ours here
-have `local_stiffness: 1e4`, and hardly flatten. Lengths of contact, and what masses decide, are
-not compared.
+MuJoCo's tubes are chains of segments; ours are beams with the axial force and the large motion of
+their ends. MuJoCo integrates invented masses, drag and losses; ours is in equilibrium. MuJoCo's
+tubes stay round: so ours here have `local_stiffness: 1e4`, and hardly flatten. Lengths of contact,
+and what masses decide, are not compared.
 """
 
 

@@ -23,7 +23,8 @@ MARKS = [
 ]
 #: In which everything here comes about, on a machine that is busy and draws without hardware [s].
 DEADLINE = 240.0
-#: Any port that is free; and a page that draws in software may be slow [s].
+#: Any port that is free; and a page that draws in software may be slow [s], but no slower than
+#: the websocket, which closes after 20 to 40 s without an answer.
 SERVED = {'port': 0, 'browser_timeout': 20.0}
 VIEWPORT = {'width': 700, 'height': 480}
 PHONE = {'width': 390, 'height': 844}
@@ -68,6 +69,11 @@ def count_green(colors):
     """Return how many pixels have the colour of a held object."""
     red, green, last = np.moveaxis(colors, 2, 0)
     return int(((green > red + 50) & (green > last + 40)).sum())
+
+
+def count_tubes(colors):
+    """Return how many pixels have the colour of a tube."""
+    return int((colors[..., 2] > colors[..., 0] + 25).sum())
 
 
 def polite_browser(folder):

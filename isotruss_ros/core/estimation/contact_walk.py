@@ -32,7 +32,7 @@ class ContactWalk:
     """
     Sums of corrections, tested against random walk, noise of poses and load.
 
-    :ivar length: of the corrections in the last seconds, turns times the arm [m].
+    :ivar length: length of the corrections of the last seconds, rotations times the arm [m].
     :ivar deviations: the largest sum in its standard deviations [-].
     """
 

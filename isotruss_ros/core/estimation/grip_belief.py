@@ -81,17 +81,17 @@ class GripBelief:
     :ivar grip: whose rows tell how the object moves, see `HeldGrip.touching`.
     :ivar load: estimated wrench (fx, fy, m / arm) [N].
     :ivar bias: (3,) pose that the model leaves unexplained, turns times the arm [m].
-    :ivar delay: of the measured poses beyond their stamps [s].
+    :ivar delay: delay of the measured poses beyond their stamps [s].
     :ivar innovation: squared normalised innovation of the last pose, of three degrees of freedom.
     :ivar drift: (4,) what the last travel did beyond the rows of (19): to the pose [m/s, rad/s]
         and to the squeeze [N/s].
-    :ivar usage: what commands use of slip margin and tubes.
-    :ivar walk: of contacts and pose, by measured poses.
+    :ivar usage: limits on the use of slip margin and utilisation.
+    :ivar walk: accumulated corrections of contacts and pose.
     :ivar jump: length of the last innovation if that was inconsistent, else 0 [m].
     :ivar searches: number of searches for an equilibrium with unknown contacts [-].
     :param grasp: the equilibrium near the measured pose, with a `response`.
-    :param grip: its object is where it was measured.
-    :param settings: what is known before.
+    :param grip: grip with the object at its measured pose.
+    :param settings: prior deviations.
     :param zeros: (r, r) covariance of the rollers' zeros [m^2]; by the settings if None.
     :param noise: (3,) standard deviations of the poses until they are known [m, rad].
     """
@@ -240,9 +240,9 @@ class GripBelief:
         Where contacts slip or let go in the model, it is attached anew at the pose of the belief,
         by one search at most.
 
-        :param config: where the robot is.
-        :param elapsed: since the last call [s].
-        :param pressures: (t,) gauge, by tube [Pa]; those of the robot file if None.
+        :param config: configuration of the robot.
+        :param elapsed: time since the last call [s].
+        :param pressures: (t,) gauge pressures by tube [Pa]; None: those of the robot file.
         """
         before = self.grasp
         given = replace(with_pressures(before, pressures), anchors=self._anchors)
@@ -279,8 +279,9 @@ class GripBelief:
         """
         Update the belief with a measured pose.
 
-        :param pose: of the object.
-        :param age: of the pose before the configuration of the last `follow`, by its stamp [s].
+        :param pose: measured pose of the object.
+        :param age: age of the pose against the configuration of the last `follow`, by its stamp
+            [s].
         """
         self._poses += self._poses != FIRST_POSES
         then = self._time - age - self.delay
@@ -297,8 +298,8 @@ class GripBelief:
         """
         Solve for the equilibrium at the mean pose anew, with the contacts placed by it.
 
-        :param config: where the robot is.
-        :param pressures: (t,) gauge, by tube [Pa]; those of the robot file if None.
+        :param config: configuration of the robot.
+        :param pressures: (t,) gauge pressures by tube [Pa]; None: those of the robot file.
         :return: whether there is such an equilibrium.
         """
         self.searches, self._searched = self.searches + 1, self._time
@@ -445,8 +446,8 @@ class GripBelief:
         """
         Propagate corrections through the two low-passes of a loop.
 
-        :param elapsed: since the last call [s].
-        :param filter_time: of the low-passes on the load [s].
+        :param elapsed: time since the last call [s].
+        :param filter_time: time constant of the low-passes on the load [s].
         """
         left = math.exp(-elapsed / filter_time)
         self._lag[1] += (1.0 - left) * self._lag[0]
@@ -527,10 +528,10 @@ def attach_model(config: Configuration, grip: Grip, pressures: Pressures = None)
     """
     Return the equilibrium near the measured pose, with a `response`.
 
-    :param config: where the robot is.
-    :param grip: its object is where it was measured.
-    :param pressures: (t,) gauge, by tube [Pa]; those of the robot file if None.
-    :raises NotHeldError: there is no such equilibrium.
+    :param config: configuration of the robot.
+    :param grip: grip with the object at its measured pose.
+    :param pressures: (t,) gauge pressures by tube [Pa]; None: those of the robot file.
+    :raises NotHeldError: no such equilibrium exists.
     :raises GraspError: no such members.
     :raises StructureError: see `structure_of`.
     """

@@ -186,8 +186,7 @@ class GripResponse:
 
 def slip_conditions(owners: Indices, friction: float) -> Array:
     """
-    Return the margins of the forces (N, T) to slip of m members, in both directions, or opening of
-    k contacts.
+    Return the margins of forces (N, T) to slip of m members, either way, or opening of k contacts.
 
     :param owners: (k,) index of the member of the grip of each contact.
     :param friction: coefficient mu.

@@ -100,8 +100,7 @@ class GraspGradient(
     @property
     def gives_way(self) -> tuple[str, ...]:
         """
-        Return the names of the members that slip or open under the smallest wrench; none without
-        contact.
+        Return the names of the critical members of the slip margin; none without contact.
 
         With several, as in a symmetric grasp, the slip margin has a kink: it changes by the
         smallest of `slip_margins`.

@@ -340,8 +340,7 @@ def scaled_wrench(wrench: Array | None, arm: float) -> Array:
 
 def travel_rates(config: Configuration, members: Indices) -> Array:
     """
-    Return the derivatives of the tube travel at the starts of members by roller travel, (k, r)
-    [-].
+    Return the derivatives of tube travel at the members' starts by roller travel, (k, r) [-].
 
     :param config: configuration of the robot.
     :param members: (k,) indices of the members.

@@ -4,10 +4,10 @@
 """
 Squeeze control: feedback by the model of the held object.
 
-The squeeze and the opening of the grip are one thing: each millimetre less presses by some
-newtons more. The fourth row of (19), which keeps the grip, gets a right-hand side, and what the
-elastic tubes do to the object's pose is corrected. The gains follow from the lowest natural
-frequency of the held object, see `loop_gains`.
+The opening of the grip determines the squeeze, by some newtons per millimetre. The fourth row of
+(19), which keeps the grip, has the opening rate as its right-hand side; the displacement of the
+object by the elastic tubes is corrected. The gains follow from the lowest natural frequency of the
+held object, see `loop_gains`.
 """
 
 from __future__ import annotations
@@ -54,13 +54,13 @@ class SqueezeControl:
     """
     Regulator of squeeze and pose of a held object.
 
-    :ivar belief: how it is held where the robot is; None before `follow`.
-    :ivar reference: (x, y, angle) where the object is to be [m, rad]: where it was at first, moved
-        by the twists carried out since; None before the first one.
+    :ivar belief: belief of the grip; None before `follow`.
+    :ivar reference: desired (x, y, angle) of the object [m, rad]: the initial pose, moved by the
+        executed twists; None before the first one.
     :ivar frequency: lowest natural frequency of the held object; None if not known [rad/s].
-    :ivar gains: what follows from it; those of an unknown frequency before `follow`.
-    :ivar fault: what is wrong with the grip; stays until `acknowledge`, but for oscillations.
-    :param settings: what the squeeze is to be.
+    :ivar gains: gains by the frequency; those of an unknown one before `follow`.
+    :ivar fault: fault of the grip, latched until `acknowledge` except for oscillations.
+    :param settings: desired squeeze.
     """
 
     def __init__(self, settings: SqueezeSettings) -> None:
@@ -158,12 +158,12 @@ class SqueezeControl:
         A call makes at most one search for an equilibrium with unknown contacts: where the mean
         pose has none, the next call searches near the measured pose.
 
-        :param config: where the robot is.
-        :param grip: how it holds the object, which is where the last pose has it now.
-        :param elapsed: since the cycle before, for which its command held [s].
-        :param sample: the last pose, and how much older than the configuration it is [s]; that of
-            the grip, of now, if None.
-        :return: whether the object is held in the model; if not, why.
+        :param config: configuration of the robot.
+        :param grip: grip with the object at its predicted pose.
+        :param elapsed: time since the previous cycle [s].
+        :param sample: last pose, and its age against the configuration [s]; None: that of the grip
+            without an age.
+        :return: hold status of the object in the model.
         :raises GraspError: see `find_contacts`.
         :raises ConfigurationError: the configuration is singular.
         :raises StructureError: see `structure_of`.
@@ -192,10 +192,10 @@ class SqueezeControl:
         """
         Return the command for a twist of the object that regulates the squeeze.
 
-        In a fault the object is not moved, and the squeeze is regulated on; or the rollers stand.
+        In a fault the object is not moved and its squeeze is regulated, or the rollers stop.
 
         :param twist: (3,) vx, vy [m/s], omega [rad/s] of the object in the robot frame.
-        :param period: for which the command holds, positive [s].
+        :param period: duration of the command, positive [s].
         :param solve: the twist program.
         """
         if self.belief is None:
@@ -228,10 +228,9 @@ class SqueezeControl:
         """
         Integrate the executed twist into the reference.
 
-        :param twist: (3,) commanded [m/s, rad/s].
-        :param command: that was solved for; in a direction other than the twist's it ends the
-            reference.
-        :param missing: (3,) part of its twist that acceleration or shape did not admit.
+        :param twist: (3,) commanded twist [m/s, rad/s].
+        :param command: solved command; a direction other than the twist's resets the reference.
+        :param missing: (3,) part of its twist not admitted by acceleration or barriers.
         """
         if command.status in (Status.UNREACHABLE, Status.SLIDING):
             self.reference = None

@@ -167,7 +167,7 @@ def tube_pressures(
         or a mapping from names of tubes; default: those of the robot file.
     :return: (t,) gauge pressures [Pa].
     :raises StructureError: no such tube, another number of pressures than tubes, or a pressure
-        that is not a positive number.
+        that is not a positive number from 1e-3 to 1e7 Pa.
     """
     found = dict(description.pressures)
     if pressure is None:
@@ -194,6 +194,9 @@ def tube_pressures(
         (found[tube],) = finite_array([value], 1, what, StructureError).tolist()
         if found[tube] <= 0.0:
             raise StructureError(f'{what}: {value!r}: must be a positive number')
+        # A range for what is computed with it, wider than that of any cloth.
+        if not 1e-3 <= found[tube] <= 1e7:
+            raise StructureError(f'{what}: {value!r}: must be from 1e-3 to 1e7')
     return tuple(found.values())
 
 
