@@ -171,7 +171,7 @@ def _reciprocal(series: Array) -> Array:
 
 def chord_stiffness(length: Array, forces: EndForces) -> Array:
     """
-    Return the stiffness (k, 6, 6) of bent members along and across their chords.
+    Return the stiffness (k, 4, 4) of bent members by stretch and sway of chords and turns.
 
     :param length: (k,) of the chords [m].
     :param forces: of the members.
@@ -186,7 +186,7 @@ def chord_stiffness(length: Array, forces: EndForces) -> Array:
     core[:, 0, 1] += twist
     core[:, 1, 0] += twist
     core[:, 1, 1] += pull / length
-    return CHORD.T @ core @ CHORD
+    return core
 
 
 def local_stiffness(
@@ -210,4 +210,5 @@ def local_stiffness(
     fixed = np.zeros(np.shape(length), dtype=bool)
     columns = BeamColumns(length, axial, flexural, shear, *(pins or (fixed, fixed)))
     straight = np.zeros(np.shape(length))
-    return chord_stiffness(length, columns.evaluate(straight, np.stack([straight] * 2, axis=1)))
+    core = chord_stiffness(length, columns.evaluate(straight, np.stack([straight] * 2, axis=1)))
+    return CHORD.T @ core @ CHORD

@@ -18,7 +18,7 @@ from typing import NamedTuple
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.statics.cut_frame import CutFrame
-from isotruss_ros.core.statics.frame import Frame, Tangent
+from isotruss_ros.core.statics.frame import end_forces, Frame, Tangent
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 
@@ -91,6 +91,7 @@ class BentTubes:
     :ivar stiffness: of the structure against that of the model [-].
     :ivar linear: whether it is linear about straight tubes, as in the paper.
     :ivar before: where the frame was; without loads if None.
+    :ivar shortest: smallest distance of the cuts from the ends of pieces of tube [m].
     """
 
     structure: Structure
@@ -99,6 +100,7 @@ class BentTubes:
     stiffness: float = 1.0
     linear: bool = False
     before: Displaced | None = None
+    shortest: float = SHORTEST_PART
 
     @cached_property
     def start(self) -> Points:
@@ -125,20 +127,41 @@ class BentTubes:
         if not len(self.members):
             return frame, self.places, self.places
         pieces, within, ahead = self.structure.locate(self.members, self.places)
-        inside = np.clip(within, SHORTEST_PART, frame.length[pieces] - SHORTEST_PART)
+        inside = np.clip(within, self.shortest, frame.length[pieces] - self.shortest)
         return CutFrame(frame, pieces, inside), ahead, self.places + ahead * (inside - within)
 
-    def bent_to(self, before: Displaced, others: BentTubes) -> BentTubes:
+    def bent_to(self, before: Displaced | None) -> BentTubes:
         """
-        Return tubes linearised about another state, with this frame where they are cut alike.
+        Return the same tubes, linearised about another state.
 
-        :param before: the state.
-        :param others: the tubes, with the places where they are cut.
+        :param before: the state; None without loads.
         """
-        found = replace(others, before=before)
-        if others.structure is self.structure and np.array_equal(others.places, self.places):
-            found.__dict__['_cut'] = self._cut
+        found = replace(self, before=before)
+        found.__dict__['_cut'] = self._cut
         return found
+
+    def bent_like(self, others: BentTubes) -> BentTubes:
+        """
+        Return the same tubes, bent about as others of a similar robot.
+
+        :param others: the other tubes.
+        """
+        if others.before is None:
+            return self
+        displacements, multipliers, _, pull = others.before
+        frame, known = self.frame, others.frame
+        whole, nodes = frame.whole, displacements[: len(frame.points) - len(frame.nodes)]
+        longer = (others.structure.frame.length / self.structure.frame.length)[whole]
+        inner, middles = longer * frame.begins, longer * (frame.begins + 0.5 * frame.length)
+        own = known.interpolate(displacements, whole[frame.behind], inner[frame.behind])
+        part, _ = known.locate(whole, middles)
+        displaced = np.append(nodes, own, axis=0), multipliers, np.zeros((len(own), 3)), pull[part]
+        return self.bent_to(Displaced(*displaced))
+
+    @property
+    def ahead(self) -> Array:
+        """Return 1 where pieces of tube run along their member, -1 where backward, (k,)."""
+        return self._cut[1]
 
     @property
     def is_straight(self) -> bool:
@@ -216,7 +239,7 @@ class BentTubes:
         rates = tangent.forces.rates[parts, :, None] * ways
         np.add.at(
             carried,
-            (frame.places(parts), np.tile(np.arange(count), 2)[:, None]),
+            (frame.places[parts], np.tile(np.arange(count), 2)[:, None]),
             frame.nodal_forces(tangent, parts, rates)[..., 0],
         )
         # A part between two places of one member has both at its ends.
@@ -417,10 +440,8 @@ class BentTubes:
         """
         tangent, ways = self.tangent, self._ways(loads, places)
         changes, longer = self._force_changes(ways, self._displace(ways)[1])
-        pull = tangent.forces.pull + changes[:, 0]
-        first, second = (tangent.forces.moments + changes[:, 1:]).T
-        across = (first + second) / (tangent.length + longer)
-        ends = np.stack([-pull, across, first, pull, -across, second], axis=1)
+        pull, moments = tangent.forces.pull + changes[:, 0], tangent.forces.moments + changes[:, 1:]
+        ends = end_forces(pull, moments, tangent.length + longer)
         return self.stiffness / self.share * ends, 0.0 * pull if self.linear else pull
 
     def _force_changes(self, ways: Array, nodes: Array) -> tuple[Array, Array]:
@@ -445,7 +466,7 @@ class BentTubes:
         units = np.broadcast_to(np.eye(4)[:, None], (4, len(every), 4))
         rates = np.einsum('cfi,icp->cfp', frame.force_rates(tangent, every, units), changes)
         carried = np.zeros((3 * len(frame.points), changes.shape[2]))
-        np.subtract.at(carried, frame.places(every), frame.nodal_forces(tangent, every, rates))
+        np.subtract.at(carried, frame.places, frame.nodal_forces(tangent, every, rates))
         moved, _ = tangent.respond(carried)
         moved, (parts, end) = moved.reshape(-1, 3, changes.shape[2]), self._parts
         shear = changes[3, parts] / frame.members.shear[parts, None]

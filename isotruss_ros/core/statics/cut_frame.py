@@ -23,24 +23,24 @@ class CutFrame(Frame):
 
     def __init__(self, frame: Frame, piece: Indices, within: Array) -> None:
         order = np.lexsort((within, piece))
-        cut = frame._pattern.cut(frame.members, frame._held, piece, order)
+        cut = frame.pattern.cut(frame.members, piece, order)
         sections = (each[cut.whole] for each in frame.members[2:5])
-        members = cut.members._replace(
-            **dict(zip(('axial', 'flexural', 'shear'), sections, strict=True))
-        )
-        points = frame.points[frame.members.start[piece]] + within * frame.axis[piece]
         super().__init__(
-            np.append(frame.points, points),
-            members,
-            cut.held,
-            [*frame._names, *map(str, cut.nodes)],
+            np.append(frame.points, frame.points[frame.members.start[piece]] + within * frame.axis[piece]),
+            cut.members._replace(**dict(zip(('axial', 'flexural', 'shear'), sections, strict=True))),
+            np.append(frame.held, np.zeros((len(piece), 3), dtype=bool), axis=0),
+            [*frame.names, *map(str, cut.nodes)],
             frame.rows,
-            cut.pattern,
+            frame.pattern,
             rated=True,
         )
         self.nodes, self.before, self.behind = cut.nodes, cut.before, cut.behind
-        self.whole = cut.whole
-        self._piece, self._within = piece, within
+        self.whole, self.chains, self.places = cut.whole, cut.chains, cut.places
+        # Points in order along the members, by their member and the share of its length.
+        self._behind, self._within = cut.behind[order], within[order]
+        self._whole, self._keys = piece[order], (piece + within / frame.length[piece])[order]
+        self._lengths = frame.length
+        self.begins = np.append(np.zeros(len(frame.length)), within)
 
     def locate(self, piece: Indices, within: Array) -> tuple[Indices, Array]:
         """
@@ -49,8 +49,7 @@ class CutFrame(Frame):
         :param piece: (c,) numbers of the members of the frame that was cut.
         :param within: (c,) distances from their starts [m].
         """
-        part, begin = piece.copy(), np.zeros(len(piece))
-        for i in np.argsort(self._within).tolist():
-            beyond = (piece == self._piece[i]) & (within > self._within[i])
-            part[beyond], begin[beyond] = self.behind[i], self._within[i]
-        return part, within - begin
+        last = np.searchsorted(self._keys, piece + within / self._lengths[piece]) - 1
+        beyond = (last >= 0) & (self._whole[last] == piece)
+        begin = np.where(beyond, self._within[last], 0.0)
+        return np.where(beyond, self._behind[last], piece), within - begin
