@@ -15,7 +15,9 @@ from isotruss_ros.core.statics.bent_tubes import BentTubes, Displaced
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 
-
+#: Compliance is kept where nodes have moved by less than this since [m]: the errors of the steps
+#: that settle the tubes are a hundredth then.
+KEPT_MOTION = 2e-4
 #: Points are no nearer to the ends of their piece of tube than this share of their distance [-].
 SHORTEST_SHARE = 0.2
 
@@ -65,7 +67,7 @@ class ContactPoints:
     @property
     def place(self) -> Array:
         """Return the distance of each point from its member's start, (c,) [m]."""
-        return self.bent.places
+        return self.bent.cuts
 
     def pushed(self, push: Points) -> Array:
         """
@@ -91,14 +93,23 @@ class ContactPoints:
             self._moves[id(push)] = push, (moved.reshape(-1, 3), multipliers[:, 0])
         return self._moves[id(push)][1]
 
-    def bend_on(self, push: Points, share: float = 1.0) -> tuple[BentTubes, float]:
+    def distance(self, push: Points) -> float:
+        """
+        Return how far the nodes move from where the tubes are linearised [m].
+
+        :param push: (c,) forces on the points, x + iy [N].
+        """
+        return float(np.abs(self.move(push)[0][:, :2]).max())
+
+    def bend_on(self, push: Points, share: float = 1.0) -> BentTubes:
         """
         Return the tubes as forces on the points bend them, as far as they are linear.
 
         :param push: (c,) x + iy [N].
         :param share: of the way there [-].
-        :return: and how far the nodes are from where they were linearised [m].
         """
+        if not push.any():
+            return self.bent.bent_to(None)
         moved, multipliers = (share * each for each in self.move(push))
         tangent = self.bent.tangent
         _, pull = tangent.changed_forces(moved)
@@ -108,7 +119,7 @@ class ContactPoints:
             np.zeros((len(push), 3)),
             pull,
         )
-        return self.bent.bent_to(displaced), float(np.abs(moved[:, :2]).max())
+        return self.bent.bent_to(displaced)
 
     def about(self, bent: BentTubes, push: Points | None = None) -> ContactPoints:
         """
@@ -129,6 +140,16 @@ class ContactPoints:
             found = replace(found, points=there - give)
         skin = found.points + (self.skin - self.points) / self.axis * found.axis
         return replace(found, skin=skin, dents=self.dents)
+
+    def is_near(self, bent: BentTubes, spacing: float) -> bool:
+        """
+        Return whether the compliance is about that of as many points at other places.
+
+        :param bent: the tubes there, linearised about another state.
+        :param spacing: of the other points [m].
+        """
+        alike = spacing == self.spacing and np.array_equal(bent.frame.whole, self.bent.frame.whole)
+        return alike and bent.tangent.distance(self.bent.tangent.factored) <= KEPT_MOTION
 
     @cached_property
     def _own(self) -> Array:
@@ -162,7 +183,8 @@ class ContactPoints:
         """
         local = (self.axis.conj() * forces).view(np.float64).reshape(-1, 2).T
         moved = self.spread @ (self.ends @ self.pushed(forces))
-        moved += (self._own.reshape(local.size, -1) @ local.ravel()).reshape(2, -1)
+        own = self._own.reshape(local.size, local.size)
+        moved += (own @ local.ravel()).reshape(local.shape)
         return self.axis * (moved[0] + 1j * moved[1])
 
     def compliance(self, places: Indices) -> Array:
@@ -219,6 +241,7 @@ def find_contact_points(
     flattening: Flattening | None = None,
     windows: Array | None = None,
     bent: BentTubes | None = None,
+    known: tuple[ContactPoints, Points] | None = None,
 ) -> ContactPoints:
     """
     Place contact points on the members within reach of an object.
@@ -231,6 +254,8 @@ def find_contact_points(
     :param windows: (m, 2) between which points of each member, from its start, points are placed;
         everywhere if None [m].
     :param bent: tubes that are bent alike, at any places; straight ones if None.
+    :param known: points of these tubes, and forces on them, x + iy [N]: their compliance is kept
+        where the points are close to them.
     """
     config, width = structure.config, 0.0 if flattening is None else flattening.radius
     topology = config.robot.topology
@@ -250,7 +275,10 @@ def find_contact_points(
     number = np.arange(len(member)) - np.repeat(np.cumsum(counts) - counts - first, counts)
     place = np.clip(foot[member] + spacing * number, 0.0, length[member])
     tubes = BentTubes(structure, member, place, shortest=SHORTEST_SHARE * spacing)
-    points = points_on_members(tubes if bent is None else tubes.bent_like(bent), spacing)
+    tubes = tubes if bent is None else tubes.bent_like(bent)
+    if known is not None and known[0].is_near(tubes, spacing):
+        return known[0].about(tubes, known[1])
+    points = points_on_members(tubes, spacing)
     if flattening is None:
         return points
     toward = np.where(away.imag < 0.0, -1j, 1j)
@@ -279,7 +307,7 @@ def points_on_members(tubes: BentTubes, spacing: float) -> ContactPoints:
     frame, tangent = tubes.frame, tubes.tangent
     nodes, count, chains = frame.nodes, len(frame.nodes), tangent.chains
     # Unit loads on the ends of pieces, and what the state takes without loads.
-    ends = np.array([each.chain.ends for each in chains], dtype=np.intp).ravel()
+    ends = np.concatenate([np.zeros(0, int), *(each.chains.ends.ravel() for each in chains)])
     loads = np.zeros((len(tangent.carried), len(ends) + 1))
     loads[ends, np.arange(len(ends))], loads[:, -1] = 1.0, -tangent.carried
     gaps = np.zeros((len(tangent.gaps), len(ends) + 1))
@@ -287,16 +315,19 @@ def points_on_members(tubes: BentTubes, spacing: float) -> ContactPoints:
     moved, _ = tangent.respond(loads, gaps)
     points, axis = _line(tubes, moved[:, -1])
     inside, spread = np.zeros((2, count, 2, count)), np.zeros((2, count, len(ends)))
-    for i, (chain, inverse, own, _) in enumerate(chains):
-        at = chain.inner[::3] // 3 - nodes[0]
-        x, y, back = axis[at].real, axis[at].imag, axis[at].conj()[:, None]
-        rows = (inverse[::3] + 1j * inverse[1::3]) * back
-        own = (own[::3] + 1j * own[1::3]) * back
-        pushed = x * rows[:, ::3] + y * rows[:, 1::3], x * rows[:, 1::3] - y * rows[:, ::3]
-        there, columns = at[:, None], slice(6 * i, 6 * i + 6)
-        for way, each in enumerate(pushed):
-            inside[0, there, way, at], inside[1, there, way, at] = each.real, each.imag
-        spread[0, at, columns], spread[1, at, columns] = own.real, own.imag
+    begin = 0
+    for (_, inner, _), inverses, spreads, _ in chains:
+        for dofs, inverse, own in zip(inner, inverses, spreads, strict=True):
+            at = dofs[::3] // 3 - nodes[0]
+            x, y, back = axis[at].real, axis[at].imag, axis[at].conj()[:, None]
+            rows = (inverse[::3] + 1j * inverse[1::3]) * back
+            pushed = x * rows[:, ::3] + y * rows[:, 1::3], x * rows[:, 1::3] - y * rows[:, ::3]
+            there, columns = at[:, None], slice(begin, begin + 6)
+            for way, each in enumerate(pushed):
+                inside[0, there, way, at], inside[1, there, way, at] = each.real, each.imag
+            moving = (own[::3] + 1j * own[1::3]) * back
+            spread[0, at, columns], spread[1, at, columns] = moving.real, moving.imag
+            begin += 6
     return ContactPoints(
         points=points,
         skin=points,

@@ -21,7 +21,7 @@ def deformed_lines(analysis: GraspAnalysis) -> Points:
 
     :param analysis: of a grasp.
     """
-    structure, touching = analysis.structure, analysis.normal_forces > 0.0
+    structure = analysis.structure
     config = structure.config
     length, ring = config.member_lengths, config.robot.description.module.guide_ring_distance
     between = ring + (length - 2.0 * ring)[:, None] * np.linspace(0.0, 1.0, POINTS_PER_MEMBER)

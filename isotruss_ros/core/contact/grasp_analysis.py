@@ -133,7 +133,7 @@ class GraspAnalysis(
         if len(touching) == 0:
             return np.zeros((3, 3))
         if not points.bent.is_straight:
-            points = points.about(points.bend_on(contact.push)[0])
+            points = points.about(points.bend_on(contact.push))
         compliance, size = points.compliance(touching), 2 * len(touching)
         arms = (points.skin + points.displacements(contact.push))[touching] - self.center
         # Motions of the object by dx, dy, dtheta, along and across the tube at each contact.

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeVar
 
 from isotruss_ros.core.contact.contact import estimate_contact
 from isotruss_ros.core.contact.contact_points import (
@@ -40,16 +41,16 @@ LENGTH_SPREAD = 0.02
 #: Regions are found in so many steps, or points are placed wherever tubes are within reach.
 MAX_STEPS = 3
 EVERYWHERE = np.array([-np.inf, np.inf])
-#: Tubes are bent until no node moves by more than this [m], at most so often.
-SETTLED_MOTION, MAX_BENDS = 2e-6, 12
-#: Their compliance is kept where nodes move by less than this [m], and by that much less than
-#: before [-].
-KEPT_MOTION, KEPT_SHARE = 2e-4, 0.1
+#: Tubes are bent until no node moves by more than this [m], at most so often: the next step would
+#: be a hundredth of it. Their compliance is computed anew where a step is not so much shorter than
+#: the one before [-].
+SETTLED_MOTION, MAX_BENDS, QUICK_SHARE = 5e-6, 12, 0.5
 #: Tubes go so much of the way to where forces would bend them: less where they give way there.
 BENT_SHARES = (1.0, 0.5, 0.2, 0.0)
 
 #: Solves (8) at points that meet a surface; to begin with forces and normals if there are any.
 ContactSolver = Callable[..., ContactState]
+Found = TypeVar('Found')
 
 
 def refine_contact(
@@ -162,7 +163,9 @@ class _Search:
         within = limited & _touched(regions)
         windows = np.where(within, regions + SEARCH * self.room, EVERYWHERE)
         solved = self._solve_bent(
-            before, lambda bent: self.find(self.spacing / division, windows, begin, bent)
+            before.points,
+            before.contact.push,
+            lambda bent: self.find(self.spacing / division, windows, begin, bent, before),
         )
         found = solved.spans
         # A member whose contact has left its window may be touched elsewhere.
@@ -177,10 +180,12 @@ class _Search:
         windows: Array | None,
         solve: ContactSolver,
         bent: BentTubes | None = None,
+        before: SolvedContact | None = None,
     ) -> SolvedContact:
         """Place points with a spacing, and solve with the surface resolved by them."""
+        known = None if before is None else (before.points, before.contact.push)
         points = find_contact_points(
-            self.structure, self.surface, distance, self.flattening, windows, bent
+            self.structure, self.surface, distance, self.flattening, windows, bent, known
         )
         return self._measure(points, solve(points, self.surface.resolved(distance)))
 
@@ -189,12 +194,12 @@ class _Search:
         return measure_contact(points, contact, count)
 
     def _solve_bent(
-        self, before: SolvedContact, solve: Callable[[BentTubes], SolvedContact]
-    ) -> SolvedContact:
+        self, points: ContactPoints, push: Points, solve: Callable[[BentTubes], Found]
+    ) -> Found:
         """Solve with tubes as contact forces bend them, or less where they give way at that."""
         for share in BENT_SHARES:
             try:
-                return solve(before.points.bend_on(before.contact.push, share)[0])
+                return solve(points.bend_on(push, share))
             except (SolverError, StructureError):
                 if share == BENT_SHARES[-1]:
                     raise
@@ -202,27 +207,26 @@ class _Search:
 
     def bend(self, found: SolvedContact) -> SolvedContact:
         """Solve at the same points until the tubes are linearised where they are."""
-        last = np.inf
+        surface, last = self.surface.resolved(found.points.spacing), np.inf
+        points, contact = found.points, found.contact
         for _ in range(MAX_BENDS):
-            points, contact = found.points, found.contact
-            _, distance = points.bend_on(contact.push)
+            distance = points.distance(contact.push)
             if distance <= SETTLED_MOTION:
-                return found
-            surface = self.surface.resolved(points.spacing)
-            anew, last = distance > min(KEPT_MOTION, KEPT_SHARE * last), distance
+                return found if points is found.points else self._measure(points, contact)
+            quick, last = distance <= QUICK_SHARE * last, distance
 
             def solve(
                 bent: BentTubes,
                 points: ContactPoints = points,
                 contact: ContactState = contact,
-                surface: Surface = surface,
-                anew: bool = anew,
-            ) -> SolvedContact:
-                there = points.about(bent, None if anew else contact.push)
-                found = self.solver(there, surface, contact.forces, contact.normals)
-                return self._measure(there, found)
+                quick: bool = quick,
+            ) -> tuple[ContactPoints, ContactState]:
+                quick = quick and points.is_near(bent, points.spacing)
+                there = points.about(bent, contact.push if quick else None)
+                found = contact.forces, contact.normals, contact.push
+                return there, self.solver(there, surface, *found)
 
-            found = self._solve_bent(found, solve)
+            points, contact = self._solve_bent(points, contact.push, solve)
         names = self.structure.config.robot.member_names
         touched = ', '.join(names[i] for i in np.flatnonzero(_touched(found.spans)))
         raise SolverError(

@@ -282,7 +282,9 @@ class ContactStatics:
         least = np.full(places.size, coarse * LENGTH_TOLERANCE)
         for _ in range(steps):
             residual, state = self.equations(unknowns, wrench, closure)
-            least[places.balance] = coarse * FORCE_TOLERANCE * np.abs(unknowns[places.normal]).sum()
+            least[places.balance] = (
+                coarse * FORCE_TOLERANCE * np.abs(unknowns[places.normal]).sum()
+            )
             # What is no number is no solution either.
             if (np.abs(residual) <= least).all():
                 folded = np.abs(unknowns[places.inclinations]).max() > MAX_INCLINATION

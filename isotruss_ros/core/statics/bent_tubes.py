@@ -27,7 +27,7 @@ import numpy as np
 LINEAR_SHARE = 1e-6
 #: Tubes are linearised anew until no node moves by more than this [m]: the error left is 15 /m
 #: times its square. Where a motion is followed, until none moves by more than that.
-SETTLED_MOTION, FOLLOWED_MOTION = 1e-7, 1e-4
+SETTLED_MOTION, FOLLOWED_MOTION = 3e-8, 1e-4
 #: Tubes are linearised anew so often at most.
 MAX_BENDS = 8
 #: Motions of places count that much less than those of nodes [-]: by the moments in tubes.
@@ -164,6 +164,11 @@ class BentTubes:
         return self._cut[1]
 
     @property
+    def cuts(self) -> Array:
+        """Return where the frame is cut, from the members' starts, (k,) [m]."""
+        return self._cut[2]
+
+    @property
     def is_straight(self) -> bool:
         """Return whether they are linearised without loads."""
         return self.before is None
@@ -237,11 +242,9 @@ class BentTubes:
         # The part before a place becomes longer as this moves, the one behind it shorter.
         ways = np.append(self._cut[1], -self._cut[1])[:, None, None]
         rates = tangent.forces.rates[parts, :, None] * ways
-        np.add.at(
-            carried,
-            (frame.places[parts], np.tile(np.arange(count), 2)[:, None]),
-            frame.nodal_forces(tangent, parts, rates)[..., 0],
-        )
+        forces, own = frame.nodal_forces(tangent, parts, rates)[..., 0], np.arange(count)[:, None]
+        carried[frame.places[frame.before], own] = forces[:count]
+        carried[frame.places[frame.behind], own] += forces[count:]
         # A part between two places of one member has both at its ends.
         longer = (parts[:, None] == frame.before) * self._cut[1]
         longer -= (parts[:, None] == frame.behind) * self._cut[1]
@@ -440,7 +443,10 @@ class BentTubes:
         """
         tangent, ways = self.tangent, self._ways(loads, places)
         changes, longer = self._force_changes(ways, self._displace(ways)[1])
-        pull, moments = tangent.forces.pull + changes[:, 0], tangent.forces.moments + changes[:, 1:]
+        pull, moments = (
+            tangent.forces.pull + changes[:, 0],
+            tangent.forces.moments + changes[:, 1:],
+        )
         ends = end_forces(pull, moments, tangent.length + longer)
         return self.stiffness / self.share * ends, 0.0 * pull if self.linear else pull
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.statics.frame import Frame
+from isotruss_ros.core.statics.frame_pattern import Members
 import numpy as np
 
 
@@ -23,24 +24,23 @@ class CutFrame(Frame):
 
     def __init__(self, frame: Frame, piece: Indices, within: Array) -> None:
         order = np.lexsort((within, piece))
-        cut = frame.pattern.cut(frame.members, piece, order)
+        cut = frame.pattern.cut(frame.members, frame.held, piece, order)
         sections = (each[cut.whole] for each in frame.members[2:5])
+        start, end, *_, pinned_start, pinned_end = cut.members
+        points = frame.points[frame.members.start[piece]] + within * frame.axis[piece]
         super().__init__(
-            np.append(frame.points, frame.points[frame.members.start[piece]] + within * frame.axis[piece]),
-            cut.members._replace(**dict(zip(('axial', 'flexural', 'shear'), sections, strict=True))),
-            np.append(frame.held, np.zeros((len(piece), 3), dtype=bool), axis=0),
-            [*frame.names, *map(str, cut.nodes)],
+            np.append(frame.points, points),
+            Members(start, end, *sections, pinned_start, pinned_end),
+            cut.held,
+            frame.names,
             frame.rows,
             frame.pattern,
             rated=True,
         )
         self.nodes, self.before, self.behind = cut.nodes, cut.before, cut.behind
         self.whole, self.chains, self.places = cut.whole, cut.chains, cut.places
-        # Points in order along the members, by their member and the share of its length.
-        self._behind, self._within = cut.behind[order], within[order]
-        self._whole, self._keys = piece[order], (piece + within / frame.length[piece])[order]
-        self._lengths = frame.length
         self.begins = np.append(np.zeros(len(frame.length)), within)
+        self._lengths, self._cut = frame.length, (piece[order], within[order], cut.behind[order])
 
     def locate(self, piece: Indices, within: Array) -> tuple[Indices, Array]:
         """
@@ -49,7 +49,10 @@ class CutFrame(Frame):
         :param piece: (c,) numbers of the members of the frame that was cut.
         :param within: (c,) distances from their starts [m].
         """
-        last = np.searchsorted(self._keys, piece + within / self._lengths[piece]) - 1
-        beyond = (last >= 0) & (self._whole[last] == piece)
-        begin = np.where(beyond, self._within[last], 0.0)
-        return np.where(beyond, self._behind[last], piece), within - begin
+        whole, places, behind = self._cut
+        # In order by their member and the share of its length.
+        keys, wanted = whole + places / self._lengths[whole], piece + within / self._lengths[piece]
+        last = np.searchsorted(keys, wanted) - 1
+        beyond = (last >= 0) & (whole[last] == piece)
+        begin = np.where(beyond, places[last], 0.0)
+        return np.where(beyond, behind[last], piece), within - begin

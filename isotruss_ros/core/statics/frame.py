@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+import itertools
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import StructureError
@@ -23,6 +24,7 @@ from isotruss_ros.core.numerics.factorization import (
     Factor,
     factorize,
     factorize_with_condition,
+    invert_symmetric,
 )
 from isotruss_ros.core.statics.beam_column import (
     BeamColumns,
@@ -32,7 +34,7 @@ from isotruss_ros.core.statics.beam_column import (
     evaluate_rates,
 )
 from isotruss_ros.core.statics.frame_pattern import (
-    Chain,
+    Chains,
     FramePattern,
     LinearRows,
     Members,
@@ -40,7 +42,6 @@ from isotruss_ros.core.statics.frame_pattern import (
     TurnRows,
 )
 import numpy as np
-from scipy.linalg import lapack
 from scipy.sparse import coo_matrix, csc_matrix
 
 #: Largest condition number of the scaled frame [-]; a frame beyond it is a mechanism.
@@ -51,9 +52,7 @@ MAX_NEWTON_ITERATIONS = 20
 #: Largest ratio of displacements to the linear response [-].
 MAX_GROWTH = 3.0
 #: Which of 0, 1, -1, x, y, -x and -y of a direction are the entries of `chord_motions`.
-MOTION = np.array(
-    [[5, 6, 0, 3, 4, 0], [4, 5, 0, 6, 3, 0], [0, 0, 1, 0, 0, 0], [0, 0, 0, 0, 0, 1]]
-)
+MOTION = np.array([[5, 6, 0, 3, 4, 0], [4, 5, 0, 6, 3, 0], [0, 0, 1, 0, 0, 0], [0, 0, 0, 0, 0, 1]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,17 +76,17 @@ class FrameState:
     bowing: Array
 
 
-class CondensedChain(NamedTuple):
+class CondensedChains(NamedTuple):
     """
-    A cut member with the displacements of its points eliminated (static condensation).
+    Cut members with the displacements of their points eliminated (static condensation).
 
-    :ivar chain: the member.
-    :ivar inverse: (3 p, 3 p) displacements of the points by loads there, the ends held.
-    :ivar spread: (3 p, 6) displacements of the points by those of the ends.
-    :ivar stiffness: (3 p, 3 p) of the points.
+    :ivar chains: the members.
+    :ivar inverse: (b, 3 p, 3 p) displacements of the points by loads there, the ends held.
+    :ivar spread: (b, 3 p, 6) displacements of the points by those of the ends.
+    :ivar stiffness: (b, 3 p, 3 p) of the points.
     """
 
-    chain: Chain
+    chains: Chains
     inverse: Array
     spread: Array
     stiffness: Array
@@ -124,14 +123,14 @@ class Tangent:
     _rows: tuple[Array, Array]  # entries of the constraints, and what their turning adds
 
     @cached_property
-    def _condensed(self) -> tuple[Array, list[CondensedChain]]:
+    def _condensed(self) -> tuple[Array, list[CondensedChains]]:
         """Return the stiffness (k, 6, 6) of members, cut ones by their ends, and these."""
         matrices = self.motions.transpose(0, 2, 1) @ self.stiffness @ self.motions
         chains = [_condense(matrices, chain) for chain in self._frame.chains]
         return matrices[: self._frame.pattern.count], chains
 
     @property
-    def chains(self) -> list[CondensedChain]:
+    def chains(self) -> list[CondensedChains]:
         """Return the cut members."""
         return self._condensed[1]
 
@@ -167,7 +166,7 @@ class Tangent:
         if self.chains:
             borne = loads.copy()
             for (_, inner, ends), _, spread, _ in self.chains:
-                borne[ends] += spread.T @ loads[inner]
+                borne[ends] += spread.swapaxes(1, 2) @ loads[inner]
         solved, scale = self._frame.pattern.solved, self.system[1][:, None]
         free, right = len(solved), np.empty((len(scale), loads.shape[1]))
         right[:free], right[free:] = borne[solved], gaps
@@ -186,8 +185,23 @@ class Tangent:
 
         :param other: linearised there.
         """
-        for name in ('_condensed', 'system', 'factor'):
+        for name in ('_condensed', 'system', 'factor', 'factored'):
             self.__dict__[name] = getattr(other, name)
+
+    @cached_property
+    def factored(self) -> Points:
+        """Return the nodes (n,) for which the frame is factored, x + iy [m]."""
+        return self._frame.points + self.displacements @ (1.0, 1j, 0.0)
+
+    def distance(self, nodes: Points) -> float:
+        """
+        Return the largest distance of nodes, but for points inside members, from others [m].
+
+        :param nodes: (n,) the others, x + iy [m].
+        """
+        count = len(self._frame.points) - len(self._frame.nodes)
+        own = self._frame.points[:count] + self.displacements[:count] @ (1.0, 1j, 0.0)
+        return float(np.abs(own - nodes[:count]).max())
 
     @property
     def end_forces(self) -> Array:
@@ -201,7 +215,10 @@ class Tangent:
         :param moved: (n, 3) ux, uy [m], theta [rad].
         """
         changes, longer = self._frame.force_changes(self, moved[..., None])
-        pull, moments = self.forces.pull + changes[:, 0, 0], self.forces.moments + changes[:, 1:, 0]
+        pull, moments = (
+            self.forces.pull + changes[:, 0, 0],
+            self.forces.moments + changes[:, 1:, 0],
+        )
         return end_forces(pull, moments, self.length + longer[:, 0]), pull
 
 
@@ -453,10 +470,14 @@ class Frame:
         chord = length + apart
         turned, x = np.angle(chord), inside / length
         before, after = start[:, 2] - turned, end[:, 2] - turned
-        before = np.where(self.members.pinned_start[part], -0.5 * after, before)
-        after = np.where(self.members.pinned_end[part], -0.5 * before, after)
-        bow = x * (1.0 - x) * ((1.0 - x) * before - x * after)
-        slope = (1.0 - x) * (1.0 - 3.0 * x) * before + x * (3.0 * x - 2.0) * after
+        own = self.members
+        skew = 12.0 * own.flexural[part] / own.shear[part] / length**2
+        follows = -(2.0 - skew) / (4.0 + skew)  # of a pinned end
+        before = np.where(own.pinned_start[part], follows * after, before)
+        after = np.where(own.pinned_end[part], follows * before, after)
+        even, odd = before + after, before - after
+        bow = 0.5 * x * (1.0 - x) * (odd + (1.0 - 2.0 * x) / (1.0 + skew) * even)
+        slope = 0.5 * ((1.0 - 2.0 * x) * odd + (1.0 - 6.0 * x * (1.0 - x) / (1.0 + skew)) * even)
         moved = axis * (first + x * apart + 1j * bow * chord)
         return np.stack([moved.real, moved.imag, turned + slope], axis=1)
 
@@ -583,8 +604,10 @@ class Frame:
 
         :param tangent: there.
         """
-        softened = sum(count_negative_pivots(each.stiffness, 0) for each in tangent.chains)
-        return count_negative_pivots(tangent.system[0], self.rows.count) == self.rows.count - softened
+        chains = itertools.chain.from_iterable(each.stiffness for each in tangent.chains)
+        softened = sum(count_negative_pivots(each, 0) for each in chains)
+        negative = count_negative_pivots(tangent.system[0], self.rows.count)
+        return negative + softened == self.rows.count
 
     def state(self, tangent: Tangent, loads: Array) -> FrameState:
         """
@@ -606,7 +629,6 @@ class Frame:
         return np.where(self.held.ravel(), missing, 0.0).reshape(-1, 3)
 
 
-
 def end_forces(pull: Array, moments: Array, length: Array) -> Array:
     """
     Return the forces (k, 6) of the nodes on members, see `FrameState.end_forces`.
@@ -619,31 +641,27 @@ def end_forces(pull: Array, moments: Array, length: Array) -> Array:
     return np.stack([-pull, across, first, pull, -across, second], axis=1)
 
 
-def _condense(matrices: Array, chain: Chain) -> CondensedChain:
+def _condense(matrices: Array, chains: Chains) -> CondensedChains:
     """
-    Eliminate the points of a cut member; its first part gets the stiffness of its ends.
+    Eliminate the points of cut members; their first parts get the stiffness of their ends.
 
     :param matrices: (k, 6, 6) of all parts, in the plane.
-    :param chain: the member.
+    :param chains: the members.
     """
-    parts, count = chain.parts, len(chain.parts)
-    own, each = matrices[parts], np.arange(count)
-    whole = np.zeros((count + 1, 3, count + 1, 3))
-    whole[each, :, each] = own[:, :3, :3]
-    whole[each + 1, :, each + 1] += own[:, 3:, 3:]
-    whole[each, :, each + 1], whole[each + 1, :, each] = own[:, :3, 3:], own[:, 3:, :3]
-    whole = whole.reshape(3 * count + 3, -1)
+    several, count = chains.parts.shape
+    own, each = matrices[chains.parts], np.arange(count)
+    whole = np.zeros((several, count + 1, 3, count + 1, 3))
+    first, second = own[:, :, :3].swapaxes(0, 1), own[:, :, 3:].swapaxes(0, 1)
+    whole[:, each, :, each], whole[:, each, :, each + 1] = first[..., :3], first[..., 3:]
+    whole[:, each + 1, :, each] = second[..., :3]
+    whole[:, each + 1, :, each + 1] += second[..., 3:]
+    whole = whole.reshape(several, 3 * count + 3, -1)
     inner, ends = slice(3, -3), np.array([0, 1, 2, -3, -2, -1])
-    stiffness, coupling = whole[inner, inner], whole[inner][:, ends]
-    factor, failed = lapack.dpotrf(stiffness, lower=True)
-    if failed:  # compressed beyond what it bears with its ends held
-        inverse = np.linalg.inv(stiffness)
-    else:
-        inverse, _ = lapack.dpotri(factor, lower=True, overwrite_c=True)
-        inverse += np.tril(inverse, -1).T
+    stiffness, coupling = whole[:, inner, inner], whole[:, inner][:, :, ends]
+    inverse = invert_symmetric(stiffness)
     spread = -inverse @ coupling
-    matrices[parts[0]] = whole[np.ix_(ends, ends)] + coupling.T @ spread
-    return CondensedChain(chain, inverse, spread, stiffness)
+    matrices[chains.parts[:, 0]] = whole[:, ends][:, :, ends] + coupling.swapaxes(1, 2) @ spread
+    return CondensedChains(chains, inverse, spread, stiffness)
 
 
 def chord_motions(direction: Points) -> Array:

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import NamedTuple
 
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
@@ -198,11 +199,12 @@ class FramePattern:
         self.flat_places = self.matrix_rows * size + self.matrix_columns
         self._cuts: dict[bytes, CutPattern] = {}
 
-    def cut(self, members: Members, piece: Indices, order: Indices) -> CutPattern:
+    def cut(self, members: Members, held: Flags, piece: Indices, order: Indices) -> CutPattern:
         """
         Return the pattern of a frame cut at some points; the last ones are kept.
 
         :param members: what connects the nodes.
+        :param held: (n, 3) which displacements are held by supports.
         :param piece: (c,) numbers of the members with points inside.
         :param order: (c,) of the points along them, member after member.
         """
@@ -210,7 +212,7 @@ class FramePattern:
         if key not in self._cuts:
             if len(self._cuts) >= MAX_CUTS:
                 self._cuts.clear()
-            self._cuts[key] = CutPattern.of(members, len(self.unknowns) // 3, piece, order)
+            self._cuts[key] = CutPattern.of(members, held, piece, order)
         return self._cuts[key]
 
 
@@ -218,13 +220,13 @@ class FramePattern:
 MAX_CUTS = 64
 
 
-class Chain(NamedTuple):
+class Chains(NamedTuple):
     """
-    A member cut at p points.
+    Members b that are cut at p points each, and have no end in common.
 
-    :ivar parts: (p + 1,) from its start to its end.
-    :ivar inner: (3 p,) displacements of the points in the order of the parts.
-    :ivar ends: (6,) displacements of its ends.
+    :ivar parts: (b, p + 1) from their starts to their ends.
+    :ivar inner: (b, 3 p) displacements of the points in the order of the parts.
+    :ivar ends: (b, 6) displacements of their ends.
     """
 
     parts: Indices
@@ -240,6 +242,7 @@ class CutPattern(NamedTuple):
 
     :ivar whole: (k + c,) of which members these are parts.
     :ivar members: what connects the nodes, the sections those before.
+    :ivar held: (n + c, 3) which of ux, uy, theta are held by supports.
     :ivar nodes: (c,) the nodes at the points.
     :ivar before: (c,) the parts that end at the points.
     :ivar behind: (c,) the parts that begin there.
@@ -249,27 +252,28 @@ class CutPattern(NamedTuple):
 
     whole: Indices
     members: Members
+    held: Flags
     nodes: Indices
     before: Indices
     behind: Indices
-    chains: tuple[Chain, ...]
+    chains: tuple[Chains, ...]
     places: Indices
 
     @classmethod
-    def of(cls, members: Members, count: int, piece: Indices, order: Indices) -> CutPattern:
+    def of(cls, members: Members, held: Flags, piece: Indices, order: Indices) -> CutPattern:
         """
         Return what frames that are cut at some points share.
 
         :param members: of the frame before.
-        :param count: of its nodes.
+        :param held: (n, 3) its supports.
         :param piece: (c,) numbers of the members with points inside.
         :param order: (c,) of the points along them, member after member.
         """
         parts, own = len(members.start), np.arange(len(piece))
-        whole, nodes, behind = np.append(np.arange(parts), piece), count + own, parts + own
+        whole, nodes, behind = np.append(np.arange(parts), piece), len(held) + own, parts + own
         cut = Members(*(each[whole] for each in members))
         cut.pinned_start[parts:] = False
-        before, chains = np.empty_like(piece), []
+        before, found = np.empty_like(piece), []
         for member in np.unique(piece).tolist():
             points = order[piece[order] == member]
             chain = np.append(member, behind[points])
@@ -278,7 +282,17 @@ class CutPattern(NamedTuple):
             cut.end[chain[-1]], cut.pinned_end[chain[:-1]] = members.end[member], False
             inner = (3 * nodes[points, None] + np.arange(3)).ravel()
             both = np.array([members.start[member], members.end[member]])
-            chains.append(Chain(chain, inner, (3 * both[:, None] + np.arange(3)).ravel()))
+            found.append((chain, inner, (3 * both[:, None] + np.arange(3)).ravel()))
+        alike = itertools.groupby(
+            sorted(found, key=lambda each: len(each[0])), lambda each: len(each[0])
+        )
+        chains = []
+        for _, group in alike:
+            several = Chains(*map(np.array, zip(*group, strict=True)))
+            apart = len(np.unique(several.ends)) == several.ends.size
+            single = (Chains(*(each[[i]] for each in several)) for i in range(len(several.ends)))
+            chains += [several] if apart else list(single)
         ends = np.stack([cut.start, cut.end], axis=1)
         places = (3 * ends[:, :, None] + np.arange(3)).reshape(-1, 6)
-        return cls(whole, cut, nodes, before, behind, tuple(chains), places)
+        still = np.append(held, np.zeros((len(piece), 3), dtype=bool), axis=0)
+        return cls(whole, cut, still, nodes, before, behind, tuple(chains), places)

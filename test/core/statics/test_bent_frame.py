@@ -71,7 +71,9 @@ def test_the_tangent_is_the_derivative_of_the_forces(rng):
     change = (ahead.carried - behind.carried) / 2e-6
     answer, _ = bent.respond(change[:, None])
     moved = np.zeros(way.size)
-    solved = np.concatenate([frame.pattern.solved, *(chain.inner for chain in frame.chains)])
+    solved = np.concatenate(
+        [frame.pattern.solved, *(chain.inner.ravel() for chain in frame.chains)]
+    )
     moved[solved] = way.ravel()[solved]
     # What is held moves too: its forces are what the change has beside those of the unknowns.
     still = way.ravel() - moved
