@@ -323,7 +323,7 @@ class ContactStatics:
             if statics.bent.distance(state.loads, state.feet) <= reach:
                 if coarse > 1.0:
                     state = statics.solve(state.unknowns, wrench, closure, steps)
-                return state and (statics, state)
+                return None if state is None else (statics, state)
             bent = statics.bent.update(state.loads, state.feet)
             statics, unknowns = replace(statics, bent=bent), state.unknowns
         return None

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.statics.frame import Frame
-from isotruss_ros.core.statics.frame_pattern import Members
 import numpy as np
 
 
@@ -25,12 +24,11 @@ class CutFrame(Frame):
     def __init__(self, frame: Frame, piece: Indices, within: Array) -> None:
         order = np.lexsort((within, piece))
         cut = frame.pattern.cut(frame.members, frame.held, piece, order)
-        sections = (each[cut.whole] for each in frame.members[2:5])
-        start, end, *_, pinned_start, pinned_end = cut.members
+        axial, flexural, shear = (each[cut.whole] for each in frame.members[2:5])
         points = frame.points[frame.members.start[piece]] + within * frame.axis[piece]
         super().__init__(
             np.append(frame.points, points),
-            Members(start, end, *sections, pinned_start, pinned_end),
+            cut.members._replace(axial=axial, flexural=flexural, shear=shear),
             cut.held,
             frame.names,
             frame.rows,

@@ -102,7 +102,7 @@ class Tangent:
     :ivar axis: (k,) directions of the chords.
     :ivar length: (k,) of the chords [m].
     :ivar forces: of the members.
-    :ivar motions: (k, 4, 6) stretch and sway of the chords, and turns of the ends, by displacements.
+    :ivar motions: (k, 4, 6) stretch and sway of the chords and turns of the ends, by motions.
     :ivar stretched: (k,) l - l0 [m], and (k, 2) turns of the ends against the chords [rad].
     :ivar carried: (3 n,) loads and reactions that these displacements take [N], [N m].
     :ivar gaps: (c,) of the constraints.
@@ -126,7 +126,10 @@ class Tangent:
     def _condensed(self) -> tuple[Array, list[CondensedChains]]:
         """Return the stiffness (k, 6, 6) of members, cut ones by their ends, and these."""
         matrices = self.motions.transpose(0, 2, 1) @ self.stiffness @ self.motions
-        chains = [_condense(matrices, chain) for chain in self._frame.chains]
+        try:
+            chains = [_condense(matrices, chain) for chain in self._frame.chains]
+        except np.linalg.LinAlgError as error:
+            raise StructureError('a loaded member has no stiffness in its bent shape') from error
         return matrices[: self._frame.pattern.count], chains
 
     @property
@@ -269,7 +272,8 @@ class Frame:
         self.axis = span / length
         self._rated = rated
         self.pattern = pattern or FramePattern(members, held, rows)
-        self.places, self.chains = self.pattern.places, ()
+        self.places = self.pattern.places
+        self.chains: tuple[Chains, ...] = ()
         self.whole, self.begins = np.arange(len(length)), np.zeros(len(length))
         self.nodes = self.before = self.behind = np.zeros(0, dtype=np.intp)
 
@@ -549,7 +553,7 @@ class Frame:
 
     def force_changes(self, tangent: Tangent, moved: Array) -> tuple[Array, Array]:
         """
-        Return the changes of (N, M1, M2) (k, 3, c) and chords (k, c) by displacements of the nodes.
+        Return the changes of (N, M1, M2) (k, 3, c) and chords (k, c) as the nodes move.
 
         :param tangent: the state.
         :param moved: (n, 3, c) of all nodes.
