@@ -44,7 +44,7 @@ EVERYWHERE = np.array([-np.inf, np.inf])
 #: Tubes are bent until no node moves by more than this [m], at most so often: the next step would
 #: be a hundredth of it. Their compliance is computed anew where a step is not so much shorter than
 #: the one before [-].
-SETTLED_MOTION, MAX_BENDS, QUICK_SHARE = 5e-6, 12, 0.5
+SETTLED_MOTION, MAX_BENDS, QUICK_SHARE = 6e-7, 12, 0.5
 #: Tubes go so much of the way to where forces would bend them: less where they give way there.
 BENT_SHARES = (1.0, 0.5, 0.2, 0.0)
 

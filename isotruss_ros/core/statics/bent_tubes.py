@@ -27,7 +27,7 @@ import numpy as np
 LINEAR_SHARE = 1e-6
 #: Tubes are linearised anew until no node moves by more than this [m]: the error left is 15 /m
 #: times its square. Where a motion is followed, until none moves by more than that.
-SETTLED_MOTION, FOLLOWED_MOTION = 3e-8, 1e-4
+SETTLED_MOTION, FOLLOWED_MOTION = 1e-9, 1e-4
 #: Tubes are linearised anew so often at most.
 MAX_BENDS = 8
 #: Motions of places count that much less than those of nodes [-]: by the moments in tubes.
