@@ -127,7 +127,8 @@ paper: venv
 plant: venv
 	$(BIN)/python -m comparison
 
-# By what they show and what draws them; the films need Chromium and EGL, and a machine that does nothing else.
+# By what they show and what draws them; the films need Chromium and EGL, that in MuJoCo a machine that does
+# nothing else.
 pictures: venv
 	$(BIN)/python tools/pictures.py
 
@@ -150,7 +151,7 @@ fuzz: venv $(STAMPS)/fuzz
 
 soak: MINUTES = 15
 soak: venv
-	$(BIN)/python test/helpers/soak.py --minutes $(MINUTES)
+	PYTHONPATH=test/helpers $(BIN)/python tools/soak.py --minutes $(MINUTES)
 	WALKS=$(WALKS) $(PYTEST) test/core/safety/test_walks.py -k other
 
 calls: venv

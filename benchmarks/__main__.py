@@ -6,8 +6,8 @@ Run the benchmarks, each in a process of its own, and print one page.
 
     python -m benchmarks [NAME ...]
 
-A name is that of a case: a file beside this one that has `tables`, which yields what it measured.
-`BENCHMARK_SHARE=0.1` takes a tenth of the work.
+A case is a file of this folder with a function `tables`, which yields its tables.
+`BENCHMARK_SHARE=0.1` does a tenth of the work.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def run(name: str) -> None:
 
 
 def main() -> int:
-    """Run what is asked for; return 1 where a case fails."""
+    """Run the named cases, or all; return 1 if a case fails."""
     parser = argparse.ArgumentParser(prog='python -m benchmarks', description=__doc__)
     parser.add_argument(
         'names', nargs='*', metavar='NAME', choices=[*NAMES, []], help=', '.join(NAMES)

@@ -1,15 +1,15 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """
-How many files of the package a twist and a closure flag pass through.
+Length of the call paths of a twist, closure and the flag `held`, in files and moves.
 
-One control cycle of `TwistServo.decide` with fresh inputs of a moving robot; one `analyze_grasp`,
-which finds closure by (10); and one analysis of `GraspMonitor.report` after robot and object have
-moved, whose flag says that a free object is held, so that `settle_grasp` runs beside
-(10). Counted by `sys.setprofile`: the files of the package whose functions are called, and the
-moves between them: every call or return that leads from one of its files to another. Calls into
-other packages do not count. A second table has how many files the parts of the core import,
-directly and through others, and their lines, each row with those before it.
+The calls are one control cycle of `TwistServo.decide` with fresh inputs of a moving robot, one
+`analyze_grasp`, which computes closure by (10), and one analysis of `GraspMonitor.report` after
+robot and object have moved, which includes `settle_grasp`. `sys.setprofile` counts the files of
+the package whose functions are called, and the moves between them: calls and returns from one of
+its files to another. Calls into other packages do not count. The second table has the number of
+files that the parts of the core import, directly and through others, and their lines; each row
+includes those before it.
 """
 
 from __future__ import annotations
@@ -24,17 +24,18 @@ from benchmarks.measuring import Table
 import isotruss_ros
 from isotruss_ros import core
 from isotruss_ros.core.inputs import RollerState, StampedInput
-from isotruss_ros.core.safety.roller_failure import FailureDetector
+from isotruss_ros.core.safety.roller_failure import FAILURE_TIME
+from isotruss_ros.core.servo.servo_settings import ServoSettings
 from isotruss_ros.nodes.grasp.grasp_monitor import GraspMonitor
 from isotruss_ros.nodes.grasp.grasp_report import GraspCode, GraspQuery
 import numpy as np
 
 PACKAGE = str(Path(isotruss_ros.__file__).parent)
 MODULE, DIAMETER, PERIOD, TWIST = 'east/Q', 0.3, 0.005, (0.02, 0.03, 0.1)
-#: Until the rollers have accelerated to the twist.
+#: Number of cycles until the rollers have accelerated to the twist [-].
 CYCLES = 60
 
-#: What each row of the second table begins with, below `isotruss_ros.core`.
+#: First modules of the rows of the second table, below `isotruss_ros.core`.
 PARTS = {
     'twist': ('manipulation.solve_twist',),
     '+ analysis': ('contact.analyze_grasp',),
@@ -49,7 +50,7 @@ PARTS = {
 
 def trace(call: Callable[[], object]) -> tuple[list[str], int]:
     """
-    Return the files of the package that a call passes through, and the moves between them.
+    Return the files of the package on a call path, and the moves between them.
 
     :param call: the call.
     """
@@ -81,21 +82,22 @@ def trace(call: Callable[[], object]) -> tuple[list[str], int]:
 
 
 def control_cycle() -> tuple[list[str], int]:
-    """Trace one cycle of the twist servo, once it has run for some cycles."""
+    """Trace one cycle of the twist servo after some cycles."""
     robot = core.load_robot('nine_member')
     center = core.tangent_center(robot.home, MODULE, DIAMETER)
     grip = core.Grip.at_module(robot, MODULE, core.ConvexObject.disc(center, DIAMETER))
-    servo = core.TwistServo(robot, grip, PERIOD, 0.2)
-    servo.detector = FailureDetector(robot.roller_names)
+    servo = core.TwistServo(robot, ServoSettings(grip, PERIOD, 0.2, failure_time=FAILURE_TIME))
     held = core.RollingGrip.attach(robot.home, grip)
     positions = held.config.roller_positions
     now = 0.0
     for _ in range(CYCLES):
         found = []
-        servo.twist = StampedInput(TWIST, now)
-        servo.rollers = StampedInput(RollerState(positions, np.zeros(len(positions))), now - 0.002)
+        servo.receive(
+            twist=StampedInput(TWIST, now),
+            rollers=StampedInput(RollerState(positions, np.zeros(len(positions))), now - 0.002),
+        )
         held = held.moved_to(robot.configuration(positions))
-        servo.pose = StampedInput(held.pose, now - 0.002)
+        servo.receive(pose=StampedInput(held.pose, now - 0.002))
         traced = trace(lambda now=now, found=found: found.append(servo.decide(now)))
         positions = positions + PERIOD * found[0].command.roller_velocities
         now += PERIOD
@@ -104,7 +106,7 @@ def control_cycle() -> tuple[list[str], int]:
 
 
 def closure() -> tuple[list[str], int]:
-    """Trace one analysis of a grasp in a configuration that was not analysed before."""
+    """Trace one analysis of a grasp in a new configuration."""
     robot = core.load_robot('nine_member')
     cylinder = core.ConvexObject.disc(
         core.tangent_center(robot.home, MODULE, DIAMETER, 0.002), DIAMETER
@@ -115,7 +117,7 @@ def closure() -> tuple[list[str], int]:
 
 
 def analysis_cycle() -> tuple[list[str], int]:
-    """Trace one analysis of the grasp monitor, once it has run for some cycles."""
+    """Trace one analysis of the grasp monitor after some cycles."""
     robot = core.load_robot('nine_member')
     x, y = core.tangent_center(robot.home, MODULE, DIAMETER, 0.002)
     disc = core.ConvexObject.disc((x, y), DIAMETER)
@@ -132,7 +134,7 @@ def analysis_cycle() -> tuple[list[str], int]:
 
 def import_closure(modules: Iterable[str]) -> set[Path]:
     """
-    Return the files of modules and of all that these import, directly and through others.
+    Return the files of modules and of their direct and indirect imports.
 
     :param modules: names below `isotruss_ros.core`.
     """
@@ -162,7 +164,7 @@ def part_rows() -> list[tuple[str, ...]]:
 
 
 def tables() -> Iterator[Table]:
-    """Yield what was measured."""
+    """Yield the tables of the case."""
     rows = []
     for name, run in (
         ('twist to roller command', control_cycle),

@@ -1,13 +1,13 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """
-How much the analysis of a grasp changes with the spacing of its contact points.
+Convergence of the analysis of a grasp with the spacing of its contact points.
 
 Random grasps of the nine-member robot: rollers anywhere within 0.15 m of home, an object of 0.15
 to 0.5 m pressed 3 to 25 mm into the corner of a random module. Each is analysed at the default
-spacing and at a quarter of it; printed is how the differences are distributed. Forces, friction
-figures and margins are against the sum of the normal forces, lengths and pressures against
-themselves.
+spacing and at a quarter of it. The table has the distribution of the differences: of forces,
+friction figures and margins relative to the sum of the normal forces, of lengths and pressures
+relative to themselves.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def random_grasps(count: int) -> Iterator[tuple[Configuration, ConvexObject]]:
 
 
 def differences(coarse: GraspAnalysis, fine: GraspAnalysis) -> dict[str, float]:
-    """Return by which share each figure of an analysis changes."""
+    """Return the relative change of each figure of an analysis."""
     total = float(fine.normal_forces.sum())
 
     def largest(name: str) -> float:
@@ -78,7 +78,7 @@ def differences(coarse: GraspAnalysis, fine: GraspAnalysis) -> dict[str, float]:
 
 
 def tables() -> Iterator[Table]:
-    """Yield what was measured."""
+    """Yield the tables of the case."""
     found, flips = [], 0
     for config, cylinder in random_grasps(GRASPS):
         coarse, fine = (

@@ -1,21 +1,22 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """
-What the nine-member robot can still do with one roller failed: reach, and following a path.
+Reach and path following of the nine-member robot with one failed roller.
 
-Reach is the area of the positions of the object's centre that are reached from home by continuing
-motion: a flood fill of a grid, in which a cell is entered from its neighbours by the twist
-program, within the limits of the robot file and the bounds on shapes, sliding along them. The
-object is to keep its orientation, and turns where it must. The grip keeps its angle.
+Reach is the area of the positions of the object's centre that are reached from home without
+interruption: a flood fill of a grid, in which the twist program enters a cell from its neighbours,
+sliding along the limits of the robot file and the bounds of the configuration. The object keeps
+its orientation as far as possible, and the grip its opening angle.
 
-Following is one lap of a circle by feed-forward alone, with the servo and a simulated robot of
-which one roller is stuck: undetected, and detected by the servo.
+Following is one lap of a circle by feed-forward alone, with the servo and a simulated robot with
+one stuck roller: undetected, and detected by the servo.
 """
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Collection, Iterator
+import math
 
 from benchmarks.measuring import SHARE, Table
 from isotruss_ros.core import (
@@ -35,14 +36,15 @@ from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 from isotruss_ros.core.manipulation.solve_twist import default_limits
-from isotruss_ros.core.safety.roller_failure import FailureDetector
+from isotruss_ros.core.safety.roller_failure import FAILURE_TIME
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
+from isotruss_ros.core.servo.servo_settings import ServoSettings
 import numpy as np
 
 MODULE, DIAMETER = 'north/Z', 0.3
-#: The grid of the flood fill, and how near to the middle of a cell the object must come [m].
+#: Spacing of the grid, and tolerance of the middle of a cell [m].
 SPACING, ARRIVED = 0.1 if SHARE == 1.0 else 1.0, 0.005
-#: Step of the way from cell to cell [s]. So many steps that gain next to nothing end it.
+#: Period of a step [s], and number of steps without progress that end the motion [-].
 STEP, PATIENCE, GAIN = 0.1, 5, 2e-4
 RADIUS, LAP, PERIOD = 0.1, max(0.1, 60.0 * SHARE), 0.02
 
@@ -60,7 +62,7 @@ STILL = np.zeros(len(ROBOT.roller_names))
 def carry(
     held: RollingGrip, goal: complex, guard: ShapeGuard, failed: Collection[str]
 ) -> RollingGrip | None:
-    """Carry the object to a goal; return the grip there, None if it does not arrive."""
+    """Move the object to a goal; return the grip there, None if it is not reached."""
     nearest, idle = abs(goal - held.grip.center), 0
     while idle < PATIENCE:
         config, missing = held.config, goal - held.grip.center
@@ -86,7 +88,7 @@ def carry(
 
 
 def reached(failed: Collection[str]) -> set[tuple[int, int]]:
-    """Return the cells that the object gets to from home."""
+    """Return the cells reached by the object from home."""
     guard, start = ShapeGuard(ROBOT, ShapeBounds()), HELD.grip.center
     found = {(0, 0): HELD}
     waiting = deque(found)
@@ -103,10 +105,9 @@ def reached(failed: Collection[str]) -> set[tuple[int, int]]:
 
 
 def follow(stuck: str | None, detect: bool) -> float:
-    """Drive one lap; return the largest distance of the object from where it should be [m]."""
-    servo = TwistServo(ROBOT, HELD.grip, PERIOD, timeout=1.0)
-    if detect:
-        servo.detector = FailureDetector(ROBOT.roller_names)
+    """Follow one lap; return the largest position error of the object [m]."""
+    time = FAILURE_TIME if detect else math.inf
+    servo = TwistServo(ROBOT, ServoSettings(HELD.grip, PERIOD, timeout=1.0, failure_time=time))
     faults = RollerFaults(stuck=frozenset() if stuck is None else frozenset([stuck]))
     robot = SimulatedRobot(ROBOT.home, RigidObject.in_grip(HELD), faults)
     start, error = HELD.grip.center, 0.0
@@ -114,10 +115,9 @@ def follow(stuck: str | None, detect: bool) -> float:
         now = k * PERIOD
         turn = np.exp(2j * np.pi * (now + 0.5 * PERIOD) / LAP)
         velocity = 2.0 * np.pi / LAP * RADIUS * 1j * turn
-        servo.twist = StampedInput((velocity.real, velocity.imag, 0.0), now)
+        servo.receive(twist=StampedInput((velocity.real, velocity.imag, 0.0), now))
         state = RollerState(robot.config.roller_positions, robot.roller_velocities)
-        servo.rollers = StampedInput(state, now)
-        servo.pose = StampedInput(robot.object_pose, now)
+        servo.receive(rollers=StampedInput(state, now), pose=StampedInput(robot.object_pose, now))
         robot.command(servo.decide(now).command.roller_velocities)
         robot.advance(PERIOD)
         goal = start + RADIUS * (np.exp(2j * np.pi * (now + PERIOD) / LAP) - 1.0)
@@ -126,7 +126,7 @@ def follow(stuck: str | None, detect: bool) -> float:
 
 
 def tables() -> Iterator[Table]:
-    """Yield what was measured."""
+    """Yield the tables of the case."""
     whole = reached([])
     rows = [['none', f'{SPACING**2 * len(whole):.2f}', '', f'{1e3 * follow(None, False):.4f}', '']]
     for name in ROBOT.roller_names:

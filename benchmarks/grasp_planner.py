@@ -1,15 +1,16 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """
-How often grasps are found, and for how many evaluations, against random sampling.
+Success rate and evaluations of the grasp planner, compared with random sampling.
 
-Objects lie free inside a loop of the nine-member robot at home, 2 cm from everything at least;
-places and diameters (0.15 to 0.5 m) are random, with a fixed seed. A grasp closes by friction 0.5
-with a margin of 10 mN, and no tube bears more than 0.8 of its wrinkling moment.
+Objects are free inside a loop of the nine-member robot at home, at least 2 cm from all parts;
+places and diameters (0.15 to 0.5 m) are random, with a fixed seed. A grasp has closure by a
+friction of 0.5 with a margin of 10 mN, and a utilisation of at most 0.8.
 
-The peer draws roller positions, up to 0.5 m from home. It needs a shape, no way to it, and gets
-ten times the evaluations that the planner took for the same object, up to 5000 of them. Every
-configuration counts as one evaluation; the planner's analyses count besides, the peer's do not.
+The peer draws roller positions up to 0.5 m from home. It searches a configuration without a path,
+with ten times the evaluations of the planner for the same object, at most 5000. Every
+configuration counts as one evaluation; analyses of the planner count in addition, those of the
+peer do not.
 """
 
 from __future__ import annotations
@@ -36,16 +37,16 @@ ROBOT = load_robot('nine_member')
 NEEDS = GraspRequirements(min_margin=0.01, count=1)
 SEED, OBJECTS = 0, part(50)
 DIAMETERS, FREE = (0.15, 0.5), 0.02
-#: The peer draws roller positions this far from home [m].
+#: Largest travel of the peer from home [m].
 REACH = 0.5
-#: The peer may look at this many times more configurations, and at so many in all.
+#: Evaluations of the peer relative to the planner, and their largest number [-].
 ALLOWANCE, MOST = 10, part(5000)
-#: The sides of a grasp press about as deep [m].
+#: Largest difference of the indentations of a grasp [m].
 DEPTH = 0.03
 
 
 class Outcome(NamedTuple):
-    """What a search came to: whether it found a grasp, evaluations, and time [s]."""
+    """Result of a search: success, evaluations, and time [s]."""
 
     found: bool
     evaluations: int
@@ -53,7 +54,7 @@ class Outcome(NamedTuple):
 
 
 def objects(count: int) -> list[ConvexObject]:
-    """Return objects that lie free inside a loop of the robot at home."""
+    """Return free objects inside a loop of the robot at home."""
     draw, home = np.random.default_rng(SEED), ROBOT.home
     low, high = home.nodes.min(axis=0), home.nodes.max(axis=0)
     found: list[ConvexObject] = []
@@ -65,13 +66,13 @@ def objects(count: int) -> list[ConvexObject]:
 
 
 def loop_around(config: Configuration, point: complex) -> tuple[int, ...]:
-    """Return the members around a point where all are of one tube, nothing elsewhere."""
+    """Return the members around a point if all belong to one tube, else none."""
     around = enclosing_members(config, point)
     return around if len({int(ROBOT.topology.tube[i]) for i in around}) == 1 else ()
 
 
 def missed(positions: np.ndarray, body: ConvexObject) -> bool:
-    """Return whether a shape is none, or no grasp."""
+    """Return whether roller positions have no configuration or no grasp."""
     file = ROBOT.description
     lengths = ROBOT.home.member_lengths + ROBOT.topology.incidence @ positions
     if lengths.min() < file.min_length or lengths.max() > file.max_length:
@@ -96,7 +97,7 @@ def missed(positions: np.ndarray, body: ConvexObject) -> bool:
 
 
 def planned(body: ConvexObject) -> Outcome:
-    """Let the planner search."""
+    """Search by the planner."""
     start = time.thread_time()
     plan = plan_grasps(ROBOT.home, body, NEEDS, SEED, thorough=False)
     duration = time.thread_time() - start
@@ -104,7 +105,7 @@ def planned(body: ConvexObject) -> Outcome:
 
 
 def sampled(body: ConvexObject, budget: int) -> Outcome:
-    """Draw roller positions."""
+    """Search by random roller positions."""
     draw = np.random.default_rng(SEED)
     start = time.thread_time()
     for count in range(1, budget + 1):
@@ -115,7 +116,7 @@ def sampled(body: ConvexObject, budget: int) -> Outcome:
 
 
 def tables() -> Iterator[Table]:
-    """Yield what was measured."""
+    """Yield the tables of the case."""
     rows: dict[str, list[Outcome]] = {'planner': [], 'random sampling': []}
     for body in objects(OBJECTS):
         own = planned(body)

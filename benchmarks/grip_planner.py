@@ -1,12 +1,12 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """
-How often any two members, or three, hold a random convex object, against those of one module.
+Grasps of random convex objects by any two or three members, compared with those at one module.
 
 Objects are discs, ellipses and convex polygons with rounded corners, 0.1 to 0.6 m wide in the
-mean, at random angles. They lie free in a random loop of the nine-member robot at home: one of its
-tubes, or the hole between the three, 2 cm from everything at least. A grip holds by friction 0.5,
-and no tube bears more than 0.8 of its wrinkling moment; the best has the largest slip margin.
+mean, at random angles. They are free in a random loop of the nine-member robot at home: one of its
+tubes, or the hole between the three, at least 2 cm from all parts. A grip holds by a friction of
+0.5 at a utilisation of at most 0.8; the best has the largest slip margin.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ KINDS = ('disc', 'ellipse', 'polygon')
 
 
 def random_shape(rng: np.random.Generator, kind: str, width: float) -> Shape:
-    """Return a shape whose mean width is given [m]."""
+    """Return a random shape with a given mean width [m]."""
     if kind == 'disc':
         return Disc(width)
     if kind == 'ellipse':
@@ -62,7 +62,7 @@ def random_shape(rng: np.random.Generator, kind: str, width: float) -> Shape:
 
 
 def random_object(rng: np.random.Generator) -> tuple[float, ConvexObject]:
-    """Return an object that lies free in a loop of the robot."""
+    """Return a free object in a loop of the robot."""
     joints = dict(zip(ROBOT.node_names, ROBOT.home.points, strict=True))
     loops = ['PQX', 'QRY', 'RPZ', 'PQR']
     while True:
@@ -79,7 +79,7 @@ def random_object(rng: np.random.Generator) -> tuple[float, ConvexObject]:
 
 
 def search(body: ConvexObject, modules: Sequence[str | None]) -> float:
-    """Return the largest slip margin by the members of given modules; None: by any [N]."""
+    """Return the largest slip margin of grips at given modules; None: of any members [N]."""
     margin = 0.0
     for module in modules:
         plan = plan_grasps(
@@ -90,14 +90,14 @@ def search(body: ConvexObject, modules: Sequence[str | None]) -> float:
 
 
 def around(body: ConvexObject) -> list[str]:
-    """Return the modules at which two members meet that are seen from the object."""
+    """Return the modules whose two members are in line of sight of the object."""
     seen = set(enclosing_members(ROBOT.home, body.middle))
     previous = ROBOT.topology.previous
     return [name for i, name in enumerate(ROBOT.module_names) if {i, int(previous[i])} <= seen]
 
 
 def tables() -> Iterator[Table]:
-    """Yield what was measured."""
+    """Yield the tables of the case."""
     rng, found = np.random.default_rng(SEED), []
     for _ in range(OBJECTS):
         width, body = random_object(rng)

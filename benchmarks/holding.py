@@ -1,12 +1,12 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """
-How well a held object keeps its pose and its squeeze on the elastic plant, and what a load does.
+Errors of pose and squeeze of a held object on the elastic plant, without and with loads.
 
-Random grips of random objects on the nine-member robot, random paths; each path is run with the
-paper's rigid program in open loop, and with the model of the held object in the loop. Then with
-loads that the controller does not know. Paths on which a limit binds, or whose grip would slip,
-are drawn again. The plant has no wrinkles, so that the bound on the utilisation is left out.
+Random grips of random objects on the nine-member robot follow random paths, with the paper's rigid
+program in open loop and with the model of the held object in the loop, then with loads unknown to
+the controller. Paths with binding limits or slip are drawn again. The plant does not wrinkle, so
+the utilisation is not bounded.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ import numpy as np
 ROBOT = load_robot('nine_member')
 MODULES = ('north/Z', 'south/P', 'east/Q', 'east/R', 'north/R')
 FRICTION, PERIOD, DURATION = 0.5, 0.02, max(0.2, 2.0 * SHARE)
-#: No path begins with less slip margin than this [N].
+#: Smallest slip margin at the start of a path [N].
 MIN_MARGIN = 1.5
-#: Loads that the controller does not know [N].
+#: Loads unknown to the controller [N].
 LOAD, ROTATING = 5.0, 3.0
 #: Load (fx, fy, m) [N, N m] at a time [s].
 Load: TypeAlias = Callable[[float], tuple[float, float, float]]
@@ -52,7 +52,7 @@ OPEN, MODEL = 'rigid, open loop', 'model in the loop'
 
 @dataclass(frozen=True)
 class Path:
-    """A grip, and the twist at the middle of a motion that begins and ends at rest."""
+    """A grip, and the peak twist of a motion from rest to rest."""
 
     config: Configuration
     body: ConvexObject
@@ -62,7 +62,7 @@ class Path:
 
 @dataclass(frozen=True)
 class Run:
-    """Errors of a path in all cycles, and the time of a command [s]."""
+    """Errors of all cycles of a path, and the computing time of a command [s]."""
 
     distance: np.ndarray
     squeeze: np.ndarray
@@ -88,7 +88,7 @@ def follow(
     load: Load | None = None,
     least: float = MIN_MARGIN,
 ) -> Run | str:
-    """Follow a path on the plant; return what came of it, or why it is none."""
+    """Follow a path on the plant; return its errors, or the reason of its rejection."""
     plant_object = ElasticObject(path.body, FRICTION)
     plant = SimulatedRobot(path.config, plant_object, RollerFaults())
     plant.advance(0.0)
@@ -125,7 +125,7 @@ def follow(
 def decide(
     path: Path, plant: SimulatedRobot, control: SqueezeControl, mode: str, wanted: np.ndarray
 ) -> RollerCommand | str:
-    """Return the command of one cycle, or why there is none."""
+    """Return the command of one cycle, or the reason of its absence."""
     config, pose = plant.config, plant.object_pose
     grip = Grip.at_module(ROBOT, path.module, path.body.moved_to(pose), FRICTION)
 
@@ -144,14 +144,14 @@ def decide(
 
 
 def pose_error(reference: np.ndarray, plant: SimulatedRobot) -> np.ndarray:
-    """Return what is missing to the reference: x, y [m], angle [rad]."""
+    """Return the error to the reference: x, y [m], angle [rad]."""
     error = reference - np.array(plant.object_pose)
     error[2] = math.remainder(error[2], 2.0 * math.pi)
     return error
 
 
 def feasible_paths(number: int, least: float = MIN_MARGIN) -> Iterator[Path]:
-    """Draw paths, with a slip margin, until so many can be followed without a load."""
+    """Draw a number of paths that can be followed without a load, with a slip margin."""
     rng, found = np.random.default_rng(1), 0
     while found < number:
         path = random_path(rng)
@@ -162,18 +162,18 @@ def feasible_paths(number: int, least: float = MIN_MARGIN) -> Iterator[Path]:
 
 
 def constant(_time: float) -> tuple[float, float, float]:
-    """Return a load that is there from the beginning (fx, fy, m) [N, N m]."""
+    """Return a constant load (fx, fy, m) [N, N m]."""
     return 0.6 * LOAD, 0.8 * LOAD, 0.0
 
 
 def rotating(time: float) -> tuple[float, float, float]:
-    """Return a load that turns at 3 rad/s, and comes within half a second (fx, fy, m) [N, N m]."""
+    """Return a load that rotates at 3 rad/s and rises in 0.5 s (fx, fy, m) [N, N m]."""
     size = ROTATING * min(1.0, 2.0 * time)
     return size * math.cos(3.0 * time), size * math.sin(3.0 * time), 0.0
 
 
 def tables() -> Iterator[Table]:
-    """Yield what was measured."""
+    """Yield the tables of the case."""
     number = part(20)
     paths, strong = list(feasible_paths(number)), list(feasible_paths(number, LOAD))
     rows = []

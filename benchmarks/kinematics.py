@@ -1,11 +1,11 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """
-How long forward kinematics and twist-to-rollers take on the nine-member robot, one core.
+Computing times of forward kinematics and twist-to-rollers, nine-member robot, one core.
 
-Medians and 99th percentiles over random reachable states, each next to a peer that is called in
-the same loop. Nothing is prepared: a timed call starts from a configuration whose matrix has been
-neither built nor factored, unless its row says so.
+Medians and 99th percentiles over random reachable states, each beside a peer called in the same
+loop. A timed call starts from a configuration without a built or factored matrix, unless its row
+says otherwise.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ STATES = part(2000)
 #: Roller travel of random states [m]: 98 % of the corners have 15 to 134 degrees.
 TRAVEL = 0.4
 DIAMETER = 0.15
-#: By which configurations differ that are to share no cache [m].
+#: Difference of configurations without a common cache [m].
 OFFSETS = itertools.count(1e-15, 1e-15)
 
 
@@ -42,7 +42,7 @@ class State:
 
 
 def random_states(robot: core.Robot, count: int, seed: int) -> list[State]:
-    """Draw states within the length limits in which the object fits into its grasp."""
+    """Draw states within the length limits in which the object fits its grasp."""
     rng = np.random.default_rng(seed)
     limits = robot.description
     surface = np.array([1.0, 1.0, 0.5 * DIAMETER])
@@ -68,14 +68,14 @@ def random_states(robot: core.Robot, count: int, seed: int) -> list[State]:
 
 
 def unprepared(config: core.Configuration) -> core.Configuration:
-    """Return a configuration as good as equal, for which nothing is cached."""
+    """Return an almost equal configuration without caches."""
     travel = config.roller_positions + next(OFFSETS)
     return core.Configuration(config.robot, travel, config.points)
 
 
 @dataclass
 class Row:
-    """One line of the table: times [s] of ours and of the peer."""
+    """Row of the table: times of the package and of the peer [s]."""
 
     name: str
     peer: str
@@ -90,8 +90,8 @@ class Row:
         Time both on one state.
 
         :param ours: the call of the package.
-        :param peer: that of the peer; None where it failed.
-        :param unit: results that differ by more than this are of another branch.
+        :param peer: result of the peer; None if it failed.
+        :param unit: largest difference of results on one branch.
         """
         time, result = timed(ours)
         self.ours.append(time)
@@ -135,7 +135,7 @@ def root_by_hybr(near: core.Configuration, travel: Array) -> Array | None:
 
 
 def task_rows(config: core.Configuration, grip: core.Grip) -> tuple[Array, float]:
-    """Return (14) to (16) on node velocities (4, 2 n), and (17), what a roller adds to (16)."""
+    """Return the rows (14) to (16) of node velocities (4, 2 n), and (17) of the rollers."""
     nodes, points = find_members(config.robot, grip.members), config.points
     (b, c_prev), (b_next, c) = nodes.lines.T
     rows = np.zeros((4, len(points)), dtype=np.complex128)
@@ -156,7 +156,7 @@ class PaperProgram:
     """
     The quadratic program (11) with the rows of (20), in node velocities as in the paper.
 
-    :ivar rollers_by_lengths: constant maps, made once: roller speeds and tubes from length rates.
+    :ivar rollers_by_lengths: constant maps from length rates to roller speeds and tubes.
     """
 
     def __init__(self, robot: core.Robot) -> None:
@@ -223,7 +223,7 @@ def twist_rows(robot: core.Robot, states: list[State]) -> list[Row]:
 
 
 def tables() -> Iterator[Table]:
-    """Yield what was measured."""
+    """Yield the tables of the case."""
     robot = core.load_robot('nine_member')
     states = random_states(robot, STATES, seed=1)
     forward_rows(robot, states[:20], np.random.default_rng(2))  # warm up, not counted

@@ -4,9 +4,9 @@
 """
 Robots of any size that are rigid by construction: nested triangles (a Sierpinski gasket).
 
-Where a triangular tube stood, three of half its size are put corner to corner. Seen from outside
-they are a rigid triangle again (a three-hinged arch on a base), so the robot stays isostatic:
-6 modules and 3 joints more, twice. Every joint belongs to one or two tubes, every corner has
+A triangular tube is replaced by three of half its size, corner to corner. From outside they are a
+rigid triangle again (a three-hinged arch on a base), so the robot remains isostatic, with 6
+modules and 3 joints more, twice. Every joint belongs to one or two tubes, every corner has
 60 degrees, and joints are `EDGE` or twice that apart: with 9 modules it has the shape and the size
 of the preset nine_member.
 """
@@ -22,13 +22,13 @@ from isotruss_ros.core.model.description import Module, RobotDescription, Tube
 SIZES = (3, 9, 15, 27, 51, 99, 147, 201, 303)
 #: Smallest distance of two joints of a tube [m].
 EDGE = 1.432
-#: The tube at the top; its module at `TOP_JOINT` is driven and grips well.
+#: Tube and joint at the top; the module there is driven.
 TOP_JOINT = 'top'
 
 
 def nested_triangles(n_modules: int) -> RobotDescription:
     """
-    Describe a robot of nested triangles that stands on its two lower corners.
+    Return a robot of nested triangles, supported at its two lower corners.
 
     :param n_modules: 3, 9, 15, ... (3 more than a multiple of 6).
     """
@@ -71,6 +71,6 @@ def nested_triangles(n_modules: int) -> RobotDescription:
 
 
 def top_module(description: RobotDescription) -> str:
-    """Return the module at the top of the robot, a driven one."""
+    """Return the driven module at the top of the robot."""
     tube = next(tube for tube in description.tubes if TOP_JOINT in tube.joints)
     return f'{tube.name}/{TOP_JOINT}'

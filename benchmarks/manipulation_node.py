@@ -1,11 +1,11 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """
-What the nodes take of a core, and how long a cycle is, with the real topics.
+Processor shares and cycle times of the nodes with the real topics.
 
-Simulator and manipulation run as processes, at the same rate; twists come at 100 Hz, commands and
-status leave in every cycle. The peer, at the same time, is a node with a timer at 200 Hz that only
-publishes the same two messages: what rclpy itself takes.
+Simulator and manipulation run as processes at the same rate; twists arrive at 100 Hz, commands and
+status are published in every cycle. The concurrent peer is a node with a timer at 200 Hz that only
+publishes the same two messages, the share of rclpy.
 """
 
 from __future__ import annotations
@@ -32,20 +32,20 @@ import rclpy
 from rclpy.node import Node
 
 WARM_UP = 3.0
-#: Within how many seconds the nodes send their first status.
+#: Timeout of the first status [s].
 COMING_UP = 60
 DURATION = max(0.5, 12.0 * SHARE)
-#: Diameter, friction and depth of the object that elastic tubes hold.
+#: Diameter [m], friction [-] and depth [m] of the object held by elastic tubes.
 HELD = {'object_diameter': 0.3, 'friction': 0.8}
 INDENTATION, SQUEEZE = 0.01, 10.0
 
 
 @dataclass(frozen=True)
 class Case:
-    """What is measured."""
+    """Settings of a measurement."""
 
     name: str
-    rate: float  #: of manipulation [Hz]
+    rate: float  #: rate of manipulation [Hz]
     simulator: Mapping[str, object] = field(default_factory=dict)
     manipulation: Mapping[str, object] = field(default_factory=dict)
     analysis: bool = False
@@ -67,7 +67,7 @@ CASES = (
 
 @dataclass
 class Load:
-    """Shares of a core of the nodes and of the peer, rate [Hz], cycle times [s]."""
+    """Processor shares of nodes and peer [-], rate [Hz], cycle times [s]."""
 
     share: float
     peer: float
@@ -76,7 +76,7 @@ class Load:
 
 
 def cpu_time(processes: list[psutil.Process]) -> float:
-    """Return the CPU time that processes have taken [s]."""
+    """Return the CPU time of processes [s]."""
     times = [process.cpu_times() for process in processes]
     return sum(time.user + time.system for time in times)
 
@@ -94,7 +94,7 @@ def running_peer() -> Iterator[psutil.Process]:
 
 
 def measure_nodes(case: Case) -> Load:
-    """Drive the object to and fro and watch manipulation, or all nodes with the analysis."""
+    """Measure manipulation, or all nodes with the analysis, while the object moves to and fro."""
     rclpy.init()
     node = Node('benchmark')
     statuses: list[ManipulationStatus] = []
@@ -150,7 +150,7 @@ def measure_nodes(case: Case) -> Load:
 
 
 def tables() -> Iterator[Table]:
-    """Yield what was measured."""
+    """Yield the tables of the case."""
     keep_to_this_machine()
     rows = []
     for case in CASES:

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Time calls, and tables of what was measured."""
+"""Timing of calls, and tables of results."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from typing import Any
 import numpy as np
 import scipy
 
-#: Share of the work of every benchmark: of states, objects, times and so on; tests take little.
+#: Share of the states, objects and durations of every benchmark [-]; small in tests.
 SHARE = float(os.environ.get('BENCHMARK_SHARE', '1'))
 
 
 @dataclass(frozen=True)
 class Table:
     """
-    What a case measured, printed in Markdown.
+    Table of results, printed in Markdown.
 
-    :ivar title: what the rows are; empty where the page says it.
+    :ivar title: title of the table; empty if the page has it.
     :ivar header: names of the columns, with units.
-    :ivar rows: texts; the first column is left-aligned.
+    :ivar rows: cells; the first column is left-aligned.
     """
 
     title: str
@@ -35,7 +35,7 @@ class Table:
     rows: Sequence[Sequence[str]]
 
     def __str__(self) -> str:
-        """Return it as text."""
+        """Return the table as text."""
         widths = [max(map(len, column)) for column in zip(self.header, *self.rows, strict=True)]
         marks = [
             width * '-' if not i else (width - 1) * '-' + ':' for i, width in enumerate(widths)
@@ -48,15 +48,13 @@ class Table:
 
 
 def part(number: int) -> int:
-    """Return the share of a number that this run takes, at least one."""
+    """Return the share of a number for this run, at least one."""
     return max(1, round(SHARE * number))
 
 
 def timed(call: Callable[[], Any]) -> tuple[float, Any]:
     """
-    Return the time of one call [s], and what it returns.
-
-    It is the CPU time of this thread: what else the machine does should not count.
+    Return the CPU time of this thread for one call [s], and its result.
     """
     start = time.thread_time_ns()
     result = call()
@@ -65,9 +63,9 @@ def timed(call: Callable[[], Any]) -> tuple[float, Any]:
 
 def median_time(call: Callable[[], Any], budget: float, most: int = 2000) -> float:
     """
-    Return the median time of a call [s], after one that is not counted.
+    Return the median time of a call after an uncounted one [s].
 
-    :param budget: about how long to go on [s]; at least five calls.
+    :param budget: approximate duration of the measurement [s]; at least five calls.
     """
     call()
     budget *= SHARE
@@ -78,7 +76,7 @@ def median_time(call: Callable[[], Any], budget: float, most: int = 2000) -> flo
 
 
 def machine() -> str:
-    """Return what the numbers depend on."""
+    """Return processor, Python and library versions."""
     cpuinfo = Path('/proc/cpuinfo')
     lines = cpuinfo.read_text(encoding='utf-8').splitlines() if cpuinfo.is_file() else []
     names = [line.split(':')[1].strip() for line in lines if line.startswith('model name')]

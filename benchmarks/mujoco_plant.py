@@ -1,9 +1,9 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """
-What plant `mujoco` takes of a core, with the default mesh and commands at 200 Hz.
+Processor share of the plant `mujoco`, with the default mesh and commands at 200 Hz.
 
-In the CPU time of its thread: an object pressed into the grip at home, the rollers at rest and
+The CPU time of its thread, with an object pressed into the grip at home, rollers at rest and
 moving.
 """
 
@@ -24,12 +24,12 @@ import numpy as np
 
 RATE, DURATION = 200.0, max(0.1, 5.0 * SHARE)
 DIAMETER, INDENTATION, FRICTION = 0.3, 0.02, 0.8
-#: Of the rollers, to and fro [m/s].
+#: Speed of the rollers, to and fro [m/s].
 SPEEDS = 0.02 * np.array([1.0, -1.0, 0.5, 0.3, -0.4, 0.2])
 
 
 def driven(options: PlantOptions) -> DrivenRobot:
-    """Return a robot that presses on an object."""
+    """Return a robot in contact with an object."""
     robot = load_robot('nine_member')
     center = tangent_center(robot.home, 'north/Z', DIAMETER, INDENTATION)
     return DrivenRobot(robot, ConvexObject.disc(center, DIAMETER), False, options, RollerFaults())
@@ -49,7 +49,7 @@ def plant_row(name: str, options: PlantOptions, speeds: np.ndarray) -> list[str]
 
 
 def tables() -> Iterator[Table]:
-    """Yield what was measured."""
+    """Yield the tables of the case."""
     still = np.zeros_like(SPEEDS)
     fine = PlantOptions(friction=FRICTION, segments=16)
     rows = [

@@ -1,12 +1,12 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """
-How far an object is from where it should be on a path, with and without feedback of its pose.
+Errors of path following with and without feedback of the measured pose.
 
-The path of the paper's Fig. 9: up, a turn in place by rolling, an arc to which the orientation
-stays normal. The simulated robot's rollers slip, their speeds are noisy, and so is the measured
-pose, which is one cycle old; the rollers get what the node `manipulation` would tell them. Open
-loop is the same feed-forward without feedback. Errors are those of the true pose.
+The path of the paper's Fig. 9: up, a turn in place by rolling, an arc with the orientation normal
+to it. The rollers of the simulated robot slip, their speeds and the measured pose are noisy, and
+the pose is one cycle old; the commands are those of the node `manipulation`. Open loop is the same
+feed-forward without feedback. Errors are those of the true pose.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.paths.path_tracking import FINISHED, PathPhase, TrackingSettings
+from isotruss_ros.core.servo.servo_settings import ServoSettings
 import numpy as np
 
 ROBOT = load_robot('nine_member')
@@ -40,12 +41,12 @@ GRIP = Grip.at_module(
     ROBOT, MODULE, ConvexObject.disc(tangent_center(ROBOT.home, MODULE, DIAMETER), DIAMETER)
 )
 SPEED, TURN_RATE = 0.03, 0.25
-#: Of the robot and the node `manipulation`; the tracker runs in every second cycle [s].
+#: Period of robot and node `manipulation`; the tracker runs in every second cycle [s].
 PERIOD = 0.005 if SHARE == 1.0 else 0.1
 #: Standard deviations: speed of a moving roller [m/s], measured position [m] and angle [rad].
 NOISE = (0.005, 0.001, 0.01)
 SEEDS = part(3)
-#: Tolerances so wide that nobody is stopped and nothing slowed: what is compared is the error.
+#: Tolerances too wide to stop or slow the object, for comparison of the errors.
 WIDE = {'position_tolerance': 1.0, 'angle_tolerance': 3.0}
 LOOPS = {
     'open': TrackingSettings(**WIDE, position_gain=0.0, angle_gain=0.0),
@@ -81,7 +82,7 @@ def follow(path: ObjectPath, loop: str, slip: float, noisy: bool, seed: int) -> 
     held = RigidObject.in_grip(RollingGrip.attach(ROBOT.home, GRIP))
     faults = RollerFaults(noise=roller_noise, slip=slip)
     robot = SimulatedRobot(ROBOT.home, held, faults, seed)
-    servo = TwistServo(ROBOT, GRIP, PERIOD, 0.1)
+    servo = TwistServo(ROBOT, ServoSettings(GRIP, PERIOD, timeout=0.1))
     tracker = PathTracker(path, LOOPS[loop], 2.0 * PERIOD)
     position, angle = [], []
     cycle, tracking, scale = 0, None, 1.0
@@ -103,9 +104,11 @@ def follow(path: ObjectPath, loop: str, slip: float, noisy: bool, seed: int) -> 
             if tracking.phase in FINISHED:
                 break
         if tracking is not None:
-            servo.twist = StampedInput(tracking.twist, now)
-            servo.rollers = StampedInput(state, now - PERIOD * (cycle % 2))
-            servo.pose = StampedInput(measured, now - PERIOD * (cycle % 2))
+            servo.receive(
+                twist=StampedInput(tracking.twist, now),
+                rollers=StampedInput(state, now - PERIOD * (cycle % 2)),
+                pose=StampedInput(measured, now - PERIOD * (cycle % 2)),
+            )
             command = servo.decide(now).command
             scale = command.scale
             robot.command(command.roller_velocities)
@@ -116,7 +119,7 @@ def follow(path: ObjectPath, loop: str, slip: float, noisy: bool, seed: int) -> 
 
 
 def several(path: ObjectPath, loop: str, slip: float, noisy: bool) -> list[str]:
-    """Follow the path with several seeds; return the root mean square and the largest errors."""
+    """Return root mean square and largest errors of the path over several seeds."""
     runs = [follow(path, loop, slip, noisy, seed) for seed in range(SEEDS)]
     position, angle = (np.concatenate(each) for each in zip(*runs, strict=True))
     rms = float(np.sqrt(np.mean(position**2)))
@@ -124,7 +127,7 @@ def several(path: ObjectPath, loop: str, slip: float, noisy: bool) -> list[str]:
 
 
 def tables() -> Iterator[Table]:
-    """Yield what was measured."""
+    """Yield the tables of the case."""
     path = figure_9()
     rows = []
     for name, slip, noisy in (

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The peer of the nodes: an empty rclpy node that publishes commands and statuses at 200 Hz.
+Peer of the nodes: an empty rclpy node that publishes commands and statuses at 200 Hz.
 
     python benchmarks/peer.py TOPIC
 """
@@ -18,7 +18,7 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray
 
-#: Of the timer [Hz].
+#: Rate of the timer [Hz].
 RATE = 200.0
 
 

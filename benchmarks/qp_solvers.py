@@ -1,24 +1,21 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """
-How often and how fast quadratic programs are solved, beside other solvers.
+Success rate and time of quadratic programs, compared with other solvers.
 
-Programs come from walks at the edge of the shapes and from the planning of grasps. Each is varied:
-targets by 1 %, bounds by half of themselves or to zero, so that many meet at a corner, equalities
-by a thousandth, one in ten of them next to parallel. Counted is what is not solved: no answer, one
-that is beyond a constraint by 1e-7, or one that costs more than that of another solver; x = 0 is
+The programs are those of walks along the bounds of configurations and of grasp planning, with
+variations: targets by 1 %, bounds by half of themselves or to zero, so that many meet at a vertex,
+equalities by a thousandth, one in ten of them almost parallel. Unsolved are programs without a
+solution, with a violation above 1e-7, or with a higher cost than by another solver; x = 0 is
 always admissible.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
-import sys
-
-sys.path.append(str(Path(__file__).parents[1] / 'test' / 'helpers'))
 
 from benchmarks.measuring import part, Table, timed
+from comparison import walks
 from isotruss_ros.core import ConvexObject, load_robot, plan_grasps
 from isotruss_ros.core.manipulation import twist_qp
 from isotruss_ros.core.numerics.arrays import Array
@@ -26,7 +23,6 @@ from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
 from isotruss_ros.core.planning import closing_step
 import numpy as np
 import qpsolvers
-import walks
 
 PROGRAMS, KEPT, WALKS = part(20_000), 3000, part(30)
 PEERS = {'daqp': {'primal_tol': 1e-9}, 'quadprog': {}}
@@ -34,7 +30,7 @@ SOURCES = {'twist': twist_qp, 'closing': closing_step}
 
 
 def harvest() -> dict[str, list[QuadraticProgram]]:
-    """Return programs by source, as walks and plans pose them."""
+    """Return the programs of walks and plans by source."""
     kept: dict[str, list[QuadraticProgram]] = {name: [] for name in SOURCES}
     for name, module in SOURCES.items():
 
@@ -58,7 +54,7 @@ def copied(part: Array | None) -> Array | None:
 
 
 def varied(problem: QuadraticProgram, rng: np.random.Generator) -> QuadraticProgram:
-    """Return a program near one that occurred, with more constraints in one corner."""
+    """Return a variation of a program, with more constraints at one vertex."""
     shift = 1e-2 * rng.standard_normal(len(problem.gradient))
     bounds = problem.bounds * rng.uniform(0.5, 1.5, len(problem.bounds))
     # Bounds of rows that have none stay infinite, those of one variable are not zero.
@@ -93,7 +89,7 @@ def by_peer(problem: QuadraticProgram, name: str) -> Array | None:
 
 
 def cost_of(problem: QuadraticProgram, x: Array | None) -> float:
-    """Return the cost at a point, infinite where it is none or not admissible."""
+    """Return the cost at a point, infinite without an admissible one."""
     if x is None:
         return np.inf
     rows, bounds, equality, target = constraints(problem)
@@ -114,7 +110,7 @@ def constraints(problem: QuadraticProgram) -> tuple[Array, Array, Array, Array]:
 
 
 def tables() -> Iterator[Table]:
-    """Yield what was measured."""
+    """Yield the tables of the case."""
     rng, programs = np.random.default_rng(1), harvest()
     solvers = {'this package': solve_qp}
     for peer in PEERS:

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """
-How robots, forward kinematics and twist-to-rollers grow from 9 to 303 modules, one core.
+Computing times of kinematics from 9 to 303 modules, one core.
 
 Robots of nested triangles (see large_robots.py).
 """
@@ -22,11 +22,11 @@ from isotruss_ros.core.numerics.factorization import factorize
 import numpy as np
 
 DIAMETER = 0.15
-#: Random roller travel from home [m]; a hundred modules add up, so it is small.
+#: Random roller travel from home [m], small since the travel of all modules adds up.
 TRAVEL = 0.02
-#: Of the loop of the nodes [s].
+#: Period of the nodes [s].
 PERIOD = 5e-3
-#: How long to repeat each call [s].
+#: Duration of the repetitions of a call [s].
 BUDGET = 0.2
 
 
@@ -36,18 +36,18 @@ class Times:
 
     forward: float  #: forward kinematics over one cycle at 200 Hz, full speed
     factor: float  #: matrix of (12) and its factorization
-    free: float  #: twist to rollers where no limit binds
-    limited: float  #: twist to rollers at twice of what the limits allow: as far as possible
-    regularized: float  #: the same as the nodes have it, regularized for loops of 5 ms
+    free: float  #: twist to rollers without binding limits
+    limited: float  #: twist to rollers at twice the admissible twist, largest progress
+    regularized: float  #: the same with the regularization of the nodes, period 5 ms
     paper: float  #: the free twist as the paper's (20), one dense linear system
     memory: int  #: peak of a limited twist [bytes]
 
 
 def measure(robot: core.Robot, module: str) -> Times:
     """
-    Measure one robot in a random state near home; no call finds anything prepared.
+    Measure one robot in a random state near home, without caches.
 
-    :param module: the grip.
+    :param module: module of the grip.
     """
     rng = np.random.default_rng(1)
     rollers = len(robot.roller_names)
@@ -84,7 +84,7 @@ def measure(robot: core.Robot, module: str) -> Times:
 
 
 def tables() -> Iterator[Table]:
-    """Yield what was measured."""
+    """Yield the tables of the case."""
     rows = []
     for size in SIZES[1:]:  # with 3 modules (20) is singular
         description = nested_triangles(size)

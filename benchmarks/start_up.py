@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """
-How long an import takes, and a node from its start to its first command.
+Time of an import, and from the start of a node to its first command.
 
 Each is a process of its own; the peers are the import of NumPy and SciPy's linear algebra, and an
 empty rclpy node that publishes the same type of message at the same rate.
@@ -26,16 +26,16 @@ from std_msgs.msg import Float64MultiArray
 
 TRIALS = part(7)
 COMMANDS = 'roller_velocity_controller/commands'
-#: A process that says nothing for so long has failed [s].
+#: Timeout of a silent process [s].
 DEADLINE = 30.0
 IMPORTS = ('import isotruss_ros.core', 'import numpy, scipy.linalg')
-#: What sends zeros while no input came: the first command.
+#: Nodes whose first command is zero without inputs.
 NODE = ('-m', 'isotruss_ros.executables', 'manipulation', '--ros-args', '-p', 'rate:=200.0')
 PEER = (str(Path(__file__).with_name('peer.py')), COMMANDS)
 
 
 def environment() -> dict[str, str]:
-    """Return the environment of a process that finds compiled modules, as a second start does."""
+    """Return the environment of a process with compiled modules, as at a second start."""
     return {k: v for k, v in os.environ.items() if k != 'PYTHONDONTWRITEBYTECODE'}
 
 
@@ -53,7 +53,7 @@ def time_import(statement: str) -> float:
 
 
 class Watch:
-    """Hears commands; made once, since the first discovery of a new participant takes seconds."""
+    """Subscription to commands, created once: the first discovery takes seconds."""
 
     def __init__(self) -> None:
         rclpy.init()
@@ -86,7 +86,7 @@ class Watch:
 
 
 def tables() -> Iterator[Table]:
-    """Yield what was measured."""
+    """Yield the tables of the case."""
     keep_to_this_machine()
     rows, watch = [], Watch()
     for what, measure, ours, peer in (

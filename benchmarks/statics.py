@@ -1,11 +1,11 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """
-How long the analysis of a grasp takes, and how it grows with the robot.
+Computing times of the analysis of a grasp, and their growth with the robot.
 
-Grasps are those of the nine-member preset at its top module, contact points every 5 mm, with
-tubes that flatten and with the paper's round ones. "Cold" is all of it: assembly, factorization,
-contact, closure, stiffness, wrinkling; "warm" is the same configuration with the object moved.
+Grasps of the nine-member preset at its top module, contact points every 5 mm, with flattening
+tubes and with the paper's round ones. "Cold" includes assembly, factorization, contact, closure,
+stiffness and wrinkling; "warm" is the same configuration with the object moved.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ import numpy as np
 STATES = part(500)
 DIAMETER = 0.3
 MODULE = 'north/Z'
-#: How far the object is pressed toward the corner [m].
+#: Displacement of the object toward the corner [m].
 DEPTHS = (0.002, 0.02)
 
 
 def pressed(config: core.Configuration, module: str, depth: float) -> core.ConvexObject:
-    """Return an object that is pressed toward the corner at a module."""
+    """Return an object pressed toward the corner at a module."""
     robot = config.robot
     tangent = np.array(core.tangent_center(config, module, DIAMETER))
     pinch = [config.nodes[robot.node_names.index(f'{module}/{node}')] for node in 'BC']
@@ -50,7 +50,7 @@ def analyze(
 
 
 def tables() -> Iterator[Table]:
-    """Yield what was measured."""
+    """Yield the tables of the case."""
     yield Table(f'{STATES} random states.', ('analysis', 'median [ms]', 'p99 [ms]'), grasp_rows())
     header = ('modules', 'displacements', 'cold [ms]', 'warm [ms]')
     yield Table('Growth with the robot.', header, growth_rows())
@@ -78,7 +78,7 @@ def grasp_rows() -> list[list[str]]:
 
 
 def growth_rows() -> list[list[str]]:
-    """Measure how the analysis grows with the robot at fixed contact."""
+    """Measure the growth of the analysis with the robot at fixed contact."""
     rows = []
     for size in SIZES:
         description = nested_triangles(size)

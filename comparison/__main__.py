@@ -26,8 +26,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     Make all comparisons in parallel on all cores.
 
-    :param arguments: of the command line; those of the process if None.
-    :return: 0 where all bounds are kept, else 1.
+    :param arguments: arguments of the command line; None: those of the process.
+    :return: 0 if all bounds are kept, else 1.
     """
     parser = argparse.ArgumentParser(prog='python -m comparison', description=__doc__)
     parser.add_argument(
@@ -62,7 +62,7 @@ def write(sections: Sequence[Section], output: Path) -> None:
     """
     Write the page, its figures and its tables.
 
-    :param sections: in order.
+    :param sections: sections in order.
     :param output: folder of the page.
     """
     folder = output / FOLDER

@@ -32,22 +32,22 @@ from matplotlib.patches import Polygon as Patch
 import numpy as np
 from paper.style import PAGE, SETTINGS
 
-#: Of two tubes; the hole of the robot is between them.
+#: Members of two tubes, with the hole of the robot between them.
 SIDES = ('south/P-Q', 'north/R-P')
 BOX = Polygon([(-0.25, -0.2), (0.25, -0.2), (0.25, 0.2), (-0.25, 0.2)], 0.02)
-#: Between the tubes and the box, and orientation with which it lies on two of its corners [rad].
+#: Friction between tubes and box [-], and orientation of the box on two of its corners [rad].
 FRICTION, ANGLE = 0.9, -0.5
-#: The sides are as far from the box at first as they are to be pressed into it [m].
+#: Initial gap and final indentation of the sides [m].
 GAP = 0.02
-#: At which they close and open [m/s].
+#: Speed of closing and opening [m/s].
 CLOSING = 0.02
-#: Length of an arrow for its force in the drawing [m/N].
+#: Length of force arrows in the drawing [m/N].
 SCALE = 0.025
-#: Of the drawing around the nodes [m].
+#: Margin of the drawing around the nodes [m].
 MARGIN = 0.3
-#: On the ground the box slides at this force [N].
+#: Friction force of the box on the ground [N].
 GROUND = 0.5
-#: The path: along, turned in place by 17 degrees, and on.
+#: Phases of the path: along, a turn in place by 17 degrees, and on.
 PHASES = (
     translation('along', 5.0, 0.08, 0.03),
     rotation('turn', 5.0, 0.3),
@@ -59,10 +59,10 @@ PHASES = (
 class Stage:
     """State of the robot and the box at one time."""
 
-    name: str  #: what was done
-    config: Configuration  #: of the rollers
-    pose: Pose  #: of the box
-    forces: dict[str, ContactForce]  #: of the members on it, by member
+    name: str  #: name of the stage
+    config: Configuration  #: configuration of the robot
+    pose: Pose  #: pose of the box
+    forces: dict[str, ContactForce]  #: contact forces on the box by member
 
 
 @dataclass(frozen=True)
@@ -70,18 +70,18 @@ class Picked:
     """
     Result of picking the box.
 
-    :ivar carried: while the sides close, wait, carry it with its squeeze regulated, and open.
+    :ivar carried: carry with regulated squeeze, from closing to opening.
     """
 
-    stages: list[Stage] = field(default_factory=list)  #: one after the other
+    stages: list[Stage] = field(default_factory=list)  #: stages in order
     carried: list[Carried] = field(default_factory=list)
-    statuses: set[Status] = field(default_factory=set)  #: of the commands that carried it
+    statuses: set[Status] = field(default_factory=set)  #: statuses of the commands of the carry
 
     def shift(self, name: str) -> float:
         """
         Return the displacement of the box in a stage [m].
 
-        :param name: of the stage, not the first.
+        :param name: name of a stage, not the first.
         """
         number = [stage.name for stage in self.stages].index(name)
         before, after = self.stages[number - 1].pose, self.stages[number].pose
@@ -92,7 +92,7 @@ def pick(phases: Sequence[Phase] = PHASES) -> Picked:
     """
     Grasp the box in place, carry it, and release it.
 
-    :param phases: of the path on which it is carried.
+    :param phases: phases of the path.
     """
     robot = round_robot()
     lying = place_between(robot.home, SIDES, BOX, ANGLE, -GAP).body
@@ -139,7 +139,7 @@ def draw(picked: Picked) -> Figure:
     """
     Draw the stages as panels.
 
-    :param picked: what became of the box.
+    :param picked: result of picking the box.
     """
     with rc_context(SETTINGS):
         figure = Figure(figsize=(PAGE, 1.9), layout='constrained')

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from comparison.box_picked import BOX, draw, FRICTION, PHASES, pick, Picked, SIDES
 from comparison.carrying import RATE
-from comparison.grasps import FINE
+from comparison.grasps import FINE, STEPS
 from comparison.grips import press_on, release, round_robot
 from comparison.section import Check, Section
 from isotruss_ros.core import (
@@ -35,16 +35,16 @@ LAG = 'the tubes are elastic, and the robot lags'
 class Case:
     """An object between the two sides."""
 
-    name: str  #: of the object
-    shape: Shape  #: of the object
-    angle: float  #: of the object [rad]
-    indentation: float  #: of both sides by the object, tubes unbent [m]
+    name: str  #: name of the object
+    shape: Shape  #: shape of the object
+    angle: float  #: orientation of the object [rad]
+    indentation: float  #: indentation of both sides, tubes unbent [m]
 
     def grip(self, config: Configuration) -> Grip:
         """
         Return the grip of the object at its pose.
 
-        :param config: where the robot is.
+        :param config: configuration of the robot.
         """
         return place_between(config, SIDES, self.shape, self.angle, self.indentation)
 
@@ -63,10 +63,10 @@ CASES = (
 class Compared:
     """One object in both models."""
 
-    case: Case  #: what lies there
-    fast: Array  #: (2, 2) normal forces held fast, without friction: MuJoCo's, ours [N]
-    free: Array  #: (2, 2) normal forces of the free object, held by friction: MuJoCo's, ours [N]
-    required: Array  #: (2,) friction that it requires: MuJoCo's, ours
+    case: Case  #: object between the two sides
+    fast: Array  #: (2, 2) normal forces on the fixed object, frictionless: MuJoCo, model [N]
+    free: Array  #: (2, 2) normal forces on the free object: MuJoCo, model [N]
+    required: Array  #: (2,) required friction: MuJoCo, model [-]
 
 
 def compare(cases: Sequence[Case] = CASES, phases: Sequence[Phase] = PHASES) -> Section:
@@ -74,7 +74,7 @@ def compare(cases: Sequence[Case] = CASES, phases: Sequence[Phase] = PHASES) -> 
     Compare forces, and a carry of the box.
 
     :param cases: objects between the two sides.
-    :param phases: of the path of the box.
+    :param phases: phases of the path of the box.
     """
     found = [compare_one(case) for case in cases]
     picked = pick(phases)
@@ -89,12 +89,12 @@ def compare(cases: Sequence[Case] = CASES, phases: Sequence[Phase] = PHASES) -> 
     )
     return Section(
         'Boxes between sides that do not meet',
-        'Objects are pressed between the sides `south/P-Q` and `north/R-P`. Held fast without '
-        'friction, the normal forces are those of `analyze_grasp`. Let go with friction '
-        f'({FRICTION:g}), they are those of `settle_grasp`, but for the box on a face, whose '
-        'contacts share the forces by what friction went before. Then a free box is picked up, '
-        'carried by 85 mm, turned by 17° on two rolling corners and put down by the servo of '
-        '`manipulation`, which keeps the squeeze.',
+        'Objects are pressed between the sides `south/P-Q` and `north/R-P`. On the '
+        'fixed object, without friction, the normal forces are those of `analyze_grasp`, and on '
+        f'the free object, with friction ({FRICTION:g}), those of `settle_grasp`, except for the '
+        'box on a face, whose contact forces depend on the contact history. Then a free box is '
+        'picked up, carried by 85 mm, turned by 17° on two rolling corners and put down by the '
+        'servo of `manipulation`, which keeps the squeeze.',
         checks,
         (_table(found), _picked_table(picked)),
         draw(picked),
@@ -107,7 +107,7 @@ def compare_one(case: Case) -> Compared:
     """
     Compare the forces on one object.
 
-    :param case: what lies there.
+    :param case: object between the two sides.
     """
     home = round_robot().home
     grip = case.grip(home)
@@ -126,7 +126,7 @@ def compare_one(case: Case) -> Compared:
 
 
 def _force_checks(found: Sequence[Compared]) -> tuple[Check, ...]:
-    """Return the checks of forces and friction, with their bounds [%]."""
+    """Return the checks of forces and friction with their bounds [%]."""
     fast = max(_off(one.fast) for one in found)
     free = max(_off(one.free) for one in found if 'face' not in one.case.name)
     required = max(
@@ -134,9 +134,9 @@ def _force_checks(found: Sequence[Compared]) -> tuple[Check, ...]:
         for one in found
         if 'face' not in one.case.name
     )
-    why = 'MuJoCo bends in steps, and our structure is linear'
+    why = STEPS
     return (
-        Check('objects between two sides: normal forces, held fast', 100.0 * fast, 5.0, '%', why),
+        Check('objects between two sides: normal forces, fixed', 100.0 * fast, 5.0, '%', why),
         Check('objects between two sides: normal forces, free', 100.0 * free, 5.0, '%', why),
         Check(
             'objects between two sides: required friction', 100.0 * float(required), 3.0, '%', why
@@ -158,7 +158,7 @@ def _table(found: Sequence[Compared]) -> Table:
         rows.append((one.case.name, depth, *cells, *needs))
     return Table(
         'boxes',
-        'Held fast without friction, then let go and held by friction',
+        'Fixed object without friction, then free object held by friction',
         (
             'object',
             'indentation [mm]',

@@ -21,11 +21,11 @@ import numpy as np
 from paper.style import BLUE, GREEN, GREY, ORANGE, PAGE, SETTINGS
 from paper.tables import number, Table
 
-#: The corner at home, as in the paper's figure, and friction that holds there.
+#: Opening angle of the corner at home, as in the paper's figure, and sufficient friction [-].
 CASE, FRICTION = PressedCase(60.0, 0.02), 0.8
 OPEN, FEEDBACK, REGULATED = 'open loop', 'feedback', 'squeeze regulated'
 COLORS = {OPEN: ORANGE, FEEDBACK: BLUE, REGULATED: GREEN}
-#: For readers who see no colours.
+#: Line styles for readers without colour vision.
 DASHES = {OPEN: '-', FEEDBACK: '--', REGULATED: '-.'}
 #: Bounds on position [mm] and orientation [degrees].
 BOUNDS = {OPEN: (12.0, 1.5), FEEDBACK: (4.0, 0.5), REGULATED: (2.0, 0.3)}
@@ -40,7 +40,7 @@ def compare(phases: Sequence[Phase] = figure_9()) -> Section:
     """
     Compare three controllers on a carried object.
 
-    :param phases: of the path.
+    :param phases: phases of the path.
     """
     carried = {name: run(name, phases) for name in COLORS}
     checks = []
@@ -99,8 +99,8 @@ def run(name: str, phases: Sequence[Phase]) -> Carried:
     """
     Carry the object with one controller.
 
-    :param name: of the way.
-    :param phases: of the path.
+    :param name: name of the controller.
+    :param phases: phases of the path.
     """
     plant, config, cylinder = press(CASE, options=PlantOptions())
     release(plant, FRICTION)

@@ -24,21 +24,21 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.servo.squeeze_control import SqueezeControl, SqueezeSettings
+from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
 from isotruss_ros.demo.path import Phase
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
 from numpy.typing import ArrayLike
 
-#: Commands per second, and the share of an error that feedback corrects in a second [1/s].
+#: Rate of the commands [Hz], and gain of the feedback [1/s].
 RATE, GAIN = 100.0, 1.0
-#: An object farther than this from where it should be was lost [m].
+#: Position error of a lost object [m].
 LOST = 0.1
 
 
 class Steering(Protocol):
-    """Commands the rollers of a plant."""
+    """Controller of the rollers of a plant."""
 
     plant: MujocoPlant
 
@@ -46,19 +46,19 @@ class Steering(Protocol):
         """
         Return roller velocities (r,) [m/s].
 
-        :param twist: (3,) of the object on its path [m/s, rad/s].
-        :param error: (3,) by which the object is short of its path [m, rad].
+        :param twist: (3,) twist of the object on its path [m/s, rad/s].
+        :param error: (3,) pose error of the object to its path [m, rad].
         """
         ...
 
 
 class OpenLoop:
     """
-    The paper's program for rigid tubes, without feedback.
+    Open loop: the paper's program for rigid tubes.
 
-    :param plant: holds the object.
-    :param config: where the robot is at first.
-    :param grip: how it holds the object.
+    :param plant: plant that holds the object.
+    :param config: initial configuration.
+    :param grip: grip of the object.
     """
 
     def __init__(self, plant: MujocoPlant, config: Configuration, grip: Grip) -> None:
@@ -73,12 +73,12 @@ class OpenLoop:
 
 class Feedback:
     """
-    The same program with feedback of the measured pose.
+    Feedback of the measured pose by the paper's program.
 
-    :param plant: holds the object, or closes on it.
-    :param config: where the robot is at first.
-    :param grip: how it holds the object, which may be anywhere.
-    :param opening_rate: of the distance between the members [m/s].
+    :param plant: plant that holds the object, or closes on it.
+    :param config: initial configuration.
+    :param grip: grip of the object, at any pose.
+    :param opening_rate: rate of the distance between the members [m/s].
     """
 
     def __init__(
@@ -100,17 +100,17 @@ class Regulated:
     """
     The servo of the node `manipulation`, with the model of the held object.
 
-    :ivar servo: that of the node.
-    :ivar control: has the model.
-    :ivar statuses: of its commands.
-    :ivar messages: with them.
-    :ivar scale: part of the last twist that was carried out.
-    :param plant: holds the object.
-    :param robot: by the model.
-    :param grip: how it holds the object, by the model.
-    :param settings: of the squeeze.
-    :param noise: standard deviations of the measured poses [m, rad], and what draws it, or a seed.
-    :param late: cycles by which poses are late.
+    :ivar servo: twist servo.
+    :ivar control: squeeze control of the servo.
+    :ivar statuses: statuses of the commands.
+    :ivar messages: messages of the commands.
+    :ivar scale: scale of the last twist.
+    :param plant: plant that holds the object.
+    :param robot: robot of the model.
+    :param grip: grip of the object in the model.
+    :param settings: settings of the squeeze.
+    :param noise: standard deviations of the measured poses [m, rad], and generator or seed.
+    :param late: delay of the poses [cycles].
     """
 
     def __init__(
@@ -127,13 +127,12 @@ class Regulated:
         self.rng = np.random.default_rng(seed)
         self._seen: deque[StampedInput] = deque(maxlen=late + 1)
         self.scale = 0.0
-        self.control = SqueezeControl(settings)
         self.statuses: list[Status] = []
         self.messages: set[str] = set()
         if grip.body.mass is None:
             grip = replace(grip, body=replace(grip.body, mass=PlantOptions().object_mass))
-        self.servo = TwistServo(robot, grip, 1.0 / RATE, 0.5)
-        self.servo.squeeze = self.control
+        self.servo = TwistServo(robot, ServoSettings(grip, 1.0 / RATE, 0.5, squeeze=settings))
+        self.control = self.servo.squeeze
 
     def measure(self) -> tuple[RollerState, Pose]:
         """Return the current measurements of rollers and object."""
@@ -146,8 +145,11 @@ class Regulated:
         servo, time = self.servo, self.plant.time
         rollers, pose = self.measure()
         self._seen.append(StampedInput(pose, time))
-        servo.rollers, servo.pose = StampedInput(rollers, time), self._seen[0]
-        servo.twist = StampedInput(tuple(twist), time)
+        servo.receive(
+            rollers=StampedInput(rollers, time),
+            pose=self._seen[0],
+            twist=StampedInput(tuple(twist), time),
+        )
         decision = servo.decide(time)
         self.statuses.append(decision.command.status)
         self.scale = decision.command.scale
@@ -159,7 +161,7 @@ class Regulated:
         """
         Simulate one cycle.
 
-        :param twist: (3,) of the object [m/s, rad/s].
+        :param twist: (3,) twist of the object [m/s, rad/s].
         """
         self.plant.advance(1.0 / RATE, self.command(twist, np.zeros(3)))
 
@@ -167,8 +169,8 @@ class Regulated:
         """
         Carry from rest to rest.
 
-        :param duration: of the motion [s].
-        :param twist: (3,) of the object, on average [m/s, rad/s].
+        :param duration: duration of the motion [s].
+        :param twist: (3,) mean twist of the object [m/s, rad/s].
         """
         for rate in rates(duration):
             self.step(rate * np.array(twist))
@@ -178,7 +180,7 @@ def rates(duration: float) -> Array:
     """
     Return the relative speed in each cycle of a motion from rest to rest, (n,), 1 on average.
 
-    :param duration: of the motion [s].
+    :param duration: duration of the motion [s].
     """
     count = round(duration * RATE)
     return 1.0 - np.cos(2.0 * np.pi * (np.arange(count) + 0.5) / count)
@@ -188,7 +190,7 @@ def squeeze_in(plant: MujocoPlant) -> float:
     """
     Return the mean normal force on the object [N], zero with fewer than two contacts.
 
-    :param plant: holds the object.
+    :param plant: plant that holds the object.
     """
     forces = [force.normal for force in plant.contact_forces().values()]
     pressing = [force for force in forces if force > 0.1]
@@ -199,9 +201,9 @@ def squeeze_in(plant: MujocoPlant) -> float:
 class Carried:
     """Result of a carry."""
 
-    times: Array  #: (n,) [s]
-    poses: Array  #: (n, 3) of the object [m, rad]
-    goals: Array  #: (n, 3) where it should have been [m, rad]
+    times: Array  #: (n,) times [s]
+    poses: Array  #: (n, 3) poses of the object [m, rad]
+    goals: Array  #: (n, 3) desired poses [m, rad]
     squeezes: Array  #: (n,) mean normal force of the members [N]
     frictions: Array  #: (n,) largest friction used |T| / N [-]
 
@@ -225,8 +227,8 @@ def carry(steering: Steering, phases: Sequence[Phase]) -> Carried:
     """
     Carry the object along the path, or up to its loss.
 
-    :param steering: commands the rollers of the plant that holds it.
-    :param phases: of the path, one after the other.
+    :param steering: controller of the plant that holds the object.
+    :param phases: phases of the path in order.
     """
     plant = steering.plant
     goal = np.array(plant.object_pose())

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Random grasps, loads and motions: an object whose slip margin exceeds the load is not lost."""
+"""Random grasps, loads and motions: objects with a slip margin above the load are not lost."""
 
 from __future__ import annotations
 
@@ -30,17 +30,17 @@ from paper.tables import number, Table
 from scipy.interpolate import CubicSpline
 
 CASES, SEED = 50, 0
-#: Wedges [degrees], indentations [m], diameters [m], friction: from, to.
+#: Ranges of wedges [degrees], indentations [m], diameters [m] and friction [-].
 WEDGES, INDENTATIONS, DIAMETERS, FRICTIONS = (25, 60), (0.02, 0.08), (0.16, 0.32), (0.4, 0.9)
-#: Velocity and turn of the object times the radius are up to this [m/s], for so long [s].
+#: Largest velocity, rotations at the radius [m/s], and duration of the motion [s].
 SPEED, DURATION = 0.02, 3.0
-#: The slip margin is above the load by this share; grasps with a smaller margin are not taken [N].
+#: Excess of the slip margin over the load [-], and smallest slip margin [N].
 ABOVE, LEAST = 0.1, 1.0
-#: The load rises for this long [s], in so many steps a second; pieces of the path.
+#: Rise time of the load [s], its steps [Hz], and number of segments of the path.
 RISE, RATE, WAYPOINTS = 1.0, 50, 15
 #: Rest after the release [s].
 REST = 1.5
-#: An object that is farther than this from where it should be was dropped [m].
+#: Position error of a dropped object [m].
 DROPPED = 0.03
 
 
@@ -48,27 +48,27 @@ DROPPED = 0.03
 class Case:
     """A grasp with a load and a motion."""
 
-    grip: PressedCase  #: what presses on the object
+    grip: PressedCase  #: wedge and object
     friction: float  #: coefficient between tube and object
     direction: Array | None  #: (3,) unit wrench of the load; None for the weakest direction
-    twist: Array  #: (3,) of the object [m/s, rad/s]
+    twist: Array  #: (3,) twist of the object [m/s, rad/s]
 
 
 @dataclass(frozen=True)
 class Outcome:
     """Result of a case."""
 
-    margin: float  #: smallest slip margin on the path, without the load, by our model [N]
-    load: float  #: its size, moments over the radius [N]
-    off: float  #: distance from where our model has the object at the end [m]
-    dropped: bool  #: whether it was dropped
+    margin: float  #: smallest slip margin on the path without the load, by the model [N]
+    load: float  #: size of the load, moments over the radius [N]
+    off: float  #: final distance from the pose of the model [m]
+    dropped: bool  #: whether the object was dropped
 
 
 def compare(cases: int = CASES) -> Section:
     """
     Simulate random cases.
 
-    :param cases: how many.
+    :param cases: number of cases.
     """
     random, rows, dropped = np.random.default_rng(SEED), [], 0
     outcomes: list[Outcome] = []
@@ -139,7 +139,7 @@ def draw(random: np.random.Generator, weakest: bool) -> Case:
     """
     Return a random case.
 
-    :param random: where from.
+    :param random: random number generator.
     :param weakest: whether the load is along the weakest direction.
     """
     grip = PressedCase(
@@ -156,7 +156,7 @@ def attempt(case: Case) -> Outcome | None:
     """
     Simulate a case in MuJoCo; return None if the model does not hold the object initially.
 
-    :param case: to be tried.
+    :param case: the case.
     """
     if not _is_worth(case):
         return None

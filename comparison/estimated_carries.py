@@ -4,8 +4,8 @@
 """
 Objects carried in MuJoCo by a robot with roller offsets and slip.
 
-`python -m comparison.estimated_carries` prints what the state estimator makes of it, in some
-minutes; with `--discs 20 --boxes 10 --others 20` in half an hour.
+`python -m comparison.estimated_carries` prints the errors of the state estimator in some minutes;
+with `--discs 20 --boxes 10 --others 20` in half an hour.
 """
 
 from __future__ import annotations
@@ -30,20 +30,20 @@ from isotruss_ros.core.servo.squeeze_control import SqueezeSettings
 from isotruss_ros.mujoco_plant.options import PlantOptions
 import numpy as np
 
-#: Three joints that determine all zeros of the nine-member robot in one posture; P, R and Z leave
-#: a combination free.
+#: Three joints that determine all offsets of the nine-member robot in one posture; P, R and Z
+#: leave a combination undetermined.
 THREE, SIX = ('Q', 'R', 'Z'), ('P', 'Q', 'R', 'X', 'Y', 'Z')
-#: Markers: noise [m], period [s], share that is lost; poses come as often.
+#: Noise [m], period [s] and lost share [-] of the markers; poses have the same period.
 MARKER, PERIOD, LOST = 1e-3, 0.05, 0.3
-#: Share that rollers slip, deviation of their zeros [m], and of the measured stiffness [-].
+#: Slip of the rollers [-], deviations of their offsets [m] and of the measured stiffness [-].
 SLIP, ZEROS, MEASURED = 0.02, 0.01, 0.03
-#: Rest before and after the path, and each of its legs [s]; the largest step on one [m, rad].
+#: Rest before and after the path, and time of a leg [s]; largest step of a leg [m, rad].
 REST, LEGS, LEG_TIME, REACH = 3.0, 2, 4.0, np.array([0.03, 0.03, 0.1])
-#: The object begins this deep between the members [m].
+#: Initial indentation of the members [m].
 BEGIN = 0.004
-#: It is squeezed by no more than this, so that tubes do not wrinkle on the way [N].
+#: Largest squeeze, without wrinkling along the path [N].
 MOST = 40.0
-#: Kind, joints with markers, stiffness of the tubes, and whether the loop is told the estimate.
+#: Kind, joints with markers, stiffness of the tubes, and whether the loop uses the estimate.
 CASES = (
     (DISC, THREE, 1.0, True),
     (BOX, THREE, 1.0, True),
@@ -58,11 +58,11 @@ CASES = (
 class Carried:
     """Result of one object."""
 
-    squeeze: float  #: of MuJoCo against the target, a second after the path [-]
-    worst: float  #: the same where it was farthest off on the path [-]
-    surprise: float  #: error of the estimated squeeze then in its standard deviations
-    encoders: float  #: how far joints were off by the encoders alone, the worst one [m]
-    joints: float  #: the same by the estimate [m]
+    squeeze: float  #: relative error of the true squeeze a second after the path [-]
+    worst: float  #: largest relative error of the true squeeze on the path [-]
+    surprise: float  #: final error of the estimated squeeze in standard deviations [-]
+    encoders: float  #: largest error of a joint by the encoders alone [m]
+    joints: float  #: largest error of a joint by the estimate [m]
 
 
 def carry(
@@ -75,11 +75,11 @@ def carry(
     """
     Carry one object along a random path; objects lost at the release are drawn again.
 
-    :param kind: of the object.
-    :param seed: of everything that is drawn.
+    :param kind: kind of the object.
+    :param seed: seed of the random numbers.
     :param names: joints with markers.
-    :param stiffness: of the tubes against those of the robot file.
-    :param fed: whether the loop is told the estimate.
+    :param stiffness: stiffness of the tubes relative to the robot file.
+    :param fed: whether the loop uses the estimate.
     """
     rng = np.random.default_rng(seed)
     believed = soften(round_robot(), stiffness * (1.0 + MEASURED * rng.normal()))
@@ -125,7 +125,7 @@ class _Loop(Regulated):
         super().__init__(*arguments)
         robot = self.servo.robot
         self.estimator = StateEstimator(robot, EstimatorSettings(zeros=ZEROS, stiffness=MEASURED))
-        self.estimator.grip = self.servo.grip.moved_to(self.plant.object_pose())
+        self.estimator.grip = self.servo.settings.grip.moved_to(self.plant.object_pose())
         self.joints = robot.topology.joint_names
         self.offsets = np.zeros(len(robot.roller_names))
         self.squeezes: list[float] = []
@@ -152,9 +152,11 @@ class _Loop(Regulated):
         estimate = self.estimator.estimate()
         if self.fed:
             self.offsets = estimate.offsets
-            self.servo.estimate = StampedInput(
-                EstimatedTravel(estimate.offsets, estimate.offset_covariance),
-                now,
+            self.servo.receive(
+                estimate=StampedInput(
+                    EstimatedTravel(estimate.offsets, estimate.offset_covariance),
+                    now,
+                )
             )
         return RollerState(readings + self.offsets, state.velocities, self.offsets), pose
 
@@ -191,7 +193,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     Print the results of random objects.
 
-    :param arguments: of the command line; those of the process if None.
+    :param arguments: arguments of the command line; None: those of the process.
     :return: 0.
     """
     parser = argparse.ArgumentParser(

@@ -33,19 +33,19 @@ from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
 
-#: Rest before the path [s], its legs, their time [s] and the largest one [m, rad], rest after it.
+#: Rest before and after the path [s], number, time [s] and largest step of its legs [m, rad].
 REST, LEGS, LEG_TIME, REACH = 2.0, 2, 3.0, np.array([0.04, 0.04, 0.12])
-#: What a draw takes some of, at least `LEAST` ...
+#: Faults of a draw, at least `LEAST` of them ...
 FAULTS, LEAST = ('zeros', 'slip', 'stiffness', 'friction', 'poses', 'pull'), 3
-#: ... zeros of rollers [m], slip of the rollers [-], stiffness of the tubes, friction [-], ...
+#: ... offsets of rollers [m], slip of the rollers, stiffness of the tubes, friction [-], ...
 ZEROS, SLIP, STIFFNESS, LESS_FRICTION = 0.01, 0.02, (0.6, 1.5), 0.7
-#: ... pulls as shares of the slip margin, those that lose an object, and how long they last [s].
+#: ... pulls as shares of the slip margin [-], those of a loss [-], and their duration [s].
 PULL, LOSING, PULL_TIME = 0.5, 4.0, 1.5
-#: Until here the loop waits for its first pose, and the object settles [s].
+#: Times of the first pose and of the settled object [s].
 BEGIN = 0.2
-#: An object is lost that fewer than two members press for so long [s].
+#: Time with fewer than two contacts after which an object is lost [s].
 LOST_TIME = 0.2
-#: A contact uses all friction from this share on; an object is off from here on [m].
+#: Used share of the friction of a slipping contact [-]; position error of a displaced object [m].
 ALL, OFF = 0.98, 0.005
 DRAWN, CLEAN, LOST, NOTHING = 'drawn', 'clean', 'lost', 'nothing'
 
@@ -54,8 +54,8 @@ class Sensors(NamedTuple):
     """Quality of the pose measurements."""
 
     noise: tuple[float, float]  #: standard deviations [m, rad]
-    period: float  #: [s]
-    late: float  #: by which poses are older than they are stamped [s]
+    period: float  #: period of the poses [s]
+    late: float  #: delay of the poses beyond their stamps [s]
 
 
 GOOD = Sensors((2e-4, math.radians(0.1)), 0.02, 0.0)
@@ -72,16 +72,16 @@ class Draw:
     stiffness: float = 1.0
     friction: float = FRICTION
     sensors: Sensors = GOOD
-    pull: float = 0.0  #: as a share of the slip margin
+    pull: float = 0.0  #: pull as a share of the slip margin [-]
 
     @classmethod
     def of(cls, kind: str, rollers: int, rng: np.random.Generator) -> Draw:
         """
         Return the faults of a seed.
 
-        :param kind: of the carry; only `DRAWN` has several faults.
-        :param rollers: number of them.
-        :param rng: by which it is drawn.
+        :param kind: kind of the carry; only `DRAWN` has several faults.
+        :param rollers: number of rollers.
+        :param rng: random number generator.
         """
         if kind != DRAWN:
             return cls((), 0.0, pull=LOSING if kind == LOST else 0.0)
@@ -112,12 +112,13 @@ class Carry:
     lost: float = math.inf  #: time of the loss [s]
     used: float = math.inf  #: time from which a contact used all friction [s]
     way: float = 0.0  #: path until the halt [m]
-    off: float = 0.0  #: from where twists lead, at the halt or at the end [m]
-    squeeze: float = 0.0  #: true, at the end [N]
-    target: float = 0.0  #: [N]
-    believed: tuple[float, float] = (math.nan, math.inf)  #: squeeze and its deviation then [N]
-    cycle: float = 0.0  #: processor time of a cycle, median [s]
-    innovations: list[float] = field(default_factory=list)  #: squared and normalised
+    off: float = 0.0  #: position error to the executed twists, at the halt or the end [m]
+    squeeze: float = 0.0  #: true final squeeze [N]
+    target: float = 0.0  #: desired squeeze [N]
+    believed: tuple[float, float] = (math.nan, math.inf)  #: estimated final squeeze, deviation [N]
+    cycle: float = 0.0  #: median processor time of a cycle [s]
+    walk: float = 0.0  #: largest `slip_deviations` of the belief until the halt [-]
+    innovations: list[float] = field(default_factory=list)  #: normalised squared innovations [-]
 
     @property
     def end(self) -> str:
@@ -127,6 +128,8 @@ class Carry:
             return f'lost, told {late:+.2f} s' if late < math.inf else 'lost in silence'
         if self.halt is None:
             return 'arrived'
+        if not self.innovations:  # there was no belief: its first equilibrium is none
+            return 'refused'
         strict = self.halted < self.used and self.off < OFF
         return 'halted, strictly false' if strict else 'halted, held'
 
@@ -139,7 +142,7 @@ class Carry:
             f'{self.kind} {self.shape} {self.seed}: {", ".join(self.draw.names) or "-"}: '
             f'{self.end}; path {1e3 * self.way:.0f} mm, off {1e3 * self.off:.1f} mm; squeeze '
             f'{self.squeeze:.1f} of {self.target:.1f} N, believed {believed:.1f} ± '
-            f'{deviation:.1f} ({away:+.1f}); innovation {median:.2f}; cycle '
+            f'{deviation:.1f} ({away:+.1f}); innovation {median:.2f}; walk {self.walk:.1f}; cycle '
             f'{1e3 * self.cycle:.2f} ms'
             + (f'; {self.halt.name}: {self.message}' if self.halt is not None else '')
         )
@@ -149,12 +152,12 @@ class Loop(Regulated):
     """
     The servo of `manipulation` with drawn faults.
 
-    :param plant: holds the object.
-    :param robot: as the loop has it.
+    :param plant: plant that holds the object.
+    :param robot: robot of the loop.
     :param grip: how it holds the object, by the model.
-    :param settings: of the squeeze.
-    :param draw: what is wrong.
-    :param rng: draws the noise.
+    :param settings: settings of the squeeze.
+    :param draw: the faults.
+    :param rng: random number generator of the noise.
     """
 
     def __init__(
@@ -175,11 +178,14 @@ class Loop(Regulated):
     def command(self, twist: Array, error: Array) -> Array:
         """Return the velocities of the tubes with slip at the rollers."""
         servo, now, slip = self.servo, self.plant.time, self._draw.slip
-        servo.rollers = StampedInput(
-            RollerState(self.plant.travel / (1.0 - slip), self.plant.speeds / (1.0 - slip)), now
+        servo.receive(
+            rollers=StampedInput(
+                RollerState(self.plant.travel / (1.0 - slip), self.plant.speeds / (1.0 - slip)),
+                now,
+            )
         )
         self._measure(now)
-        servo.twist = StampedInput(tuple(twist), now)
+        servo.receive(twist=StampedInput(tuple(twist), now))
         begin = time.process_time()
         decision = servo.decide(now)
         self.times.append(time.process_time() - begin)
@@ -195,7 +201,7 @@ class Loop(Regulated):
             self._waiting.append((now + late, self.place() + noise))
         while self._waiting and self._waiting[0][0] <= now + 1e-9:
             when, pose = self._waiting.popleft()
-            self.servo.pose = StampedInput(Pose(*pose.tolist()), when)
+            self.servo.receive(pose=StampedInput(Pose(*pose.tolist()), when))
 
     def place(self) -> Array:
         """Return the pose of the object (3,)."""
@@ -219,9 +225,9 @@ def carry(kind: str, shape: str, seed: int) -> Carry:
     """
     Carry one object along a random path.
 
-    :param kind: drawn, clean, lost or nothing.
-    :param shape: of the object, see `DISC` and `BOX`.
-    :param seed: of everything that is drawn.
+    :param kind: kind of the carry: drawn, clean, lost or nothing.
+    :param shape: shape of the object, `DISC` or `BOX`.
+    :param seed: seed of the random numbers.
     """
     rng = np.random.default_rng([seed, (DISC, BOX).index(shape)])
     robot = round_robot()
@@ -272,7 +278,8 @@ def _follow(loop: Loop, legs: Array, held: HeldGrip, found: Carry) -> None:
         off = float(np.hypot(*(goal - loop.place())[:2]))
         status = loop.decision.command.status
         if found.halt is None:
-            found.off, found.way = off, found.way + float(np.hypot(*twist[:2])) / RATE
+            found.off = off
+            found.way += loop.scale * float(np.hypot(*twist[:2])) / RATE
         if found.halt is None and now > BEGIN and status > Status.HALT_NO_TWIST:
             found.halt, found.halted, found.message = status, now, loop.decision.message
         forces = plant.contact_forces().values()
@@ -283,9 +290,11 @@ def _follow(loop: Loop, legs: Array, held: HeldGrip, found: Carry) -> None:
         alone = alone + 1 if squeezes[-1] == 0.0 else 0
         if alone == round(LOST_TIME * RATE):
             found.lost = now - LOST_TIME
-        seen = getattr(getattr(loop.control, 'belief', None), 'innovation', None)
-        if seen is not None and (not found.innovations or found.innovations[-1] != seen):
-            found.innovations.append(seen)
+        belief = loop.control.belief
+        if belief is not None and belief.innovation not in found.innovations[-1:]:
+            found.innovations.append(belief.innovation)
+            if found.halt is None:
+                found.walk = max(found.walk, belief.slip_deviations)
     found.squeeze = float(np.mean(squeezes[-round(0.5 * RATE) :]))
     found.believed = loop.decision.squeeze or (math.nan, math.inf)
     found.cycle = float(np.median(loop.times[round(REST * RATE) : -round(REST * RATE)]))
@@ -295,17 +304,18 @@ def summarise(carries: Sequence[Carry]) -> list[str]:
     """
     Return the statistics of all carries in words.
 
-    :param carries: what became of each.
+    :param carries: results of the carries.
     """
     lines = []
     drawn = [one for one in carries if one.kind == DRAWN]
     held = [one for one in drawn if one.lost == math.inf]
     if drawn:
         strict = sum(one.end == 'halted, strictly false' for one in held)
-        halted = sum(one.halt is not None for one in held)
+        refused = sum(one.end == 'refused' for one in held)
+        halted = sum(one.halt is not None for one in held) - refused
         lines.append(
-            f'drawn: {len(drawn)}, held {len(held)}, of these halted {halted}, strictly false '
-            f'{strict}'
+            f'drawn: {len(drawn)}, held {len(held)}, of these refused at the start {refused}, '
+            f'halted {halted}, strictly false {strict}'
         )
         sure = [one for one in held if one.believed[1] < math.inf]
         inside = sum(abs(one.believed[0] - one.squeeze) <= 2.0 * one.believed[1] for one in sure)
@@ -322,6 +332,9 @@ def summarise(carries: Sequence[Carry]) -> list[str]:
         if one.kind == CLEAN:
             share = 100.0 * (one.squeeze / one.target - 1.0)
             lines.append(f'clean {one.seed}: {1e3 * one.off:.1f} mm off, squeeze {share:+.1f} %')
+    walks = [one.walk for one in held if one.halt is None]
+    if walks:
+        lines.append(f'walk of those that arrived: {max(walks):.1f} deviations at most')
     medians = [float(np.median(one.innovations)) for one in carries if one.innovations]
     if medians:
         lines.append(f'median squared innovation: {min(medians):.2f} to {max(medians):.2f}')
@@ -333,22 +346,24 @@ def tabulate(carries: Sequence[Carry]) -> list[str]:
     """
     Return the table of `docs/safety.md`, the draws by fault, as Markdown.
 
-    :param carries: what became of each.
+    :param carries: results of the carries.
     """
     groups = [(name, [c for c in carries if name in c.draw.names]) for name in FAULTS]
     kinds = {CLEAN: 'none', LOST: 'a pull that breaks the grip', NOTHING: 'nothing gripped'}
     groups += [(words, [c for c in carries if c.kind == kind]) for kind, words in kinds.items()]
-    rows = ['| fault | carries | arrived | halted | loss told after [s] | told after [mm] |']
-    rows.append('| --- | --- | --- | --- | --- | --- |')
+    headings = ('fault', 'carries', 'arrived', 'refused', 'halted, held', 'lost')
+    headings += ('loss told after [s]', 'told after [mm]')
+    rows = [f'| {" | ".join(headings)} |', f'|{" --- |" * len(headings)}']
     for name, some in groups:
         if not some:
             continue
         lost = [c for c in some if c.lost < math.inf and c.kind != NOTHING]
         late = f'{max(c.halted - c.lost for c in lost):+.2f}' if lost else '–'
         ways = [1e3 * c.way for c in some if c.kind == NOTHING]
-        counts = [sum(word in c.end for c in some) for word in ('arrived', 'halted')]
+        words = ('arrived', 'refused', 'halted', 'lost')
+        counts = ' | '.join(str(sum(word in c.end for c in some)) for word in words)
         way = f'{max(ways):.0f}' if ways else '–'
-        rows.append(f'| {name} | {len(some)} | {counts[0]} | {counts[1]} | {late} | {way} |')
+        rows.append(f'| {name} | {len(some)} | {counts} | {late} | {way} |')
     return rows
 
 
@@ -356,7 +371,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     Print the results of random objects.
 
-    :param arguments: of the command line; those of the process if None.
+    :param arguments: arguments of the command line; None: those of the process.
     :return: 0.
     """
     parser = argparse.ArgumentParser(

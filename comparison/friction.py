@@ -20,11 +20,11 @@ GRIPS = (
     PressedCase(40.0, 0.04),
     PressedCase(30.0, 0.06),
 )
-#: Friction at first, and by how much it falls in a second [1/s].
+#: Initial friction [-], and its rate of decrease [1/s].
 FRICTION, RATE = 0.8, 0.005
-#: It begins at this share of the prediction; the object is looked at after each period [s].
+#: Start of the decrease as a share of the prediction [-], and period of the check [s].
 START, PERIOD = 1.05, 0.1
-#: An object that moved by this is lost [m].
+#: Displacement of a lost object [m].
 MOVED = 2e-3
 
 
@@ -32,7 +32,7 @@ def compare(grips: Sequence[PressedCase] = GRIPS) -> Section:
     """
     Compare the friction at the loss of objects.
 
-    :param grips: what presses on them.
+    :param grips: wedges and objects.
     """
     rows, errors = [], []
     for grip in grips:
@@ -79,8 +79,8 @@ def lost_at(plant: MujocoPlant, start: float) -> float:
     """
     Return the friction at the loss of the object, zero without a loss.
 
-    :param plant: holds the object.
-    :param start: friction at first.
+    :param plant: plant that holds the object.
+    :param start: initial friction [-].
     """
     plant.set_friction(start)
     plant.settle(1.0)

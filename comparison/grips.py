@@ -20,13 +20,13 @@ from isotruss_ros.mujoco_plant.options import PlantOptions, RIGID_SECTION_STIFFN
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
 
-#: Where an object waits that would be in the way of the closing wedge: x, y [m], angle [rad].
+#: Pose of the object away from the closing wedge: x, y [m], angle [rad].
 AWAY = (5.0, 5.0, 0.0)
-#: Where only the state at rest counts: drag so large that oscillations of soft modes end soon.
+#: Drag that damps the oscillations of soft modes quickly, for states at rest.
 STILL = PlantOptions(joint_drag=25.0)
-#: A motion of the rollers, the cycle of its commands, and the rest after it [s].
+#: Duration of a motion of the rollers, period of its commands, and rest after it [s].
 MOTION, CYCLE, REST = 2.0, 0.01, 1.0
-#: Numbers of segments of members that hold an object, and of the others.
+#: Numbers of segments of members in contact, and of the others [-].
 NEAR, COARSE = 8, 4
 
 
@@ -35,8 +35,8 @@ class PressedCase:
     """An indented object in a wedge."""
 
     degrees: float  #: angle of the wedge at `MODULE`
-    indentation: float  #: of each member by the object, tubes unbent [m]
-    diameter: float = 0.3  #: of the object [m]
+    indentation: float  #: indentation of each member, tubes unbent [m]
+    diameter: float = 0.3  #: diameter of the object [m]
 
 
 @functools.cache
@@ -44,7 +44,7 @@ def round_robot() -> Robot:
     """
     Return the nine-member robot without flattening, as in MuJoCo.
 
-    Its file says that a section resists flattening far more than by theory.
+    Its file has a resistance to flattening far above theory.
     """
     file = load_robot('nine_member').description
     return Robot(replace(file, local_stiffness=RIGID_SECTION_STIFFNESS))
@@ -55,7 +55,7 @@ def soften(robot: Robot, stiffness: float) -> Robot:
     Return a robot with scaled tube stiffness and unchanged flattening.
 
     :param robot: the robot.
-    :param stiffness: against its own.
+    :param stiffness: stiffness relative to its own [-].
     """
     description = robot.description
     rigidity = structure_of(robot.home).tube.section_stiffness(
@@ -71,8 +71,8 @@ def mesh(robot: Robot, members: Sequence[str], segments: int = NEAR) -> Indices:
     Return the numbers of segments of all members (m,).
 
     :param robot: the robot.
-    :param members: names of those that hold an object.
-    :param segments: of these.
+    :param members: names of the members in contact.
+    :param segments: number of their segments.
     """
     return np.where(np.isin(robot.member_names, members), segments, COARSE)
 
@@ -94,7 +94,7 @@ def place(case: PressedCase) -> tuple[Configuration, ConvexObject]:
     """
     Return the configuration of a case, and the object in it.
 
-    :param case: what presses.
+    :param case: object and wedge.
     """
     config = closed_to(round_robot().home, case.degrees, case.diameter)
     center = tangent_center(config, MODULE, case.diameter, case.indentation)
@@ -107,9 +107,9 @@ def press(
     """
     Return a plant in contact with a fixed object, its configuration, and the object.
 
-    :param case: what presses.
-    :param options: of the plant.
-    :param segments: of the members that press.
+    :param case: object and wedge.
+    :param options: options of the plant.
+    :param segments: number of segments of the members in contact.
     """
     config, cylinder = place(case)
     members = members_at(config.robot, MODULE)
@@ -126,11 +126,11 @@ def press_on(
     """
     Return a plant in contact with a fixed object, without friction.
 
-    :param config: where the robot is when it presses.
-    :param held: the object, in its place.
-    :param members: names of those that press.
-    :param options: of the plant.
-    :param segments: of these members.
+    :param config: configuration in contact.
+    :param held: the object at its pose.
+    :param members: names of the members in contact.
+    :param options: options of the plant.
+    :param segments: number of their segments.
     """
     plant = MujocoPlant(config.robot, [held], options, mesh(config.robot, members, segments))
     plant.set_friction(0.0)
@@ -148,9 +148,9 @@ def hold_at_home(
     Return a plant at home with an object in the grip, at rest.
 
     :param robot: the robot.
-    :param body: held fast in its place until the tubes have bent around it.
-    :param members: names of those that hold it.
-    :param options: of the plant.
+    :param body: object, fixed until the tubes have bent around it.
+    :param members: names of the members that hold it.
+    :param options: options of the plant.
     """
     plant = MujocoPlant(robot, [body], options, mesh(robot, members))
     plant.hold_object(body.pose)
@@ -164,9 +164,9 @@ def release(plant: MujocoPlant, friction: float, duration: float = 3.0) -> None:
     """
     Release the object, which is held by friction from now on.
 
-    :param plant: presses on an object held fast.
+    :param plant: plant in contact with a fixed object.
     :param friction: coefficient between tube and object.
-    :param duration: until it is at rest [s].
+    :param duration: time until it is at rest [s].
     """
     plant.set_friction(friction)
     plant.release_object()

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from comparison.section import Section
 from paper.tables import markdown, Table
 
-#: Where tables and figures are, seen from the page.
+#: Folder of tables and figures, relative to the page.
 FOLDER = 'plant'
 
 INTRODUCTION = """\
@@ -21,10 +21,10 @@ INTRODUCTION = """\
 robot. An error in what both models [share](mujoco.md#the-model) is in both, and this page cannot
 find it.
 
-MuJoCo's tubes are chains that bend by large angles; ours are linear beams. MuJoCo integrates
-invented masses, drag and losses; ours is in equilibrium. MuJoCo's tubes stay round: so ours here
-have `local_stiffness: 1e4`, and hardly flatten. Lengths of contact, and what masses decide, are
-not compared.
+MuJoCo's tubes are chains of segments; ours are beams with the axial force and the large motion of
+their ends. MuJoCo integrates invented masses, drag and losses; ours is in equilibrium. MuJoCo's
+tubes stay round: so ours here have `local_stiffness: 1e4`, and hardly flatten. Lengths of contact,
+and what masses decide, are not compared.
 """
 
 
@@ -32,7 +32,7 @@ def page(sections: Sequence[Section]) -> str:
     """
     Return the whole page.
 
-    :param sections: in order.
+    :param sections: sections in order.
     """
     checks = [check.row() for section in sections for check in section.checks]
     before = ['', *(why for *_, why in checks)]
@@ -50,7 +50,7 @@ def show(section: Section) -> str:
     """
     Return one section of the page.
 
-    :param section: to be shown.
+    :param section: the section.
     """
     parts = [f'## {section.heading}']
     if section.figure is not None:

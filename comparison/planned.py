@@ -34,11 +34,11 @@ from paper.tables import number, Table
 FRICTION = 0.5
 #: Rest at the end [s].
 REST = 3.0
-#: The path takes so much longer than at the speed of the planner.
+#: Ratio of the duration to that of the planner [-].
 SLOWER = 2.0
-#: That the servo expects: without one it takes what the linear model is off for a slip [N].
+#: Load that the servo expects [N].
 LOAD = 5.0
-#: What holds the object to the ground while it lies there [N].
+#: Friction force of the object on the ground [N].
 GROUND = 0.5
 
 
@@ -46,9 +46,9 @@ GROUND = 0.5
 class Wanted:
     """Requirements of a planned grasp."""
 
-    center: tuple[float, float]  #: where the object lies [m]
-    diameter: float  #: of it [m]
-    module: str  #: that is to grip
+    center: tuple[float, float]  #: initial centre of the object [m]
+    diameter: float  #: diameter of the object [m]
+    module: str  #: grasping module
     squeeze: float  #: normal force of each member [N]
 
 
@@ -56,11 +56,11 @@ class Closed(NamedTuple):
     """Result of closing members on an object."""
 
     squeeze: float  #: mean normal force of the members [N]
-    planned: float  #: the same as planned [N]
+    planned: float  #: planned squeeze [N]
     away: float  #: distance of the object from the planned place [m]
 
 
-#: The first one is that of the demonstration, which is carried on.
+#: The first grasp is that of the demonstration, whose object is carried.
 WANTED = (
     Wanted((0.6, 0.3), 0.2, 'north/Z', 24.0),
     Wanted((0.6, 0.3), 0.3, 'north/Z', 15.0),
@@ -72,7 +72,7 @@ def compare(wanted: Sequence[Wanted] = WANTED) -> Section:
     """
     Follow planned grasps in MuJoCo.
 
-    :param wanted: the grasps; the first one is carried on along Fig. 9.
+    :param wanted: the grasps; the object of the first one is carried along Fig. 9.
     """
     rows: list[tuple[str, ...]] = []
     closed: list[Closed] = []
@@ -100,7 +100,7 @@ def compare(wanted: Sequence[Wanted] = WANTED) -> Section:
             )
         )
     (arc,) = carried
-    why = 'tubes give by a centimetre under the squeeze: our structure is linear'
+    why = 'the rollers follow the path open loop, and the object moves in MuJoCo'
     back = 'the squeeze is that of our model; it ends within 1.25 mm, and the robot swings to rest'
     return Section(
         'Planned grasps',
@@ -112,8 +112,7 @@ def compare(wanted: Sequence[Wanted] = WANTED) -> Section:
         f'{"lost" if arc.lost else "held"} to the end of the arc, at most '
         f'{number(1e3 * arc.position_error, 2)} mm from it, the squeeze between '
         f'{number(float(arc.squeezes.min()))} and {number(float(arc.squeezes.max()))} N. The '
-        f'servo expects loads of {LOAD:g} N: if it expects none, it takes what the object is off '
-        'the linear model for a slip, and halts on that arc.',
+        f'servo expects loads of {LOAD:g} N.',
         (
             *_checks('open loop', closed, (10.0, 4.0), why),
             *_checks('brought back', returned, (10.0, 2.0), back),
@@ -159,7 +158,7 @@ def _measure(plant: MujocoPlant, grasp: PlannedGrasp) -> Closed:
 def _checks(
     how: str, closed: Sequence[Closed], bounds: tuple[float, float], why: str
 ) -> Iterator[Check]:
-    """Return the checks of squeeze and position, with their bounds [%, mm]."""
+    """Return the checks of squeeze and position with their bounds [%, mm]."""
     off = max(abs(each.squeeze / each.planned - 1.0) for each in closed)
     away = max(each.away for each in closed)
     yield Check(f'squeeze after closing in place, {how}', 100.0 * off, bounds[0], '%', why)
@@ -180,7 +179,7 @@ def follow(wanted: Wanted, grasp: PlannedGrasp) -> MujocoPlant:
     """
     Return a plant after the path of the rollers to a grasp.
 
-    :param wanted: what was planned.
+    :param wanted: requirements of the grasp.
     :param grasp: the plan.
     """
     robot, exported = round_robot(), export_path(grasp)
@@ -200,7 +199,7 @@ def bring_back(steering: Regulated, center: tuple[float, float]) -> PathPhase:
     Move a held object back to its initial pose, like `pick_object`; return the result.
 
     :param steering: servo that regulates the squeeze.
-    :param center: where the object lay [m].
+    :param center: initial centre of the object [m].
     """
     plant, cycle = steering.plant, 1.0 / RATE
     here = plant.object_pose()

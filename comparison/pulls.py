@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 import math
 
+from comparison.grasps import STEPS
 from comparison.grips import press, PressedCase, release
 from comparison.section import Check, Section
 from isotruss_ros.core import HoldStatus
@@ -21,15 +22,15 @@ from paper.tables import number, Table
 
 GRIPS, FRICTION = (PressedCase(40.0, 0.04), PressedCase(30.0, 0.08)), 0.5
 DIRECTIONS = tuple(math.radians(45.0 * k) for k in range(8))
-#: A pull rises at this rate [N/s], and is looked at after each period [s] ...
+#: Rate of the pull [N/s], and period of the check [s] ...
 RATE, PERIOD = 0.5, 0.02
-#: ... from this share of ours on; below it rises so much quicker.
+#: ... from this share of the prediction on [-], and ratio of the rates below it [-].
 SURE, QUICKER = 0.7, 8.0
-#: A contact slips when it uses this share of the friction.
+#: Used share of the friction of a slipping contact [-].
 SLIPS = 0.999
-#: The search for the pull begins with steps of this size and ends at this one [N].
+#: First and last step of the search for the pull [N].
 STEP, FINEST = 0.5, 1e-3
-#: No pull is larger [N].
+#: Largest pull [N].
 LARGEST = 50.0
 
 
@@ -39,8 +40,8 @@ def compare(
     """
     Compare the pulls at which a contact slips or opens.
 
-    :param grips: what presses on the object.
-    :param directions: of the pulls, from x counter-clockwise [rad].
+    :param grips: wedges and objects.
+    :param directions: directions of the pulls, from x counter-clockwise [rad].
     """
     rows, errors = [], []
     for grip in grips:
@@ -61,9 +62,9 @@ def compare(
     check = Check(
         'pull at which a contact slips',
         100.0 * max(errors),
-        10.0,
+        4.0,
         '%',
-        'the largest pulls bend tubes by centimetres, and our structure is linear',
+        STEPS,
     )
     return Section(
         'Slip margin under pulls',
@@ -88,8 +89,8 @@ def predicted(model: HeldGrip, along: Array) -> float:
     """
     Return the pull at which the equilibrium slips, opens or vanishes [N].
 
-    :param model: how the object is held.
-    :param along: (3,) the wrench of a unit pull.
+    :param model: equilibrium of the object.
+    :param along: (3,) wrench of a unit pull.
     """
     size, step = 0.0, STEP
     while step > FINEST and size < LARGEST:
@@ -105,9 +106,9 @@ def found(plant: MujocoPlant, along: Array, sure: float) -> float:
     """
     Return the pull at which a contact slips or opens in MuJoCo [N].
 
-    :param plant: holds the object.
-    :param along: (3,) the wrench of a unit pull.
-    :param sure: up to here the pull rises quicker [N].
+    :param plant: plant that holds the object.
+    :param along: (3,) wrench of a unit pull.
+    :param sure: pull up to which it rises quicker [N].
     """
     size = 0.0
     while size < LARGEST:

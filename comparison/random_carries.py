@@ -35,13 +35,13 @@ import numpy as np
 from paper.tables import number, Table
 
 FRICTION, INDENTATION = 0.8, 0.01
-#: Of the measured poses [m, rad].
+#: Standard deviations of the measured poses [m, rad].
 NOISE = (1e-3, np.radians(0.5))
-#: Legs of a path, how long each takes [s], and the largest step on one [m, rad].
+#: Number, time [s] and largest step of the legs of a path [m, rad].
 LEGS, LEG_TIME, REACH = 2, 3.0, np.array([0.04, 0.04, 0.12])
-#: The least slip margin of a grasp that is carried, and a pull as a share of its margin [N, -].
+#: Smallest slip margin of a carry [N], and a pull as a share of the margin [-].
 LEAST_MARGIN, PULL = 0.5, 0.5
-#: An object that is farther from where its twists lead is off its path [m].
+#: Position error of an object off its path [m].
 OFF = 0.02
 DISC, BOX = 'discs', 'boxes'
 PULLED = 'pulled'
@@ -57,7 +57,7 @@ def _in_mujoco(**options: float) -> Callable[[Robot, ConvexObject], MujocoPlant]
     return make
 
 
-#: What differs from 1 kg modules, an object of 0.5 kg and rollers that do as they are told.
+#: Differences from modules of 1 kg, an object of 0.5 kg and ideal rollers.
 PLANTS: Mapping[str, Callable[[Robot, ConvexObject], MujocoPlant]] = {
     'as planned': _in_mujoco(),
     PULLED: _in_mujoco(),
@@ -73,19 +73,20 @@ class Outcome:
     """
     Result of one object.
 
-    :ivar error: from where its twists lead, a second after the path; nan if it was not moved [m].
+    :ivar error: position error to the executed twists, a second after the path; nan without motion
+        [m].
     """
 
-    end: str  #: one of `ENDS`
+    end: str  #: result, one of `ENDS`
     error: float
-    squeeze: float  #: of the plant over the target, then
+    squeeze: float  #: final squeeze of the plant over the target [-]
 
 
 def compare_discs(count: int = 20) -> Section:
     """
     Carry discs.
 
-    :param count: of them.
+    :param count: number of objects.
     """
     words = (
         f'{count} discs of 0.1 to 0.3 m, pressed into the corner at home by '
@@ -101,7 +102,7 @@ def compare_boxes(count: int = 20) -> Section:
     """
     Carry boxes.
 
-    :param count: of them.
+    :param count: number of objects.
     """
     return _compare(BOX, count, f'{count} boxes in place of the discs, all else as above.')
 
@@ -135,10 +136,10 @@ def run(robot: Robot, kind: str, seed: int, name: str) -> Outcome:
     """
     Carry one object.
 
-    :param robot: with round tubes, at home.
-    :param kind: of the object.
-    :param seed: of object, path, pull and noise.
-    :param name: of the plant.
+    :param robot: robot with round tubes, at home.
+    :param kind: kind of the object.
+    :param seed: seed of object, path, pull and noise.
+    :param name: name of the plant.
     """
     rng = np.random.default_rng(seed)
     grip, held = draw_grip(robot, kind, rng)
@@ -162,9 +163,9 @@ def draw_grip(robot: Robot, kind: str, rng: np.random.Generator) -> tuple[Grip, 
     """
     Return a grip of an object at home, with its equilibrium.
 
-    :param robot: with round tubes, at home.
-    :param kind: of the object.
-    :param rng: by which it is drawn.
+    :param robot: robot with round tubes, at home.
+    :param kind: kind of the object.
+    :param rng: random number generator.
     """
     members = members_at(robot, MODULE)
     while True:

@@ -16,11 +16,11 @@ from paper.tables import number, Table
 class Check:
     """A difference between the two models, with its bound."""
 
-    what: str  #: that is compared
-    found: float  #: the largest difference
-    bound: float  #: on it
-    unit: str  #: of both
-    why: str  #: it is not zero
+    what: str  #: compared quantity
+    found: float  #: largest difference
+    bound: float  #: bound of the difference
+    unit: str  #: unit of both
+    why: str  #: reason of the difference
 
     @property
     def kept(self) -> bool:
@@ -38,13 +38,13 @@ class Check:
 class Section:
     """One comparison."""
 
-    heading: str  #: of its section
-    words: str  #: what was done, and what is to be seen
-    checks: tuple[Check, ...]  #: the differences, each with its bound
-    tables: tuple[Table, ...] = ()  #: the numbers
-    figure: Figure | None = None  #: a drawing; None for none
-    picture: str = ''  #: its alternative text
+    heading: str  #: heading of the section
+    words: str  #: description and result
+    checks: tuple[Check, ...]  #: differences with their bounds
+    tables: tuple[Table, ...] = ()  #: tables of the numbers
+    figure: Figure | None = None  #: drawing; None without
+    picture: str = ''  #: alternative text of the drawing
 
 
-#: Makes one comparison.
+#: Function that makes one comparison.
 Compare = Callable[[], Section]

@@ -40,6 +40,6 @@ def make(name: str) -> Section:
     """
     Make one comparison in a separate process.
 
-    :param name: of the comparison.
+    :param name: name of the comparison.
     """
     return SECTIONS[name]()

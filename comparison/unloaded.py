@@ -12,7 +12,7 @@ from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
 from paper.tables import number, Table
 
-#: Presets that can take the random shapes.
+#: Presets with random configurations.
 ROBOTS = ('nine_member', 'triangle')
 #: Largest travel of a roller [m], and rest after it [s].
 TRAVEL, REST = 0.15, 4.0
@@ -23,7 +23,7 @@ def compare(shapes: int = 3) -> Section:
     """
     Compare the nodes of two presets in random configurations.
 
-    :param shapes: of each.
+    :param shapes: number of configurations of each.
     """
     rows, worst = [], 0.0
     for name in ROBOTS:

@@ -14,7 +14,7 @@ from isotruss_ros.core.numerics.arrays import Points
 import numpy as np
 
 MODULE = 'north/Z'
-#: Steps toward the angle, the largest of them [rad], and when it is reached [rad].
+#: Number of steps toward the angle [-], largest step and tolerance [rad].
 MAX_STEPS, MAX_STEP, TOLERANCE = 60, 0.05, 1e-10
 
 
@@ -47,11 +47,11 @@ def closed_to(
     config: Configuration, degrees: float, diameter: float, module: str = MODULE
 ) -> Configuration:
     """
-    Return a configuration with a given wedge angle at a module, with the least roller travel.
+    Return the configuration with a given wedge angle at a module by the least roller travel.
 
-    :param config: where the search begins.
-    :param degrees: the angle [degrees].
-    :param diameter: of an object in the wedge, whose centre stays as it can [m].
+    :param config: start of the search.
+    :param degrees: opening angle [degrees].
+    :param diameter: diameter of an object in the wedge, whose centre moves little [m].
     :param module: name `t/j` of the module.
     :raises ConfigurationError: the wedge does not reach the angle.
     """
@@ -80,8 +80,8 @@ def pressed_into(
 
     :param config: configuration of the robot.
     :param module: name `t/j` of the module.
-    :param shape: of the object.
-    :param angle: of the object [rad].
+    :param shape: shape of the object.
+    :param angle: orientation of the object [rad].
     :param depth: indentation of each member, tubes unbent [m].
     """
     pinched, along = sides(config, module)

@@ -126,7 +126,7 @@ def draw_forces() -> plt.Figure:
 
 
 def draw_closure() -> plt.Figure:
-    """Return the drawing of a disc held fast, of one that is held, and of one with wrinkles."""
+    """Return the drawing of a fixed disc, of a held one, and of one with wrinkling tubes."""
     figure, row = plt.subplots(1, 3, figsize=(9.0, 3.3), layout='constrained')
     _draw_verdict(row[0], 0.02, False)
     _draw_verdict(row[1], 0.02, True)
@@ -153,7 +153,7 @@ def _draw_verdict(axes: Axes, indentation: float, free: bool) -> None:
         pressing = fast.contact_forces.values()
         rubbing = [fast.friction_forces[fast.members == i].sum() for i in members]
         closed = YES[fast.closed_by_friction]
-        words = f'held fast\nclosed by friction: {closed}, {fast.closure_residual:.1f} N left'
+        words = f'fixed\nclosed by friction: {closed}, {fast.closure_residual:.1f} N left'
     for i, normal, along in zip(settled.equilibrium.state.normals, pressing, rubbing, strict=True):
         touched = body.center + 0.15 * i
         for force, color, name in (

@@ -136,7 +136,7 @@ def outlying_ratios(
     Return factors between stiffnesses and the beam of the others, by a Cauchy loss.
 
     :param modes: modes, lengths, pressures and stiffnesses as in `fit_beam`.
-    :param lengths: of the members [m].
+    :param lengths: lengths of the members [m].
     :param pressures: gauge [Pa].
     :param stiffnesses: [N/m], rotary [N m/rad].
     :param radius: R of the tube [m].

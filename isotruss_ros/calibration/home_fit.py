@@ -75,7 +75,7 @@ def fit_home(robot: Robot, postures: Sequence[Posture], moved: bool = False) -> 
     """
     Fit the roller offsets to measured joints, with the Jacobian of (12).
 
-    :param robot: as its file has it.
+    :param robot: robot of the robot file.
     :param postures: postures of the empty robot.
     :param moved: whether the frame of the tracker is fitted as well.
     :raises GraspError: a joint is unknown.
@@ -113,7 +113,7 @@ def home_jacobian(robot: Robot, postures: Sequence[Posture]) -> Array:
     """
     Return the Jacobian of the measured joints by the offsets at zero, (2k, r).
 
-    :param robot: as its file has it.
+    :param robot: robot of the robot file.
     :param postures: postures of the empty robot.
     :raises GraspError: a joint is unknown.
     :raises ConfigurationError: no configuration exists.

@@ -85,7 +85,7 @@ class Presses:
 class Measurements:
     """The contents of a file of measured points."""
 
-    groups: tuple[Group, ...]  #: of the modes of a beam, ordered by mode, pressure and length
+    groups: tuple[Group, ...]  #: groups of a beam by mode, pressure and length
     presses: Presses  #: the points of the mode interference
     unused: Mapping[str, list[int]]  #: line numbers of unused rows, by reason
     rows: int  #: number of rows in the file, the header aside
@@ -98,7 +98,7 @@ def read_measurements(path: Path) -> Measurements:
 
     A column trial tells repetitions apart; rows of the mode interference need a column diameter.
 
-    :param path: of the file.
+    :param path: path of the file.
     :raises MeasurementError: the file cannot be read, or has other columns.
     """
     unused: dict[str, list[int]] = {}

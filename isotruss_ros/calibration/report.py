@@ -92,7 +92,7 @@ def law_table(analysis: Analysis) -> Table:
     """
     Return the power laws in the form of Table I, with the misfit of the beam in each mode.
 
-    :param analysis: with slopes in some of the modes.
+    :param analysis: analysis with slopes in some of the modes.
     """
     result = _table(
         'k = C p^a L^b in SI units, each mode on its own; last, the deviation of the beam'

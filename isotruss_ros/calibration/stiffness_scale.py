@@ -29,7 +29,7 @@ class StiffnessCalibration(NamedTuple):
     """One factor on the stiffness of all tubes."""
 
     scale: float  #: relative to the robot file without its `tube.stiffness_scale` [-]
-    deviation: float  #: its standard deviation [-]
+    deviation: float  #: standard deviation of the scale [-]
 
 
 def calibrate_stiffness(

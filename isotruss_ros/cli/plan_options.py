@@ -24,7 +24,7 @@ OPTIONS = {
     'members': ('T/J-K', 'the two or three members that are to grip, in place of a module'),
     'squeeze': ('N', 'normal force of each grasping member [N]; the best one if left out'),
     'min_slip_margin': ('N', 'wrench at which a member slips, the object free [N]'),
-    'min_margin': ('N', 'closure margin of the object held fast [N]; open too if left out'),
+    'min_margin': ('N', 'smallest closure margin of the fixed object [N]; any if left out'),
     'max_contact_force': ('N', 'of one member on the object [N]'),
     'max_total_force': ('N', 'of all members [N]'),
     'max_utilisation': ('U', 'bending over wrinkling moment of any member (default %(default)s)'),

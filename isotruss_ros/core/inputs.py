@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import deque
+import enum
 from operator import itemgetter
 from typing import Any, NamedTuple
 
@@ -29,16 +30,24 @@ PRESSURE_TIMEOUT = 2.0
 PRESSURE_CHANGE = 0.02
 
 
+class InputFault(enum.Enum):
+    """Fault of an input."""
+
+    MISSING = 'missing'
+    STALE = 'stale'
+    INVALID = 'invalid'
+
+
 class RejectedInput(NamedTuple):
     """
     A received but invalid input.
 
     :ivar reason: fault in words.
-    :ivar fault: INVALID or STALE, see `InputError`.
+    :ivar fault: INVALID or STALE.
     """
 
     reason: str
-    fault: str = 'INVALID'
+    fault: InputFault = InputFault.INVALID
 
 
 class StampedInput(NamedTuple):
@@ -77,18 +86,16 @@ class InputError(IsotrussError):
     """
     An input is missing, stale or invalid.
 
-    :ivar fault: NO, STALE or INVALID.
-    :ivar name: name of the input.
-    :ivar code: both, for example NO_TWIST, STALE_TWIST or INVALID_TWIST, as in the codes of
-        statuses and reports.
-    :param fault: NO, STALE or INVALID.
-    :param name: name of the input.
+    :ivar fault: kind of the fault.
+    :ivar name: name of the input, with underscores for spaces.
+    :param fault: kind of the fault.
+    :param name: name of the input, with underscores for spaces.
     :param message: the reason in words.
     """
 
-    def __init__(self, fault: str, name: str, message: str) -> None:
+    def __init__(self, fault: InputFault, name: str, message: str) -> None:
         super().__init__(message)
-        self.fault, self.name, self.code = fault, name, f'{fault}_{name.upper()}'
+        self.fault, self.name = fault, name
 
 
 def check_stamp(
@@ -116,12 +123,11 @@ def check_stamp(
     words, age = name.replace('_', ' '), now - stamp
     if age > timeout:
         remedy = f' ({setting}: set it higher where the machine is busy)' if setting else ''
-        raise InputError(
-            'STALE', name, f'{words}: {age:.3f} s old; must be at most {timeout} s{remedy}'
-        )
+        message = f'{words}: {age:.3f} s old; must be at most {timeout} s{remedy}'
+        raise InputError(InputFault.STALE, name, message)
     if age < -skew:
         raise InputError(
-            'INVALID',
+            InputFault.INVALID,
             name,
             f'{words}: stamped {-age:.3f} s in the future; must be at most {skew:g} s: '
             'synchronise the clocks',
@@ -163,7 +169,7 @@ def require_fresh(
     for name, given in inputs.items():
         if given is None:
             words = name.replace('_', ' ')
-            raise InputError('NO', name, f'{words}: none received yet')
+            raise InputError(InputFault.MISSING, name, f'{words}: none received yet')
         if isinstance(given, RejectedInput):
             raise InputError(given.fault, name, given.reason)
         try:

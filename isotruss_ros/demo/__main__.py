@@ -17,7 +17,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     Run the demonstration; Ctrl-C ends it and its nodes at any time.
 
-    :param arguments: of the command line; those of the process if None.
+    :param arguments: arguments of the command line; those of the process if None.
     :return: 0 where the object was held and came to its places, 1 if not, or where the messages
         are not built, 130 after Ctrl-C.
     """

@@ -61,14 +61,14 @@ class DemoClient(Node):
     """
     Publishes `cmd_vel`; collects states, `manipulation/status` and `grasp/state`.
 
-    :ivar frame_id: of the object's pose.
+    :ivar frame_id: frame id of the object's pose.
     :ivar measured: last measured pose of the object.
     :ivar pose: the last one that was recorded.
     :ivar rollers: (r,) their last positions, corrected where they are estimated [m].
     :param roller_names: the robot's rollers in its order.
-    :param sim_time: go by `/clock`, as with a plant that has masses.
-    :param truth: record what is true of robot and object in place of what is measured, and what is
-        estimated.
+    :param sim_time: use the time of `/clock`, as for plants with masses.
+    :param truth: record the true states of robot and object in place of the measured ones, and the
+        estimates.
     """
 
     def __init__(
@@ -171,7 +171,7 @@ class DemoClient(Node):
         """
         Start a phase: later messages belong to its record.
 
-        :param name: of the phase.
+        :param name: name of the phase.
         """
         self._record = PhaseRecord(name)
         self._status_times.clear()
@@ -309,7 +309,7 @@ class DemoClient(Node):
         Publish zero twists until the manipulation follows them and the object is at rest.
 
         :param check: raises when a node has ended.
-        :param what: that is waited for, for the error.
+        :param what: awaited event, for the error.
         :raises DemoError: not in time.
         """
         self._ended = self._stamp

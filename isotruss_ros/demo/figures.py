@@ -59,9 +59,9 @@ def draw_panels(
     The file has a description: the state of each panel, whose words `tools/pictures.py` compares.
 
     :param robot: the robot.
-    :param diameter: of the object [m].
-    :param records: of the phases.
-    :param path: of the picture.
+    :param diameter: diameter of the object [m].
+    :param records: records of the phases.
+    :param path: path of the picture.
     :param paper_model: see `analyze_grasp`.
     """
     stops: list[tuple[str, Snapshot, Wrench | None]] = []
@@ -114,7 +114,7 @@ def describe_grasp(
     """
     Return the analysis of a grasp, and whether and how it holds, in words.
 
-    :param config: of the robot.
+    :param config: configuration of the robot.
     :param body: the object.
     :param pull: external wrench on it [N, N, N m]; None without.
     :param paper_model: see `analyze_grasp`.
@@ -149,9 +149,9 @@ def animate(robot: Robot, diameter: float, records: Sequence[PhaseRecord], path:
     Write the whole motion as an animated GIF.
 
     :param robot: the robot.
-    :param diameter: of the object [m].
-    :param records: of the phases.
-    :param path: of the animation.
+    :param diameter: diameter of the object [m].
+    :param records: records of the phases.
+    :param path: path of the animation.
     """
     snapshots = [snap for record in records for snap in record.snapshots]
     times = np.array([snap.time for snap in snapshots])

@@ -30,9 +30,9 @@ def film(recording: Path, records: Sequence[PhaseRecord], path: Path) -> None:
     """
     Write the whole motion as an animated GIF, drawn by MuJoCo.
 
-    :param recording: of the plant.
-    :param records: of the phases, one after the other.
-    :param path: of the animation.
+    :param recording: recording of the plant.
+    :param records: records of the phases, one after the other.
+    :param path: path of the animation.
     :raises PlantError: the recording cannot be read, or pictures cannot be drawn here.
     """
     states = read_recording(recording)

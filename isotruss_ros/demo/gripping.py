@@ -39,8 +39,8 @@ def slow_down(grasp: PlannedGrasp, factor: float) -> None:
     """
     Slow down the path to a grasp.
 
-    :param grasp: of the planner; changed in place.
-    :param factor: on all times.
+    :param grasp: grasp of the planner; changed in place.
+    :param factor: factor on all times [-].
     """
     for point in grasp.path.points:
         point.time_from_start = to_duration(factor * read_duration(point.time_from_start))
@@ -51,7 +51,7 @@ def is_sure(estimates: Sequence[StateEstimate]) -> bool:
     """
     Return whether the roller offsets are known.
 
-    :param estimates: of the state, in time order.
+    :param estimates: estimates of the state, in time order.
     """
     if not estimates:
         return False
@@ -145,7 +145,7 @@ class Gripping:
         """
         Follow the path to a grasp, and wait until the analysis reports the object as held.
 
-        :param grasp: of the planner.
+        :param grasp: grasp of the planner.
         :param progress: called with the share that is done.
         :return: records until the members touch the object, and from there on.
         :raises DemoError: the rollers did not arrive, or the object is not held.

@@ -22,16 +22,16 @@ PULLED = (0.4, 0.6)
 class Phase:
     """One part of the path."""
 
-    name: str  #: what the object does
+    name: str  #: name of the motion
     duration: float  #: [s]
     twist: Callable[[float], Twist]  #: the twist at a time since the phase began [s]
-    pull: Wrench | None = None  #: in the middle of the phase; None for nothing
+    pull: Wrench | None = None  #: wrench in the middle of the phase; None without
 
     def wrench(self, time: float) -> Wrench:
         """
         Return the external wrench: `pull` from 0.4 to 0.6 of the phase, else zero.
 
-        :param time: since the phase began [s].
+        :param time: time since the start of the phase [s].
         """
         begin, end = PULLED
         pulled = self.pull is not None and begin <= time / self.duration < end
@@ -87,7 +87,7 @@ def figure_9(pull: Wrench | None = None) -> tuple[Phase, ...]:
 
     The object's orientation, 0 at the start, is normal to the arc after the turn by 90 degrees.
 
-    :param pull: what pulls at the object in the middle of the arc [N, N m]; None for nothing.
+    :param pull: wrench on the object in the middle of the arc [N, N m]; None without one.
     """
     quarter = 0.5 * math.pi
     return (

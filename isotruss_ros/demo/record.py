@@ -28,14 +28,14 @@ class PhaseRecord:
     """
     Result of one phase.
 
-    :ivar name: of the phase.
+    :ivar name: name of the phase.
     :ivar commanded: (dx, dy, dangle), the integral of the published twists [m, rad].
     :ivar accepted: (dx, dy, dangle), the integral of the twists by which the manipulation node
         reports to move the object, scaled by its limits [m, rad].
     :ivar measured: (dx, dy, dangle) of the measured pose; the angle unwrapped [m, rad].
     :ivar max_speed: largest commanded speed of the object, turns times 0.1 m [m/s].
     :ivar pull: (fx, fy, m) that pulled at the object [N, N m]; None if nothing did.
-    :ivar pulled: from when to when it did, by ROS time [s].
+    :ivar pulled: interval of the pull, ROS time [s].
     :ivar max_shift: largest distance of the measured from the commanded place meanwhile [m].
     :ivar max_roller_speed: largest measured speed of any roller [m/s].
     :ivar loop_rate: cycles of the manipulation node per second [Hz].
@@ -46,7 +46,7 @@ class PhaseRecord:
     :ivar grasps: all results of the grasp analysis, in time order.
     :ivar squeezes: true mean normal forces of the members, in time order [N]; where that is heard.
     :ivar joints: true places (j, 2) of the joints, in time order [m]; where that is heard.
-    :ivar estimates: of the state, in time order; where the truth is heard.
+    :ivar estimates: estimates of the state in time order, with recorded truth.
     """
 
     name: str
@@ -109,7 +109,7 @@ class PhaseRecord:
         """
         Return the parts before and after the closest approach to roller positions.
 
-        :param name: of the second part.
+        :param name: name of the second part.
         :param rollers: (r,) [m].
         """
         distances = [

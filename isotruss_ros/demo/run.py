@@ -71,7 +71,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
     """
     Run the nodes, play the path, print the tables, draw the figures.
 
-    :param arguments: of the command line; those of the process if None.
+    :param arguments: arguments of the command line; those of the process if None.
     :return: 0 where the object was held and came to its places, else 1.
     """
     parser = argparse.ArgumentParser(prog='isotruss demo', description=__doc__)

@@ -34,9 +34,9 @@ def truth_table(records: Sequence[PhaseRecord], robot: Robot, squeeze: float) ->
     """
     Return the errors of squeeze, joints and pose against the truth.
 
-    :param records: of the phases, with the truth.
-    :param robot: as its file has it.
-    :param squeeze: that is regulated [N].
+    :param records: records of the phases, with the truth.
+    :param robot: robot of the robot file.
+    :param squeeze: desired squeeze [N].
     """
     table = make_table(
         'True squeeze against its target; against the truth:\n'

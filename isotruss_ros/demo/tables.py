@@ -20,7 +20,7 @@ def make_table(
     """
     Return a table without rows.
 
-    :param title: of the table.
+    :param title: title of the table.
     :param names: headings of the first columns.
     :param figures: headings of the others, with their units.
     :param wrap: whether names may take several lines.
@@ -84,7 +84,7 @@ def grasp_table(records: Sequence[PhaseRecord]) -> Table:
     """
     Return the hold of the object in each phase: range over all analyses.
 
-    :param records: of the phases.
+    :param records: records of the phases.
     """
     table = make_table(
         'Grasp: share of analyses by which the object is held; mean\n'
@@ -127,10 +127,10 @@ def contact_table(records: Sequence[PhaseRecord]) -> Table:
     """
     Return the contact regions at the end of each phase.
 
-    :param records: of the phases.
+    :param records: records of the phases.
     """
     table = make_table(
-        'Contact at the end of each phase, of the object held fast: length, largest\n'
+        'Contact at the end of each phase, of the fixed object: length, largest\n'
         'width and area of each region; mean and largest pressure on the object',
         ('phase', 'member'),
         ('length\nmm', 'width\nmm', 'area\ncm\u00b2', 'mean\nkPa', 'peak\nkPa'),

@@ -33,7 +33,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     Run the nodes until Ctrl-C.
 
-    :param arguments: of the command line; those of the process if None.
+    :param arguments: arguments of the command line; those of the process if None.
     :return: 0 after Ctrl-C, 1 where a node ended.
     """
     parser = argparse.ArgumentParser(prog='isotruss view', description=__doc__)

@@ -70,10 +70,10 @@ class PlantOptions:
     """
 
     friction: float = DEFAULT_FRICTION  #: coefficient between tube and object
-    object_mass: float = 0.5  #: of each object [kg]
-    module_mass: float = 1.0  #: of each roller module [kg]
+    object_mass: float = 0.5  #: mass of each object [kg]
+    module_mass: float = 1.0  #: mass of each roller module [kg]
     gravity: tuple[float, float] = (0.0, 0.0)  #: (x, y) in the plane of the robot [m/s^2]
-    time_step: float = 0.002  #: of the integrator [s]
+    time_step: float = 0.002  #: time step of the integrator [s]
     segments: int = 8  #: segments of each member; fewer underestimate the squeeze
     joint_drag: float = 5.0  #: viscous drag of each joint of the robot [N s/m]
     tube_relaxation: float = 0.1

@@ -69,7 +69,7 @@ class PlantRecording:
         first one of its position.
     """
 
-    text: str  #: of the model (MJCF)
+    text: str  #: text of the model (MJCF)
     times: Array  #: (n,) of the states, increasing [s]
     states: Array
 

@@ -24,7 +24,7 @@ from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import FixedSpec
 from isotruss_ros.nodes.framework.sensors import Inputs, TrackedShape
-from isotruss_ros.nodes.framework.single_goal import BusyError, SingleGoal
+from isotruss_ros.nodes.framework.single_goal import BusyError, Ending, SingleGoal
 
 SPECS = (
     common.OBJECT,
@@ -35,6 +35,12 @@ SPECS = (
 )
 #: Polling period of a search [s].
 POLLING_PERIOD = 0.02
+
+#: Final states of goals by outcomes; other outcomes are aborted.
+ENDINGS = {
+    SearchOutcome.FOUND: Ending.SUCCEEDED,
+    SearchOutcome.CANCELLED: Ending.CANCELED,
+}
 
 
 class GraspPlanner(ManagedNode):
@@ -129,4 +135,4 @@ class GraspPlanner(ManagedNode):
     def _end(self, answer: Answer) -> None:
         """Publish the result of the goal."""
         result = to_result_message(answer, self.robot)
-        self._goal.report_end(answer.outcome, result, 'no search')
+        self._goal.report_end(answer.outcome, ENDINGS, result, 'no search')

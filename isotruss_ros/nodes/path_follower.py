@@ -32,7 +32,7 @@ from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import Parameters, Spec
 from isotruss_ros.nodes.framework.sensors import Inputs
-from isotruss_ros.nodes.framework.single_goal import SingleGoal
+from isotruss_ros.nodes.framework.single_goal import Ending, SingleGoal
 import numpy as np
 
 SPECS = (
@@ -55,6 +55,13 @@ SPECS = (
 NO_FEEDBACK = FollowObjectPath.Feedback(
     position_error=np.nan, angle_error=np.nan, progress=0.0, time_left=np.nan
 )
+
+#: Final states of goals by outcomes; other outcomes are aborted.
+ENDINGS = {
+    PathOutcome.REACHED: Ending.SUCCEEDED,
+    PathOutcome.CANCELLED: Ending.CANCELED,
+    PathOutcome.PREEMPTED: Ending.ABORTED,
+}
 
 
 class PathFollower(ManagedNode):
@@ -180,7 +187,7 @@ class PathFollower(ManagedNode):
         self._waiting = None
         self._publish_twist(np.zeros(3))
         result = to_path_result(outcome, message, self._servo.tracker, self._last)
-        self._goal.report_end(outcome, result, 'no path to follow')
+        self._goal.report_end(outcome, ENDINGS, result, 'no path to follow')
 
     # -- The cycle --
 

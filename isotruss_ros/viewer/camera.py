@@ -13,6 +13,8 @@ from isotruss_ros.core.numerics.arrays import Points
 FIELD_OF_VIEW = math.radians(75.0)
 #: Size of the picture relative to the robot [-].
 PICTURE_SCALE = 1.25
+#: Largest width over height of an upright phone; windows have the panel beside the scene [-].
+PHONE_ASPECT = 0.6
 #: Height of the panel on an upright screen as a share of the screen, from below [-].
 PANEL_SHARE = 0.38
 #: Style of upright screens, with the panel below the robot; the breakpoint is that of viser.
@@ -40,7 +42,7 @@ def place_camera(points: Points, aspect: float) -> tuple[Place, Place]:
     width, height = (
         PICTURE_SCALE * float(part.max() - part.min()) for part in (points.real, points.imag)
     )
-    free = 1.0 if aspect >= 1.0 else 1.0 - PANEL_SHARE
+    free = 1.0 if aspect > PHONE_ASPECT else 1.0 - PANEL_SHARE
     shown = max(width / aspect, height / free)
     # The centre of the free area is above that of the picture.
     y -= 0.5 * (1.0 - free) * shown

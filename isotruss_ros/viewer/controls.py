@@ -119,7 +119,7 @@ class Controls:
         """
         Update the owner of the control, and return the requests since the last call, in order.
 
-        :param now: time [s].
+        :param now: time on the clock of the robot, which may be slower than that of browsers [s].
         :return: name and value of each request.
         """
         clients = self._server.get_clients()
@@ -130,7 +130,7 @@ class Controls:
         wishes = {number: panel.wish for number, panel in self._panels.items()}
         alive = dict(wishes)
         holder = self.control.browser
-        if self._heartbeats.is_silent(holder, now, self._timeout):
+        if self._heartbeats.is_silent(holder, self._timeout):
             alive[holder] = False
             self._report(
                 f'control ended: browser {holder} gave no sign of life for {self._timeout:g} s'

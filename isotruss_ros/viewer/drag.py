@@ -23,8 +23,8 @@ class Drag:
     :ivar turns: whether it rotates the object: positions are those of `place_on_circle`, not of
         the plane.
     :param target: initial target [m].
-    :param now: time [s].
-    :param turns: see above.
+    :param now: time on the clock of the robot [s], as in `follow` and `is_stuck`.
+    :param turns: whether it rotates the object.
     """
 
     def __init__(self, target: tuple[float, float], now: float, turns: bool = False) -> None:
@@ -58,11 +58,11 @@ class Drag:
 
     def is_stuck(self, now: float) -> bool:
         """
-        Return whether the drag made no progress for PATIENCE.
+        Return whether the drag made no progress for PATIENCE, or the clock ran back by that.
 
         :param now: time [s].
         """
-        return now - self._since >= PATIENCE
+        return abs(now - self._since) >= PATIENCE
 
 
 def place_on_circle(angle: float, near: float = 0.0) -> tuple[float, float]:

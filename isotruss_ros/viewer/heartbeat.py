@@ -68,12 +68,12 @@ class Heartbeats:
         """
         self._last[browser] = time.monotonic()
 
-    def is_silent(self, browser: Any, now: float, timeout: float) -> bool:
+    def is_silent(self, browser: Any, timeout: float) -> bool:
         """
         Return whether the heartbeat of a browser has timed out.
 
-        :param browser: its index; None for none.
-        :param now: time on the monotonic clock [s].
+        :param browser: index of the browser; None without one.
         :param timeout: the timeout [s].
         """
+        now = time.monotonic()
         return now - self._last.get(browser, now) > timeout

@@ -86,7 +86,7 @@ def show_message(picture: Picture, topic: str, message: Any, now: float) -> None
 
     :param picture: the picture.
     :param topic: topic with or without namespace.
-    :param message: with the fields of the ROS message.
+    :param message: message with the fields of the ROS message.
     :param now: time of the message [s].
     :raises PictureError: the message is invalid.
     :raises ConfigurationError: no configuration exists at the joint states.

@@ -25,6 +25,7 @@ def require_kept(section):
         assert check.kept, check.row()
 
 
+@pytest.mark.nightly
 @needs_mujoco
 def test_a_grasp_is_within_its_bounds():
     require_kept(grasps.compare(wedges=(40.0,), indentations=(0.02,)))
@@ -42,6 +43,7 @@ def test_an_object_is_lost_where_friction_is_too_low():
     require_kept(friction.compare((PressedCase(50.0, 0.03),)))
 
 
+@pytest.mark.nightly
 @needs_mujoco
 def test_an_object_carried_with_its_squeeze_regulated_follows_its_path():
     result = carried.run(carried.REGULATED, (translation('up', 3.0, 0.03, 0.08),))

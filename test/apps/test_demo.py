@@ -203,7 +203,3 @@ def test_an_object_of_another_shape_is_passed_to_all_nodes_of_a_view(monkeypatch
         'pick_and_place',
         'viewer',
     }
-
-
-def test_a_robot_whose_tubes_stay_round_can_be_loaded(tmp_path):
-    assert load_robot(demo._write_round_robot(tmp_path)).name == ROBOT.name

@@ -17,9 +17,19 @@ from isotruss_ros.core import ConvexObject, GraspRequirements, load_robot, plan_
 from isotruss_ros.core.planning.describe_plan import path_times
 from isotruss_ros.core.planning.workers import core_count, NICENESS, WorkerPool
 import numpy as np
-from planning import begun_workers, workers
+from planning import workers
 import psutil
 import pytest
+
+
+def begun_workers(count, of=None, deadline=20.0):
+    """Return the processes that search once there are so many: a fork is none before its exec."""
+    end = time.monotonic() + deadline
+    while len(found := workers(of)) < count:
+        assert time.monotonic() < end
+        time.sleep(0.01)
+    return found
+
 
 ROBOT = load_robot('nine_member')
 OBJECT = ['--center', '0.716', '0.43', '--diameter', '0.3']

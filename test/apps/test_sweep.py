@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Sweeps on a Dask cluster of two worker processes on this machine."""
+"""Sweeps on a Dask cluster of two workers on this machine."""
 
 import csv
 from dataclasses import replace
@@ -9,6 +9,7 @@ from pathlib import Path
 import re
 
 from isotruss_ros.core import ConvexObject, GraspRequirements, load_robot, plan_grasps
+from nightly import some_now
 import pytest
 
 try:
@@ -30,11 +31,11 @@ OBJECTS = (OBJECT, ConvexObject.disc((3.0, 3.0), 0.3))
 NEEDS = GraspRequirements(friction=0.7, count=1)
 
 
-@pytest.fixture(scope='module')
-def client():
-    """Return a client of two processes with a thread each."""
+@pytest.fixture(scope='module', params=some_now([False, True]), ids=['threads', 'processes'])
+def client(request):
+    """Return a client of two workers with a thread each."""
     cluster = distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
+        n_workers=2, threads_per_worker=1, processes=request.param, dashboard_address=None
     )
     with cluster, distributed.Client(cluster) as found:
         assert len(found.nthreads()) == 2

@@ -10,6 +10,7 @@ from isotruss_ros.core.inputs import (
     check_stamp,
     CLOCK_SKEW,
     InputError,
+    InputFault,
     keep_latest,
     RejectedInput,
     require_fresh,
@@ -33,7 +34,7 @@ def test_a_stamp_counts_from_the_largest_age_to_the_skew(ahead):
         return
     with pytest.raises(InputError, match='object pose: ') as caught:
         check_stamp('object_pose', stamp, NOW, TIMEOUT)
-    assert caught.value.fault == ('STALE' if age > 0.0 else 'INVALID')
+    assert caught.value.fault is (InputFault.STALE if age > 0.0 else InputFault.INVALID)
 
 
 def test_an_earlier_input_does_not_replace_a_later_one():
@@ -61,7 +62,7 @@ def test_the_reason_of_a_rejection_is_told_once_the_good_input_is_too_old():
     kept = keep_latest(NEW, BAD, NOW)
     with pytest.raises(InputError, match='bad') as caught:
         require_fresh(NOW + 1.01 * TIMEOUT, TIMEOUT, object_pose=kept)
-    assert caught.value.code == 'INVALID_OBJECT_POSE'
+    assert (caught.value.name, caught.value.fault) == ('object_pose', InputFault.INVALID)
 
 
 NAMES = ('a', 'b', 'c')

@@ -13,12 +13,14 @@ from isotruss_ros import core
 from isotruss_ros.core.numerics.records import as_plain, is_equal
 import numpy as np
 import pytest
+import robots
 
 ROBOT = core.load_robot('nine_member')
 DISC = core.ConvexObject.disc(core.tangent_center(ROBOT.home, 'north/Z', 0.3, 0.01), 0.3, 0.8)
 SETTLED = core.settle_grasp(ROBOT.home, DISC)
 GRIP = core.Grip.at_module(ROBOT, 'north/Z', DISC)
 MEMBERS = ('north/P-Z', 'north/Z-R')
+LARGE = robots.random_robot(6)
 
 RESULTS = {
     'robot': ROBOT,
@@ -27,6 +29,8 @@ RESULTS = {
     'analysis': core.analyze_grasp(ROBOT.home, DISC),
     'gradient': core.grasp_gradient(SETTLED),
     'deformation': core.deform(ROBOT.home, {'Z': (0.0, -5.0)}),
+    # Sparse factors.
+    'large deformation': core.deform(LARGE.home, {LARGE.topology.joint_names[0]: (0.0, -1.0)}),
     'command': core.solve_twist(ROBOT.home, GRIP, (0.01, 0.02, 0.1)),
     'joint command': core.solve_joint_velocity(ROBOT.home, {'Z': (0.01, 0.0)}),
     'pose': core.reach_pose(ROBOT.home, GRIP, np.add(DISC.pose, (0.0, 0.01, 0.0))),

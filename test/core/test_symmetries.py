@@ -3,15 +3,281 @@
 
 """Results depend on no frame, order or unit: the same grasps written in other ways."""
 
+import copy
+from dataclasses import dataclass, replace
+from pathlib import Path
+
 from hypothesis import given, strategies
-from isotruss_ros.core import analyze_grasp, deform, settle_grasp, solve_twist
-from isotruss_ros.core.errors import IsotrussError
+from isotruss_ros.core import (
+    analyze_grasp,
+    ConvexObject,
+    deform,
+    Polygon,
+    Pose,
+    Robot,
+    settle_grasp,
+    solve_twist,
+)
+from isotruss_ros.core.errors import GraspError, IsotrussError
 from isotruss_ros.core.manipulation.grip import Grip
+from isotruss_ros.core.model.robot_file import describe_robot
 from isotruss_ros.core.safety.margins import shape_margins
 import numpy as np
 import pytest
+import random_grips
+import robots
 from robots import examples
-from symmetries import CHANGES, random_case, reframed
+
+FABRIC = {'membrane_modulus': 6.0e4, 'membrane_shear_modulus': 1.0e4}
+SWAPPED = {'x': 'y', 'y': 'x'}
+
+
+@dataclass(frozen=True)
+class Case:
+    """
+    A grasp as plain data, and how it was made from the first one.
+
+    :ivar document: of the robot.
+    :ivar travel: of the rollers by name [m].
+    :ivar members: names of those that hold the object.
+    :ivar shape: of the object.
+    :ivar pose: of its frame, as x + iy and angle.
+    :ivar wrench: force x + iy [N], and moment about the centroid of the area [N m].
+    :ivar turn: unit number by which directions were multiplied, after a mirror.
+    :ivar mirrored: whether directions were mirrored on the x axis.
+    :ivar length: factor on lengths.
+    :ivar force: factor on forces.
+    :ivar names: of the members of the first grasp by those of this one.
+    :ivar signs: of the travel of rollers by name, against the first grasp.
+    """
+
+    document: dict
+    travel: dict
+    members: tuple
+    shape: object
+    pose: tuple
+    wrench: tuple
+    turn: complex = 1.0
+    mirrored: bool = False
+    length: float = 1.0
+    force: float = 1.0
+    names: dict = None
+    signs: dict = None
+
+    def build(self):
+        """Return configuration, object and external wrench about the origin of its frame."""
+        robot = Robot(describe_robot(Path('random.yaml'), copy.deepcopy(self.document)))
+        config = robot.configuration([self.travel[name] for name in robot.roller_names])
+        place, angle = self.pose
+        body = ConvexObject(self.shape, Pose(place.real, place.imag, angle))
+        force, moment = self.wrench
+        arm = body.middle - body.center
+        return config, body, (force.real, force.imag, moment + (arm.conjugate() * force).imag)
+
+    def original(self, vector):
+        """Return a direction as it was in the first grasp, x + iy."""
+        back = vector / self.turn
+        return np.conj(back) if self.mirrored else back
+
+    @property
+    def sense(self):
+        """Return the sign of angles and moments against the first grasp."""
+        return -1.0 if self.mirrored else 1.0
+
+    def by_member(self, values):
+        """Return values by name of the members of the first grasp."""
+        return {self.names[name]: value for name, value in values.items()}
+
+
+def random_case(seed):
+    """Return a random grasp of a random shape; None where the seed makes none."""
+    rng = np.random.default_rng(seed)
+    document = robots.random_document(seed)
+    if rng.random() < 0.7:
+        document['tube']['stiffness'] = {'model': 'inflatable_beam', **FABRIC}
+    # Upright, so that quarter turns and mirrors have the same supports.
+    robot = Robot(describe_robot(Path('random.yaml'), copy.deepcopy(document)))
+    kind, count = (('module', 2), ('tubes', 2), ('tube', 2), ('module', 3))[rng.integers(4)]
+    flat = rng.random() < 0.3
+    try:
+        config, grip = random_grips.random_convex_grip(robot, rng, kind, count, flat)
+    except GraspError:  # no such shape
+        return None
+    if grip is None:
+        return None
+    travel = dict(zip(robot.roller_names, config.roller_positions.tolist(), strict=True))
+    body = grip.body
+    # A force acts at the origin of the object's frame, which moves with it: a frame of another
+    # origin is another load.
+    force = complex(*rng.uniform(-1.0, 1.0, 2)) * (seed % 2)
+    return Case(
+        document=document,
+        travel=travel,
+        members=grip.members,
+        shape=body.shape,
+        pose=(body.center, body.pose.angle),
+        wrench=(force, 0.1 * rng.uniform(-1.0, 1.0)),
+        names={name: name for name in robot.member_names},
+        signs=dict.fromkeys(travel, 1.0),
+    )
+
+
+def _placed(case, move, **changes):
+    """Return a case whose joints and object are moved by a function of x + iy."""
+    document = copy.deepcopy(case.document)
+    for name, (x, y) in document['joints'].items():
+        z = move(complex(x, y))
+        document['joints'][name] = [z.real, z.imag]
+    return replace(case, document=document, **changes)
+
+
+def shifted(case, rng):
+    """Return a grasp elsewhere."""
+    away = complex(*rng.uniform(-10.0, 10.0, 2))
+    place, angle = case.pose
+    return _placed(case, lambda z: z + away, pose=(place + away, angle))
+
+
+def turned(case, rng):
+    """Return a grasp turned by one to three quarters: supports are along the axes."""
+    quarters = int(rng.integers(1, 4))
+    turn = 1j**quarters
+    place, angle = case.pose
+    force, moment = case.wrench
+    found = _placed(
+        case,
+        lambda z: z * turn,
+        pose=(place * turn, angle + 0.5 * np.pi * quarters),
+        wrench=(force * turn, moment),
+        turn=case.turn * turn,
+    )
+    if quarters % 2:
+        supports = found.document['supports']
+        for joint, axes in supports.items():
+            supports[joint] = [SWAPPED[axis] for axis in axes]
+    return found
+
+
+def mirrored(case, _rng):
+    """Return the mirror image of a grasp: tubes run the other way around."""
+    place, angle = case.pose
+    force, moment = case.wrench
+    shape = case.shape
+    if isinstance(shape, Polygon):
+        shape = Polygon([(x, -y) for x, y in shape.vertices], shape.corner_radius)
+    return _placed(
+        case,
+        lambda z: z.conjugate(),
+        pose=(place.conjugate(), -angle),
+        wrench=(force.conjugate(), -moment),
+        shape=shape,
+        turn=np.conj(case.turn),
+        mirrored=not case.mirrored,
+    )
+
+
+def reframed(case, rng):
+    """Return a grasp of the same object in another frame, from another corner on."""
+    if not isinstance(case.shape, Polygon) or case.wrench[0]:
+        return case
+    angle, away = rng.uniform(-3.0, 3.0), 0.2 * complex(*rng.uniform(-1.0, 1.0, 2))
+    turn = np.exp(1j * angle)
+    corners = case.shape.corners * turn + away
+    first = int(rng.integers(len(corners)))
+    radii = np.roll(case.shape.radii, -first)
+    place, before = case.pose
+    shape = Polygon(np.roll(corners, -first).view(float).reshape(-1, 2), tuple(radii))
+    return replace(
+        case,
+        shape=shape,
+        pose=(place - away * np.exp(1j * (before - angle)), before - angle),
+    )
+
+
+def reordered(case, rng):
+    """Return a grasp with joints, tubes and members in another order, tubes run backward."""
+    document = copy.deepcopy(case.document)
+    names, signs, travel, renamed = {}, {}, {}, {}
+    for key in ('joints', 'tubes'):
+        rows = list(document[key].items())
+        document[key] = dict(rows[i] for i in rng.permutation(len(rows)))
+    for tube, block in document['tubes'].items():
+        visited = block['joints']
+        backward = rng.random() < 0.5
+        for here, ahead in zip(visited, [*visited[1:], visited[0]], strict=True):
+            before = f'{tube}/{here}-{ahead}'
+            renamed[before] = f'{tube}/{ahead}-{here}' if backward else before
+        for joint in visited:
+            name = f'{tube}/{joint}'
+            if name in case.travel:
+                sign = -1.0 if backward else 1.0
+                travel[name] = sign * case.travel[name]
+                signs[name] = sign * case.signs[name]
+        visited = list(np.roll(visited, int(rng.integers(len(visited)))))
+        block['joints'] = [str(joint) for joint in (visited[::-1] if backward else visited)]
+    names = {renamed[name]: first for name, first in case.names.items()}
+    members = [renamed[name] for name in case.members]
+    members = tuple(members[i] for i in rng.permutation(len(members)))
+    return replace(
+        case, document=document, travel=travel, members=members, names=names, signs=signs
+    )
+
+
+def stiffened(case, rng):
+    """Return a grasp whose stiffness, pressures and loads are larger by one factor."""
+    factor = 10.0 ** rng.uniform(-0.5, 0.5)
+    return _scaled_forces(case, factor, 1.0)
+
+
+def enlarged(case, rng):
+    """Return a grasp whose lengths are larger by a factor, its forces as they are."""
+    factor = 10.0 ** rng.uniform(-0.3, 0.3)
+    place, angle = case.pose
+    found = _placed(
+        _scaled_forces(case, 1.0, factor),
+        lambda z: factor * z,
+        pose=(factor * place, angle),
+        shape=random_grips.scaled(case.shape, factor),
+        travel={name: factor * value for name, value in case.travel.items()},
+        length=case.length * factor,
+    )
+    for block, keys in (
+        ('module', ('pinch_separation', 'rod_length', 'guide_ring_distance')),
+        ('tube', ('diameter',)),
+        ('rollers', ('max_speed',)),
+        ('members', ('min_length', 'max_length')),
+    ):
+        for key in keys:
+            found.document[block][key] *= factor
+    return found
+
+
+def _scaled_forces(case, force, length):
+    """Return a case whose forces are larger by a factor once its lengths are by another one."""
+    document = copy.deepcopy(case.document)
+    module, tube = document['module'], document['tube']
+    module['axial_rigidity'] *= force
+    module['flexural_rigidity'] *= force * length**2
+    tube['pressure'] *= force / length**2
+    stiffness = tube['stiffness']
+    for key in FABRIC:
+        if key in stiffness:
+            stiffness[key] *= force / length
+    if stiffness['model'] == 'section':
+        for key in ('axial_rigidity', 'shear_rigidity'):
+            stiffness[key] *= force
+        stiffness['flexural_rigidity'] *= force * length**2
+    push, moment = case.wrench
+    return replace(
+        case,
+        document=document,
+        wrench=(force * push, force * length * moment),
+        force=case.force * force,
+    )
+
+
+CHANGES = (shifted, turned, mirrored, reframed, reordered, stiffened, enlarged)
+
 
 FRICTION, SPACING = 0.8, 0.005
 #: Sizes of which errors are shares where values are smaller [N, m]: the rest is rounding.

@@ -23,7 +23,8 @@ MARKS = [
 ]
 #: In which everything here comes about, on a machine that is busy and draws without hardware [s].
 DEADLINE = 240.0
-#: Any port that is free; and a page that draws in software may be slow [s].
+#: Any port that is free; and a page that draws in software may be slow [s], but no slower than
+#: the websocket, which closes after 20 to 40 s without an answer.
 SERVED = {'port': 0, 'browser_timeout': 20.0}
 VIEWPORT = {'width': 700, 'height': 480}
 PHONE = {'width': 390, 'height': 844}
@@ -70,6 +71,11 @@ def count_green(colors):
     return int(((green > red + 50) & (green > last + 40)).sum())
 
 
+def count_tubes(colors):
+    """Return how many pixels have the colour of a tube."""
+    return int((colors[..., 2] > colors[..., 0] + 25).sum())
+
+
 def polite_browser(folder):
     """Return a browser that leaves the processors to the nodes: it draws in software."""
     script = folder / 'chromium'
@@ -107,6 +113,11 @@ def read_address(process):
     return words.partition('viewer: ')[2].split()[0]
 
 
+def find_switch(page):
+    """Return the switch of the control; the settings of the browser's client have some as well."""
+    return page.get_by_label('control', exact=True)
+
+
 def switch_control(page):
-    """Click the switch of the control."""
-    page.locator('input[type=checkbox]').last.evaluate('box => box.click()')
+    """Click the switch of the control, once it is there."""
+    find_switch(page).evaluate('box => box.click()')

@@ -11,7 +11,6 @@ pinned ends have rotations of their own, constraints are met by a basis of what 
 from isotruss_ros.core.statics.frame import Frame
 from isotruss_ros.core.statics.frame_pattern import LinearRows, Members, NO_ROWS
 import numpy as np
-import pytest
 from scipy.linalg import null_space
 from scipy.sparse import coo_matrix
 
@@ -188,56 +187,3 @@ def reference(points, found, held, loads, rows=None):
     reactions = np.where(held, rest[:size].reshape(-1, 3), 0.0)
     forces = np.array([turn @ part @ moved[place] for place, part, turn in parts])
     return moved[:size].reshape(-1, 3), reactions, forces
-
-
-def pynite(points, found, held, loads):
-    """Return what PyNiteFEA says of the frame in space, held in the plane; it knows no shear."""
-    package = pytest.importorskip('Pynite', reason='compares with it: pip install PyNiteFEA')
-    assert np.isinf(found.shear).all()
-    model, n = package.FEModel3D(), len(points)
-    model.add_material('unit', 1.0, 1.0, 0.3, 1.0)
-    still = ~turning(found, n)
-    for i, point in enumerate(points):
-        model.add_node(f'N{i}', point.real, point.imag, 0.0)
-        x, y, turn = held[i].tolist()
-        model.def_support(f'N{i}', x, y, True, True, True, bool(turn or still[i]))
-        for axis, load in zip(('FX', 'FY', 'MZ'), loads[i].tolist(), strict=True):
-            model.add_node_load(f'N{i}', axis, load)
-    for i in range(len(found.start)):
-        # Out of the plane nothing moves; any Iy and J will do.
-        model.add_section(f'S{i}', found.axial[i], 1.0, found.flexural[i], 1.0)
-        model.add_member(f'M{i}', f'N{found.start[i]}', f'N{found.end[i]}', 'unit', f'S{i}')
-        model.def_releases(f'M{i}', Rzi=bool(found.pinned_start[i]), Rzj=bool(found.pinned_end[i]))
-    model.analyze_linear()
-    combo, nodes = 'Combo 1', [model.nodes[f'N{i}'] for i in range(n)]
-    moved = np.array([[node.DX[combo], node.DY[combo], node.RZ[combo]] for node in nodes])
-    reactions = np.array(
-        [[node.RxnFX[combo], node.RxnFY[combo], node.RxnMZ[combo]] for node in nodes]
-    )
-    forces = []
-    for i in range(len(found.start)):
-        pushed = model.members[f'M{i}'].F(combo).reshape(2, 6)[:, [0, 1, 5]]
-        forces.append(_along(points, found, i, pushed))
-    return moved, reactions, np.array(forces)
-
-
-def _along(points, found, i, pushed):
-    """Return end forces (6,) along and across a member from those in the plane (2, 3)."""
-    span = points[found.end[i]] - points[found.start[i]]
-    local = (pushed[:, 0] + 1j * pushed[:, 1]) * abs(span) / span
-    return np.stack([local.real, local.imag, pushed[:, 2]], axis=1).ravel()
-
-
-def assert_states_agree(state, expected, rtol):
-    """Compare displacements, reactions and end forces; lengths, angles, forces, moments apart."""
-    pairs = (
-        (state.displacements, expected[0]),
-        (state.reactions, expected[1]),
-        (state.end_forces.reshape(-1, 3), expected[2].reshape(-1, 3)),
-    )
-    forces = max(np.abs(expected[2]).max(), np.abs(expected[1]).max())
-    for (actual, wanted), least in zip(pairs, (0.0, forces, forces), strict=True):
-        for columns in ([0, 1], [2]):
-            difference = np.abs(actual[:, columns] - wanted[:, columns]).max()
-            size = max(np.abs(wanted[:, columns]).max(), least)
-            assert difference <= rtol * size, f'{difference} of {size}'

@@ -3,6 +3,7 @@
 
 """Configurations of the nine-member robot with an object between two of its members."""
 
+from comparison.walks import rolled
 from comparison.wedge import closed_to
 from isotruss_ros.core import (
     ConvexObject,
@@ -37,11 +38,6 @@ def disc_grip(config, module, diameter=0.3, indentation=0.0):
 def surface(grip):
     """Return what makes speeds of the object's surface of a twist: |v|^2 + |omega d/2|^2."""
     return np.array([1.0, 1.0, grip.body.arm])
-
-
-def rolled(rolling, travel):
-    """Return a `RollingGrip` after some travel of the rollers."""
-    return rolling.moved_to(rolling.config.moved_to(rolling.config.roller_positions + travel))
 
 
 def drive(rolling, twist, duration, rate=20.0, lead=None):

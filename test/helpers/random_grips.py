@@ -11,7 +11,6 @@ from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.manipulation.grip import find_contacts, GripContact
 import numpy as np
 import robots
-from scipy.integrate import quad
 import shapes
 
 
@@ -141,59 +140,3 @@ def equally_far(ends, near):
         right.append((inward.conjugate() * start).real)
     x, y, _ = np.linalg.lstsq(np.array(rows), np.array(right), rcond=None)[0]
     return complex(x, y)
-
-
-def rolled_lengths(config, grip, pose, contacts):
-    """
-    Return what an object that rolls without slip on its members keeps, two numbers by contact [m].
-
-    Its distance from the member; and where the material of the tube that it touches lies along
-    the tube, less the arc of the object that has been unrolled on it.
-
-    :param contacts: of the grip at the pose of its body: their members, sides, and points.
-    """
-    found = []
-    center, turn = complex(*pose[:2]), np.exp(1j * pose[2])
-    travel = dict(zip(config.robot.roller_names, config.roller_positions, strict=True))
-    for owner, side, point in zip(contacts.owners, contacts.sides, contacts.points, strict=True):
-        name = grip.members[owner]
-        start, end = robots.member_ends(config, name)
-        axis = (end - start) / abs(end - start)
-        normal = -1j * side * axis
-        offset, unrolled = unroll(grip, point, normal, turn)
-        place = axis.conjugate() * (center + turn * offset - start)
-        # What the roller at its start has moved into the member.
-        material = place.real - travel.get(name.split('-')[0], 0.0)
-        found += [side * place.imag, material - side * unrolled]
-    return np.array(found)
-
-
-def unroll(grip, point, normal, turn):
-    """
-    Return the point of contact in the object, where it began, and the arc from there.
-
-    :param point: where the object is touched in its place in the grip.
-    :param normal: out of the object now.
-    :param turn: of the object now.
-    """
-    body = grip.body
-    shape, began = body.shape, (point - body.center) / body.turn
-    now = normal / turn
-    if isinstance(shape, Ellipse):
-        a, b = shape.semi_axes
-        direction = began.real / a**2 + 1j * began.imag / b**2
-        before, turned = np.angle(direction), np.angle(now / direction)
-
-        def radius(angle):
-            return (a * b) ** 2 / np.hypot(a * np.cos(angle), b * np.sin(angle)) ** 3
-
-        arc, _ = quad(radius, before, before + turned, epsabs=1e-14, epsrel=1e-12)
-        return shape.support_points(np.array([now]))[0], arc
-    if isinstance(shape, Disc):
-        return 0.5 * shape.diameter * now, 0.5 * shape.diameter * np.angle(now / began)
-    distance = np.abs(np.abs(began - shape.arc_centers) - shape.radii)
-    inner = np.where(distance < 1e-9, np.abs(began - shape.corners), np.inf)
-    corner = int(inner.argmin())
-    center, radius = shape.arc_centers[corner], shape.radii[corner]
-    arc = radius * np.angle(now * radius / (began - center)) if radius > 0.0 else 0.0
-    return center + radius * now, arc

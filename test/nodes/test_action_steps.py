@@ -161,15 +161,6 @@ def test_a_goal_is_sent_only_once_the_server_answers(server):
     assert asked_before != server.goal_id
 
 
-def test_a_cancel_before_the_goal_is_sent_ends_the_steps(server):
-    server.discovers_client = False
-    steps = run(server)
-    next(steps)
-    with pytest.raises(CancelledError):
-        steps.throw(CancelledError())
-    assert server.goals == 0
-
-
 def test_a_goal_that_is_rejected_ends_the_steps(server):
     steps = run(server)
     next(steps)
@@ -303,19 +294,6 @@ def test_parameters_are_set_or_the_reason_is_told():
     results = [SimpleNamespace(successful=ok, reason='why') for ok in (True, False)]
     service.answers[0].set_result(SimpleNamespace(results=results))
     with pytest.raises(StepError, match='squeeze_force: why'):
-        next(steps)
-
-
-@pytest.mark.parametrize('answered', [0, 1])
-def test_parameters_are_set_again_where_no_answer_comes(answered):
-    service = Service()
-    steps = set_parameters(service, {'squeeze_force': 15.0})
-    for _ in range(RETRY_TICKS + 1):
-        next(steps)
-    assert len(service.answers) == 2
-    result = SimpleNamespace(successful=True)
-    service.answers[answered].set_result(SimpleNamespace(results=[result]))
-    with pytest.raises(StopIteration):
         next(steps)
 
 

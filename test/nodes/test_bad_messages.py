@@ -28,6 +28,7 @@ from isotruss_msgs.msg import GraspState, ManipulationStatus
 from isotruss_msgs.srv import AnalyzeGrasp
 from isotruss_ros.core import Pose, Status, TwistServo
 from isotruss_ros.core.inputs import RejectedInput, StampedInput
+from isotruss_ros.core.servo.servo_settings import ServoSettings
 from isotruss_ros.nodes.conversions.joint_state_messages import read_roller_state
 from isotruss_ros.nodes.conversions.messages import make_header, MessageError
 from isotruss_ros.nodes.grasp.grasp_report import GraspCode
@@ -232,18 +233,20 @@ rows = st.lists(values, max_size=N + 2)
 def test_any_numbers_move_the_rollers_within_their_limits_or_not_at_all(
     names, positions, speeds, center, twist
 ):
-    servo = TwistServo(ROBOT, disc_grip(ROBOT.home, MODULE), period=0.005, timeout=0.2)
+    servo = TwistServo(
+        ROBOT, ServoSettings(disc_grip(ROBOT.home, MODULE), period=0.005, timeout=0.2)
+    )
     message = JointState(name=list(names), position=positions, velocity=speeds)
     try:
-        servo.rollers = StampedInput(read_roller_state(message, NAMES), 0.0)
+        servo.receive(rollers=StampedInput(read_roller_state(message, NAMES), 0.0))
     except MessageError as error:
-        servo.rollers = RejectedInput(str(error))
+        servo.receive(rollers=RejectedInput(str(error)))
     for x, y in (CENTER, center):
-        servo.pose = StampedInput(Pose(x, y, 0.0), 0.0)
+        servo.receive(pose=StampedInput(Pose(x, y, 0.0), 0.0))
         for given_twist in ((0.0, 0.02, 0.0), twist):
             if not all(map(math.isfinite, (x, y, *given_twist))):
                 continue  # refused by the readers of messages
-            servo.twist = StampedInput(given_twist, 0.0)
+            servo.receive(twist=StampedInput(given_twist, 0.0))
             decision = servo.decide(0.0)
             check([(decision.command.roller_velocities, decision.command.status)])
             assert 0.0 <= decision.command.scale <= 1.0

@@ -3,6 +3,8 @@
 
 """What the nodes make of stamps, of joint states in parts, and of frames that move."""
 
+import contextlib
+
 from geometry_msgs.msg import PoseStamped, TransformStamped
 from isotruss_msgs.msg import StateEstimate
 from isotruss_ros.core import Pose, Status
@@ -142,7 +144,7 @@ def test_an_estimate_of_another_time_is_not_added_to_the_encoders(age):
             message.header = make_header(w.probe.past(late), 'truss')
             estimates.publish(message)
             w.spin(0.1, w.probe.send_all)
-            assert np.any(w.nodes[1]._servo.rollers.value.offsets) == added
+            assert np.any(w.nodes[1]._servo.inputs.rollers.value.offsets) == added
 
 
 @pytest.mark.parametrize(('ahead', 'right'), [(0.002, True), (0.02, False)])
@@ -182,26 +184,19 @@ def send_in_camera(w, frame='camera', x=CENTER[0]):
 
 @pytest.fixture
 def moving_frame(monkeypatch):
-    """Return what makes a world whose node hears transforms that are late [s]."""
+    """Return the context of a world whose node hears transforms that are late [s]."""
 
+    @contextlib.contextmanager
     def make(late, *makers):
-        place = {}
-        read = lambda: place['world'].probe.past(0.0)  # noqa: E731
-        monkeypatch.setattr(robot_frame, 'Buffer', lambda: Transforms(read, late))
+        now = lambda: entered[0].probe.past(0.0)  # noqa: E731
+        monkeypatch.setattr(robot_frame, 'Buffer', lambda: Transforms(now, late))
         monkeypatch.setattr(robot_frame, 'TransformListener', lambda *m: m, raising=False)
         monkeypatch.setattr(robot_frame, 'NO_TRANSFORM', (LookupError, ValueError))
-        made = world(*makers)
+        with world(*makers) as w:
+            entered.append(w)
+            yield w
 
-        class Entered:
-            def __enter__(self):  # noqa: CNL100
-                place['world'] = made.__enter__()
-                return place['world']
-
-            def __exit__(self, *error):
-                return made.__exit__(*error)
-
-        return Entered()
-
+    entered = []
     return make
 
 

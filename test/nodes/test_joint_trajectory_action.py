@@ -3,23 +3,27 @@
 
 """The standard trajectory action with its meaning, and our own, which means the same."""
 
-from action_msgs.msg import GoalStatus
+from action_msgs.msg import GoalInfo, GoalStatus
 from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from isotruss_msgs.action import FollowRollerTrajectory
+from isotruss_ros.core import Status
 from isotruss_ros.nodes.manipulation import trajectory_following
 from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.simulator.node import Simulator
 import joint_trajectory_action
 from joint_trajectory_action import FollowJointTrajectory, tolerance
-from manual_world import world
+from lifecycle_msgs.msg import Transition
+from manual_world import Manager, world
 import numpy as np
-from probe import overrides
+from probe import failed, overrides, ROBOT
 import pytest
 from std_msgs.msg import Bool
-from trajectories import AWAY, HOME, lasting, NAMES, trajectory
-from trajectory_msgs.msg import MultiDOFJointTrajectory
+from trajectories import AWAY, HOME, lasting, NAMES, TOPIC, trajectory
+from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
 
 Result = FollowRollerTrajectory.Result
+TIMEOUT = 2.0
 KINDS = {'standard': FollowJointTrajectory, 'own': FollowRollerTrajectory}
 
 
@@ -49,10 +53,15 @@ def send(w, kind, *rows, stamp=None, times=None, names=NAMES, **fields):
     return w.send_goal(kind.Goal(trajectory=message, **fields))
 
 
+def status_and_result(w, goal):
+    """Return how a goal ends."""
+    w.until(lambda: goal.ended)
+    return goal.result()
+
+
 def ended(w, goal):
     """Return status and code of a goal."""
-    w.until(lambda: goal.ended)
-    status, result = goal.result()
+    status, result = status_and_result(w, goal)
     return status, result.error_code
 
 
@@ -76,11 +85,6 @@ def test_both_actions_are_offered_where_control_msgs_is_installed(make):
 def test_only_our_action_is_offered_without_control_msgs():
     names = [name for _, name in trajectory_following._offered_actions()]
     assert names == ['follow_roller_trajectory']
-
-
-def test_the_rollers_arrive(make, kind):
-    with make() as w:
-        assert ended(w, send(w, kind, HOME, AWAY)) == SUCCEEDED
 
 
 def test_one_point_is_driven_to_from_where_the_rollers_are(make, kind):
@@ -241,3 +245,138 @@ def test_our_type_has_the_fields_of_the_standard_one():
         'GOAL_TOLERANCE_VIOLATED',
     ]
     assert [getattr(Result, name) for name in codes] == [0, -1, -2, -3, -4, -5]
+
+
+# What ends our action, and what it tells
+
+
+@pytest.fixture
+def w():
+    """Return a simulator and the node, with measured rollers."""
+    makers = [
+        lambda kind=kind: kind(overrides(command_timeout=TIMEOUT))
+        for kind in (Simulator, Manipulation)
+    ]
+    with world(*makers) as made:
+        made.until(lambda: made.nodes[2].describe()['age of joint states [s]'] != 'none received')
+        yield made
+
+
+def test_the_rollers_arrive_and_the_goal_succeeds(w):
+    goal = send(w, FollowRollerTrajectory, HOME, AWAY)
+    status, result = status_and_result(w, goal)
+    assert (status, result.error_code) == (GoalStatus.STATUS_SUCCEEDED, Result.SUCCESSFUL)
+    assert np.array(w.probe.last('joints').position) == pytest.approx(AWAY, abs=1e-4)
+    desired = [feedback.desired for feedback in goal.feedback]
+    assert len(desired) > 3
+    for feedback in goal.feedback:
+        parts = (feedback.desired, feedback.actual, feedback.error)
+        wanted, there, error = (np.array(part.positions) for part in parts)
+        assert feedback.joint_names == list(ROBOT.roller_names)
+        assert error == pytest.approx(wanted - there, abs=1e-12)
+        assert np.abs(error).max() < 5e-3
+
+
+def test_a_cancelled_goal_leaves_the_rollers_at_rest(w):
+    goal = send(w, FollowRollerTrajectory, HOME, AWAY, times=[0.0, 3.0])
+    w.until(lambda: len(goal.feedback) > 3)
+    w.probe.seen['diagnostics'].clear()
+    assert goal.cancel()
+    ended, result = status_and_result(w, goal)
+    assert ended == GoalStatus.STATUS_CANCELED
+    assert 'cancelled by the client' in result.error_string
+    status = w.until_code(Status.HALT_NO_TWIST, lambda: None)
+    assert status.message == 'trajectory cancelled by the client'
+    w.until(lambda: not w.command().any())
+    w.spin(2.0)
+    assert not w.command().any()
+    # It is no fault.
+    levels = [array.status[0].level for _, array in w.probe.seen['diagnostics']]
+    assert {*levels} == {DiagnosticStatus.OK}
+
+
+@pytest.mark.parametrize(
+    'how', ['stop', 'goal', 'topic', 'deactivate', 'empty', 'failed', 'other']
+)
+def test_what_ends_a_trajectory_aborts_its_goal(w, how):
+    topic = w.probe.create_publisher(JointTrajectory, TOPIC, 1)
+    stop = w.probe.create_publisher(Bool, 'emergency_stop', 1)
+    goal = send(w, FollowRollerTrajectory, HOME, AWAY, times=[0.0, 3.0])
+    w.until(lambda: len(goal.feedback) > 1)
+    here = np.array(w.probe.last('joints').position)
+    if how == 'stop':
+        stop.publish(Bool(data=True))
+    elif how == 'goal':
+        newer = send(w, FollowRollerTrajectory, here, HOME)
+    elif how == 'topic':
+        topic.publish(trajectory(here, HOME))
+    elif how == 'empty':
+        topic.publish(JointTrajectory())
+    elif how == 'failed':
+        w.probe.create_publisher(DiagnosticArray, 'failed_rollers', 1).publish(failed('nobody'))
+    elif how == 'other':
+        w.probe.send_command(HOME)
+    else:
+        assert Manager(w, 'manipulation').ask(Transition.TRANSITION_DEACTIVATE)
+    status, result = status_and_result(w, goal)
+    assert status == GoalStatus.STATUS_ABORTED
+    assert result.error_code == Result.PATH_TOLERANCE_VIOLATED
+    words = {
+        'stop': 'emergency',
+        'deactivate': 'deactivated',
+        'empty': 'empty',
+        'failed': 'no such roller',
+        'other': 'another node publishes',
+    }
+    assert words.get(how, 'newer') in result.error_string
+    if how == 'goal':
+        assert status_and_result(w, newer)[0] == GoalStatus.STATUS_SUCCEEDED
+    if how in ('goal', 'topic'):
+        w.until(lambda: np.abs(w.probe.last('joints').position).max() < 1e-4)
+    else:
+        w.until(lambda: not w.command().any())
+
+
+def test_a_goal_while_a_trajectory_of_the_topic_is_followed_takes_over(w):
+    topic = w.probe.create_publisher(JointTrajectory, TOPIC, 1)
+    topic.publish(trajectory(HOME, AWAY, times=[0.0, 3.0]))
+    w.until(lambda: np.abs(w.probe.last('joints').position).max() > 1e-3)
+    here = np.array(w.probe.last('joints').position)
+    assert (
+        status_and_result(w, send(w, FollowRollerTrajectory, here, HOME))[0]
+        == GoalStatus.STATUS_SUCCEEDED
+    )
+
+
+def test_a_supervised_goal_ends_with_its_client(w):
+    supervision = w.probe.create_publisher(GoalInfo, 'supervised_goal', 1)
+    goal = send(w, FollowRollerTrajectory, HOME, AWAY, times=[0.0, 60.0])
+    w.spin(2.0 * TIMEOUT, lambda: supervision.publish(goal.info))
+    assert not goal.ended
+    silent = w.now
+    status, result = status_and_result(w, goal)
+    assert status == GoalStatus.STATUS_ABORTED
+    assert 'command_timeout' in result.error_string
+    assert w.now - silent < TIMEOUT + 0.1
+    w.until(lambda: not w.command().any())
+
+
+def test_a_goal_that_is_not_supervised_goes_on(w):
+    supervision = w.probe.create_publisher(GoalInfo, 'supervised_goal', 1)
+    supervision.publish(GoalInfo())
+    goal = send(w, FollowRollerTrajectory, HOME, AWAY, times=[0.0, 60.0])
+    w.spin(2.0 * TIMEOUT)
+    assert not goal.ended
+
+
+def test_goals_are_rejected_while_the_node_is_inactive(w):
+    assert Manager(w, 'manipulation').ask(Transition.TRANSITION_DEACTIVATE)
+    assert not send(w, FollowRollerTrajectory, HOME, AWAY).accepted
+
+
+def test_a_goal_without_joint_states_is_aborted_at_once():
+    with world(lambda: Manipulation(overrides(command_timeout=TIMEOUT))) as w:
+        goal = w.send_goal(FollowRollerTrajectory.Goal(trajectory=trajectory(HOME, AWAY)))
+        status, result = status_and_result(w, goal)
+    assert (status, result.error_code) == (GoalStatus.STATUS_ABORTED, Result.INVALID_GOAL)
+    assert 'none received yet' in result.error_string

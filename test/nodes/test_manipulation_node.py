@@ -3,27 +3,38 @@
 
 """The manipulation node, under an executor in this process, with the rest of the world faked."""
 
+from dataclasses import replace
 import math
 from pathlib import Path
 import re
 from types import SimpleNamespace
 
-from grips import disc_grip
-from isotruss_ros.core import ConvexObject, Disc, Grip, Status, tangent_center, TwistServo
+from isotruss_ros.core import (
+    ConvexObject,
+    Disc,
+    Grip,
+    solve_joint_velocity,
+    Status,
+    tangent_center,
+)
 from isotruss_ros.core.manipulation.grip import members_at
+from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.status import RollerCommand
+from isotruss_ros.core.safety.barrier_law import ActiveValues, BarrierLaw
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 from isotruss_ros.core.servo.decision import Decision
-from isotruss_ros.core.servo.squeeze_control import SqueezeSettings
+from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
 from isotruss_ros.nodes.conversions.messages import read_stamp, read_twist
-from isotruss_ros.nodes.manipulation import servo_settings
+from isotruss_ros.nodes.manipulation.node import Manipulation
+from isotruss_ros.nodes.manipulation.servo_settings import make_settings, SPECS
 from isotruss_ros.nodes.simulator.node import Simulator
-from manual_world import world
+from manual_world import check_refused, Manager, world
 import numpy as np
 from probe import DIAMETER, MODULE, N, overrides, ROBOT, UP
 from probe import manipulation as node
 import pytest
 from rclpy.parameter import Parameter
+from std_srvs.srv import SetBool
 
 
 def test_moves_the_object_as_commanded():
@@ -94,21 +105,26 @@ def test_every_parameter_of_the_servo_reaches_it():
         'slide_along_limits': True,
         'failure_time': 3.0,
     }
-    assert given.keys() | {'failed_rollers'} == {spec.name for spec in servo_settings.SPECS}
-    servo = TwistServo(ROBOT, disc_grip(ROBOT.home, MODULE), 0.005, 0.2)
-    servo_settings.apply_settings(servo, SimpleNamespace(**given), None)
-    assert servo.guard.bounds == ShapeBounds(0.21, 0.011, 0.013)
+    assert given.keys() | {'failed_rollers'} == {spec.name for spec in SPECS}
+
+    def settings(**others):
+        return make_settings(ROBOT, SimpleNamespace(**given | others), None, 'Z')
+
     body = ConvexObject(Disc(0.21), mass=1.5)
-    assert servo.grip == Grip(('north/P-Z', 'north/Z-R'), body, 0.7)
-    assert (servo.period, servo.timeout, servo.pressure_timeout) == (0.02, 0.3, 9.0)
-    assert (servo.slide_along_limits, servo.detector.failure_time) == (True, 3.0)
-    assert servo.squeeze.settings == SqueezeSettings(30.0, frequency=8.0, load=4.0, zeros=0.002)
-    # One that is raised while the node runs goes on from where it is.
-    regulated = servo.squeeze
-    servo_settings.apply_settings(servo, SimpleNamespace(**given | {'squeeze_force': 34.0}), None)
-    assert (servo.squeeze is regulated, regulated.settings.force) == (True, 34.0)
-    servo_settings.apply_settings(servo, SimpleNamespace(**given | {'grip': ['']}), None)
-    assert servo.grip.members == members_at(ROBOT, 'south/P')
+    assert settings() == ServoSettings(
+        Grip(('north/P-Z', 'north/Z-R'), body, 0.7),
+        period=0.02,
+        timeout=0.3,
+        joint='Z',
+        squeeze=SqueezeSettings(30.0, frequency=8.0, load=4.0, zeros=0.002),
+        bounds=ShapeBounds(0.21, 0.011, 0.013),
+        failure_time=3.0,
+        pressure_timeout=9.0,
+    )
+    assert settings(slide_along_limits=False).slide_along_limits is False
+    assert settings(squeeze_force=0.0).squeeze is None
+    assert settings(failure_time=0.0).failure_time == math.inf
+    assert settings(grip=['']).grip.members == members_at(ROBOT, 'south/P')
 
 
 @pytest.mark.parametrize('squeeze', [(30.0, 2.0), None])
@@ -164,5 +180,93 @@ def test_the_mass_of_the_object_is_that_of_the_parameter_or_of_its_description()
     with world(node(object=described, squeeze_force=20.0, object_mass=1.5)) as w:
         manipulation = w.nodes[1]
         for mass in (1.5, 0.8):
-            assert manipulation._servo.grip.body.mass == mass
+            assert manipulation._servo.settings.grip.body.mass == mass
             manipulation.set_parameters(overrides(object_mass=0.0))
+
+
+VELOCITY = (0.01, -0.02)
+
+
+def send(w):
+    """Send joint states and a twist, and no pose of an object."""
+    w.probe.send_joints()
+    w.probe.send_twist((*VELOCITY, 0.0))
+
+
+def test_cmd_vel_moves_the_joint_without_an_object_pose():
+    with world(node(mode='joint', joint='Z')) as w:
+        status = w.until_code(Status.OK, lambda: send(w))
+        expected = solve_joint_velocity(ROBOT.home, {'Z': VELOCITY}).roller_velocities
+        assert w.command() == pytest.approx(expected, abs=1e-12)
+        assert (status.achieved.linear.x, status.achieved.linear.y) == pytest.approx(VELOCITY)
+        assert status.reachable_dof == 2
+
+
+def test_the_service_switches_and_halts_first():
+    with world(node(joint='Z')) as w:
+        w.until_code(Status.OK, w.probe.send_all)
+        assert w.command().any()
+        for wanted, name in ((True, 'joint'), (False, 'object')):
+            response = w.call('set_joint_mode', SetBool.Request(data=wanted))
+            assert response.success, response.message
+            assert w.nodes[1].get_parameter('mode').value == name
+            assert not w.command().any()
+            w.spin(0.05, w.probe.send_joints)
+            assert w.code() == Status.HALT_NO_TWIST
+            w.until_code(Status.OK, w.probe.send_all)
+
+
+def test_the_mode_needs_a_joint_that_exists():
+    check_refused(node(mode='joint'), 'P, Q, R, X, Y, Z')
+    check_refused(node(mode='joints'), 'must be one of')
+    check_refused(node(joint='S'), 'no such joint')
+    with world(node()) as w:
+        response = w.call('set_joint_mode', SetBool.Request(data=True))
+        assert not response.success
+        assert 'no such joint' in response.message
+        (result,) = w.nodes[1].set_parameters([Parameter('joint', value='S')])
+        assert not result.successful
+        assert w.nodes[1].get_parameter('mode').value == 'object'
+
+
+class Wall:
+    """The object does not move up, wherever it is."""
+
+    status, needs_object, law = Status.SLOWED_BARRIER, True, BarrierLaw(0.0, 1.0)
+
+    def active(self, config, grip):
+        """Return no distance, which upward motion shrinks."""
+        rows = np.zeros((1, 2 * len(config.points)))
+        return ActiveValues(np.array([0]), np.zeros(1), rows, -grip_jacobian(config, grip)[1:2])
+
+    def values(self, config, grip, indices):
+        """Return no distance."""
+        return np.zeros(len(indices))
+
+    def names(self, indices):
+        """Return what the value is."""
+        return ['a wall'] * len(indices)
+
+
+class Careful(Manipulation):
+    """The node with a barrier of its own."""
+
+    def prepare(self, settings):
+        """Add the barrier."""
+        return replace(settings, barriers=(Wall(),))
+
+
+def slowed(w):
+    """Return by what the twist is slowed."""
+    status = w.until_code(Status.SLOWED_BARRIER, w.probe.send_all)
+    return status.message
+
+
+def test_a_barrier_of_ones_own_is_kept_in_the_node_whatever_changes():
+    with world(lambda: Careful(overrides(failure_time=0.0, slide_along_limits=False))) as w:
+        assert 'a wall' in slowed(w)
+        w.change(min_clearance=0.03)
+        assert w.nodes[1]._servo.settings.bounds.min_clearance == 0.03
+        assert 'a wall' in slowed(w)
+        Manager(w, 'manipulation').restart()
+        assert 'a wall' in slowed(w)

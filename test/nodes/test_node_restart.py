@@ -9,6 +9,7 @@ from types import SimpleNamespace
 from isotruss_ros.core import Disc, load_robot, place_between, read_object, settle_grasp
 from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
+from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.simulator.node import Simulator
 from isotruss_ros.nodes.viewer.view_requests import NodeRestart
 from isotruss_ros.viewer.names import OBJECTS
@@ -54,7 +55,7 @@ def test_the_simulator_is_active_with_the_other_plant(w):
     said = []
     restart = NodeRestart(Clients(w), said.append)
     for plant in ('kinematic', 'elastic'):
-        restart.restart_simulator(plant)
+        restart.restart_simulator(0.0, plant)
         assert said[-1] == f'plant {plant}: active'
         assert w.nodes[1].get_parameter('plant').value == plant
         assert w.nodes[1].active
@@ -67,8 +68,8 @@ def test_a_reset_puts_the_robot_home_with_the_same_plant(w):
     home = w.travel()
     command = [0.05] * N
     w.until(lambda: np.abs(w.travel() - home).max() > 0.01, lambda: w.probe.send_command(command))
-    NodeRestart(Clients(w), said.append).restart_simulator()
-    assert said == ['reset: active']
+    NodeRestart(Clients(w), said.append).restart_simulator(0.0)
+    assert said == ['reset: sent', 'reset: active']
     assert w.nodes[1].get_parameter('plant').value == 'elastic'
     w.until(lambda: np.array_equal(w.travel(), home))
 
@@ -76,10 +77,10 @@ def test_a_reset_puts_the_robot_home_with_the_same_plant(w):
 def test_a_plant_that_there_is_not_is_told_and_another_one_works(w):
     said = []
     restart = NodeRestart(Clients(w), said.append)
-    restart.restart_simulator('soft')
+    restart.restart_simulator(0.0, 'soft')
     assert 'plant soft cannot be' in said[-1]
     assert not w.nodes[1].active
-    restart.restart_simulator('kinematic')
+    restart.restart_simulator(0.0, 'kinematic')
     assert said[-1] == 'plant kinematic: active'
 
 
@@ -91,18 +92,18 @@ def test_a_later_restart_ends_an_earlier_one(w):
     def restart_again():
         calls.append(len(calls))
         if len(calls) == 3:
-            restart.restart_simulator('kinematic')
+            restart.restart_simulator(0.0, 'kinematic')
 
     clients.before = restart_again
-    restart.restart_simulator('elastic')
-    assert said == ['plant kinematic: active']
+    restart.restart_simulator(0.0, 'elastic')
+    assert said == ['plant elastic: sent', 'plant kinematic: sent', 'plant kinematic: active']
     assert w.nodes[1].get_parameter('plant').value == 'kinematic'
     assert len(calls) == 3 + 5
 
 
 def test_without_a_simulator_it_says_so(w):
     said = []
-    NodeRestart(Clients(w, there=()), said.append).restart_simulator('elastic')
+    NodeRestart(Clients(w, there=()), said.append).restart_simulator(0.0, 'elastic')
     assert said == ['plant elastic: there is no simulator']
 
 
@@ -112,10 +113,31 @@ def test_another_object_is_that_of_all_nodes_that_are_there():
     said, there = [], ('simulator', 'grasp_analysis')
     with world(simulator, analysis) as w:
         restart = NodeRestart(Clients(w, there), said.append)
-        restart.change_object('box', OBJECTS['box'])
-        assert said == ['object box: active']
+        restart.change_object(0.0, 'box', OBJECTS['box'])
+        assert said[-1] == 'object box: active'
         assert {node.get_parameter('object').value for node in w.nodes[1:]} == {OBJECTS['box']}
         assert all(node.active for node in w.nodes[1:])
+
+
+def test_a_reset_restores_grip_and_squeeze_of_the_manipulation():
+    simulator = partial(Simulator, overrides(plant='elastic', friction=0.8, indentation=0.01))
+    manipulation = partial(Manipulation, overrides(friction=0.8))
+    said, there = [], ('simulator', 'manipulation')
+    with world(simulator, manipulation) as w:
+        picked = {'grip': ['north/R-P', 'south/P-Q'], 'grip_module': '', 'squeeze_force': 20.0}
+        results = w.nodes[2].set_parameters(overrides(**picked))
+        assert all(result.successful for result in results)
+        NodeRestart(Clients(w, there), said.append).restart_simulator(5.0)
+        assert said[-1] == 'reset: active'
+        values = w.nodes[2].get_parameters(list(picked))
+        assert [value.value for value in values] == [[''], '', 5.0]
+
+
+def test_a_grip_that_the_manipulation_refuses_is_reported():
+    said, there = [], ('simulator', 'manipulation')
+    with world(partial(Simulator, []), partial(Manipulation, [])) as w:
+        NodeRestart(Clients(w, there), said.append).restart_simulator(-1.0)
+    assert 'squeeze_force' in said[-1]
 
 
 @pytest.mark.parametrize('kind', OBJECTS)

@@ -3,15 +3,25 @@
 
 """The path follower: with simulator and manipulation, and with a world that misbehaves."""
 
+from dataclasses import replace
 import itertools
 import math
 import re
+from types import SimpleNamespace
 
 from action_msgs.msg import GoalInfo, GoalStatus
+from carries import FRICTION, make_robot, place
 from geometry_msgs.msg import PoseStamped, Quaternion, Twist, TwistStamped
 from isotruss_msgs.action import FollowObjectPath
 from isotruss_msgs.msg import ManipulationStatus
-from isotruss_ros.core import Pose, Status
+from isotruss_ros.core import ObjectPath, Pose, Status
+from isotruss_ros.core.errors import PathError
+from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.grip_record import GripRecord
+from isotruss_ros.core.holding.roll_grip import roll_grip
+from isotruss_ros.core.inputs import RollerState, StampedInput
+from isotruss_ros.core.paths.path_servo import PathServo
+from isotruss_ros.core.planning.foresee_path import foresee_path
 from isotruss_ros.nodes import path_follower
 from isotruss_ros.nodes.conversions.messages import (
     make_header,
@@ -19,7 +29,7 @@ from isotruss_ros.nodes.conversions.messages import (
     to_pose_message,
 )
 from isotruss_ros.nodes.manipulation.node import Manipulation
-from isotruss_ros.nodes.path_follower import PathFollower
+from isotruss_ros.nodes.path_follower import _check_path, PathFollower
 from isotruss_ros.nodes.simulator.node import Simulator
 from lifecycle_msgs.msg import Transition
 from manual_world import Manager, world
@@ -401,3 +411,58 @@ def test_a_pose_that_is_late_or_off_the_path_ends_the_motion(case):
         if code == Result.OFF_PATH:
             assert result.max_position_error == pytest.approx(0.02, abs=0.011)
         assert not client.moves()
+
+
+ROBOT, NOW = make_robot(), 10.0
+STILL = np.zeros(len(ROBOT.roller_names))
+BODY, _ = place(ROBOT, 'brick', 0.5)
+VALUES = SimpleNamespace(
+    object=(
+        '{shape: polygon, corner_radius: 0.02, friction: 0.8, '
+        'vertices: [[-0.15, -0.1], [0.15, -0.1], [0.15, 0.1], [-0.15, 0.1]]}'
+    ),
+    object_diameter=0.3,
+    friction=FRICTION,
+    command_timeout=0.2,
+)
+
+
+def check(displacement, time=NOW, begin=BODY.pose, record=None):
+    """Check a straight path, with rollers at home measured at a time."""
+    path = ObjectPath([begin, np.add(begin, displacement)], 0.02, 0.1)
+    servo = PathServo(0.02, 0.2)
+    servo.rollers = StampedInput(RollerState(STILL, STILL), time)
+    servo.held_grip = record and StampedInput(record, NOW)
+    _check_path(ROBOT, VALUES, servo, path, NOW)
+
+
+def test_a_path_on_which_the_margin_ends_is_refused_with_the_place():
+    words = (
+        r'the path would end \d+ % of the way, at \(0\.\d+, 0\.\d+\) m, .* rad: the slip margin'
+    )
+    with pytest.raises(PathError, match=words):
+        check((0.3, 0.2, 0.0))
+
+
+def test_a_path_is_followed_where_only_the_history_of_the_contacts_uses_the_margin():
+    body, members = place(ROBOT, 'brick', 0.5)
+    numbers = np.array([ROBOT.member_names.index(name) for name in members])
+    held = attach_grip(ROBOT.home, body, numbers)
+    # It has slipped on both members, which turned it and left little of its margin.
+    slipped = roll_grip(replace(held, anchors=held.anchors - 0.014), ROBOT.home)
+    path = np.array([slipped.pose, np.add(slipped.pose, (0.0, -0.05, 0.0))])
+    assert foresee_path(slipped, FRICTION, path).why
+    check((0.0, -0.05, 0.0), record=GripRecord.of(slipped))
+
+
+@pytest.mark.parametrize(
+    'asked',
+    [
+        {'displacement': (0.0, -0.05, 0.0)},
+        {'displacement': (0.3, 0.2, 0.0), 'time': NOW - 1.0},
+        {'displacement': (0.3, 0.2, 0.0), 'begin': (0.7, 0.0, 0.0)},
+    ],
+    ids=['margin left', 'old rollers', 'not held'],
+)
+def test_other_paths_are_followed(asked):
+    check(**asked)

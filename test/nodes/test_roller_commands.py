@@ -63,13 +63,3 @@ def test_commands_of_another_publisher_count_until_it_is_quiet():
         zeros = Float64MultiArray(data=[0.0] * N)
         w.until_code(Status.HALT_OTHER_COMMANDS, lambda: w.probe.commands.publish(zeros))
         w.until_code(Status.HALT_NO_TWIST, lambda: None)
-
-
-@pytest.mark.parametrize(('later', 'others'), [(0.05, True), (0.95, True), (1.05, False)])
-def test_another_publisher_counts_until_it_is_silent_for_a_second(later, others, monkeypatch):
-    now = 100.0
-    monkeypatch.setattr(commands.time, 'monotonic', lambda: now)
-    made = RollerCommands(SilentNode(), N)
-    made.note(b'', {'publication_sequence_number': 7})
-    now += later
-    assert (made.find_others() is not None) is others

@@ -189,10 +189,8 @@ def test_stale_encoders_give_no_estimate():
         assert count == len(w.probe.seen['estimate']) > 20
 
 
-@pytest.mark.parametrize(
-    ('make', 'holder'), [(GraspAnalysisNode, '_monitor'), (Manipulation, '_servo')]
-)
-def test_nodes_add_the_offsets_to_the_encoders(make, holder):
+@pytest.mark.parametrize('make', [GraspAnalysisNode, Manipulation])
+def test_nodes_add_the_offsets_to_the_encoders(make):
     with world(make) as w:
         sent = w.probe.create_publisher(StateEstimate, 'state_estimate', 10)
         estimate = StateEstimate(
@@ -204,7 +202,7 @@ def test_nodes_add_the_offsets_to_the_encoders(make, holder):
         sent.publish(estimate)
         w.spin(0.1)
         w.spin(0.1, lambda: w.probe.send_joints(position=[0.01] * N))
-        rollers = getattr(w.nodes[1], holder).rollers.value
+        rollers = w.nodes[1].inputs.latest('rollers').value
     assert rollers.positions == pytest.approx([0.015] * N)
     assert rollers.offsets == pytest.approx([5e-3] * N)
 

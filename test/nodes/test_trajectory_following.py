@@ -286,13 +286,11 @@ HOSTILE = {
 }
 
 
-@pytest.mark.parametrize('moving', [False, True])
-def test_invalid_trajectories_are_rejected_and_end_the_active_one(moving):
+def test_invalid_trajectories_are_rejected_and_end_the_active_one():
     with world(node()) as w:
         rollers = Rollers(w, still=True)
         for name, (message, words) in HOSTILE.items():
-            if moving:
-                rollers.until_moving(trajectory(HOME, AWAY))
+            rollers.until_moving(trajectory(HOME, AWAY))
             rollers.send(message)
 
             def refused(words=words):
@@ -300,12 +298,9 @@ def test_invalid_trajectories_are_rejected_and_end_the_active_one(moving):
 
             rollers.until(refused)
             assert len(rollers.said()) < 3000, name
-            if moving:
-                rollers.until(lambda: not rollers.moves())
-                assert not rollers.follows(), name
-            assert moving or not rollers.commands().any(), name
-        if moving:
-            rollers.until_still()
+            rollers.until(lambda: not rollers.moves())
+            assert not rollers.follows(), name
+        rollers.until_still()
         # No harm done.
         rollers.until_moving(trajectory(HOME, AWAY))
 

@@ -19,9 +19,10 @@ from isotruss_ros.nodes.viewer.node import Viewer  # noqa: E402,I100
 
 
 @contextlib.contextmanager
-def viewed():
+def viewed(**values):
     """Bring up a viewer; yield the world, the node, and a browser that has control."""
-    with world(lambda: Viewer(overrides(port=0, browser_timeout=60.0))) as w:
+    served = {'port': 0, 'browser_timeout': 60.0}
+    with world(lambda: Viewer(overrides(**served, **values))) as w:
         node = w.nodes[1]
         node.begin()
         browser = FakeBrowser(node._view.address)
@@ -58,6 +59,21 @@ def test_a_drag_under_a_stop_publishes_no_twist_that_moves():
         w.until(lambda: control.wrench[0] == 5.0, w.probe.send_pose)
         assert control.drag is None
         assert len(w.probe.seen['twist']) == count
+
+
+def test_the_progress_of_a_drag_counts_on_the_clock_of_the_robot():
+    with viewed(use_sim_time=True) as (w, node, browser):
+
+        def tick(time_of):
+            w.probe.tick(time_of)
+            w.probe.send_pose()
+
+        w.until(lambda: node.now() == 100.0, lambda: tick(100.0))
+        browser.drag('handle', 'start', 0.5, 0.5)
+        # Twenty twists a second, until 2 s without progress have passed for everybody else.
+        w.until(lambda: len(w.probe.seen['twist']) > 60 and moves(w), w.probe.send_pose)
+        assert not node.picture.goal_report
+        w.until(lambda: 'no progress' in node.picture.goal_report, lambda: tick(103.0))
 
 
 def test_a_stop_that_the_status_tells_of_holds_drags_until_its_release():

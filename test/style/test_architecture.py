@@ -230,7 +230,10 @@ from isotruss_ros import core
 print(*sys.modules)
 robot = core.load_robot('nine_member')
 disc = core.ConvexObject.disc((0.6, 0.3), 0.3)
-core.TwistServo(robot, core.Grip.at_module(robot, 'east/Q', disc), period=0.005, timeout=0.1)
+from isotruss_ros.core.servo.servo_settings import ServoSettings
+
+grip = core.Grip.at_module(robot, 'east/Q', disc)
+core.TwistServo(robot, ServoSettings(grip, period=0.005, timeout=0.1))
 print(*sys.modules)
 """
 

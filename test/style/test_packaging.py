@@ -215,7 +215,7 @@ def test_every_subcommand_prints_help_and_does_nothing_else(monkeypatch, capsys)
 def test_what_is_imported_is_declared(folder, manifest):
     kinds = ['depend', 'exec_depend'] + ['test_depend'] * (folder == 'test')
     declared = dependencies(manifest, *kinds)
-    own = (ROOT / 'test' / 'helpers', ROOT / 'docs' / '_ext')
+    own = (ROOT / 'test' / 'helpers', ROOT / 'docs' / '_ext', ROOT / 'tools')
     for name, path in imports(ROOT / folder).items():
         if name in ONLY_FROM_PYPI or any((each / f'{name}.py').exists() for each in own):
             continue

@@ -3,9 +3,12 @@
 
 """The live view in a real browser, on the plant mujoco: handles, sliders, menu and buttons."""
 
+import time
+
 from browser import (
     blue,
     count_green,
+    DEADLINE,
     launch,
     MARKS,
     middle,
@@ -21,8 +24,7 @@ from browser import (
 from geometry_msgs.msg import WrenchStamped
 from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.demo.processes import running_nodes
-from isotruss_ros.viewer.names import OBJECTS
-from isotruss_ros.viewer.requests import INITIAL_CHOICE
+from lifecycle_msgs.msg import TransitionEvent
 import numpy as np
 from probe import world
 import pytest
@@ -44,12 +46,17 @@ class Session:
     :ivar w: hears the nodes.
     """
 
-    def __init__(self, page, w):
-        self.page, self.w = page, w
+    def __init__(self, page, w, processes):
+        self.page, self.w, self._processes = page, w, processes
+        w.probe.listen(TransitionEvent, 'transition', 'simulator/transition_event')
 
     def until(self, what):
-        """Wait until something holds."""
+        """Wait until something holds; fail with what the page says, or where a node ended."""
+        end = time.monotonic() + DEADLINE
         while not what():  # which takes long: much is heard meanwhile
+            for process in self._processes:
+                process.require_running()
+            assert time.monotonic() < end, self.page.locator('body').inner_text()
             self.w.spin(0.2)
 
     def press(self, name):
@@ -63,10 +70,25 @@ class Session:
             thumb.press(key)
 
     def choose_object(self, name):
-        """Choose from the first menu that has objects."""
-        menus = self.page.locator('input:not([type])').all()
-        next(menu for menu in menus if menu.input_value() in (INITIAL_CHOICE, *OBJECTS)).click()
+        """Choose from the menu of objects."""
+        self.page.get_by_label('object', exact=True).click()
         self.page.get_by_role('option', name=name, exact=True).click()
+
+    def begin_anew(self, act):
+        """Do what has the simulator configured anew; wait until the page shows a held object."""
+        heard = self.w.probe.seen
+        heard['transition'].clear()
+        act()
+        self.until(lambda: any(m.goal_state.label == 'active' for _, m in heard['transition']))
+        heard['pose'].clear()
+        self.until(self.shows_held_object)
+
+    def shows_held_object(self):
+        """Return whether the page shows the object where it was last measured, and held."""
+        if (pose := self.w.place()) is None:
+            return False
+        place = f'object at ({pose[0]:.3f}, {pose[1]:.3f}) m'
+        return self.page.get_by_text(place).count() and count_green(pixels(self.page)) > SOME
 
     def drag(self, color, step_x, step_y):
         """Drag the handle of a colour by ten steps [px]."""
@@ -105,7 +127,7 @@ def opened(shared_domain, tmp_path_factory):
         page = open_page(browser, 0.5)
         page.goto(read_address(processes[-1]))
         page.add_style_tag(content='.mantine-Notification-root { display: none }')
-        session = Session(page, w)
+        session = Session(page, w, processes)
         session.until(lambda: w.probe.last('pose') and w.probe.last('status'))
         page.get_by_text('slip margin').wait_for()
         switch_control(page)
@@ -119,9 +141,7 @@ def opened(shared_domain, tmp_path_factory):
 @pytest.fixture
 def session(opened):
     """Return the session, after a reset: the robot at home, the disc held."""
-    opened.press('reset')
-    opened.page.get_by_text('reset: active').wait_for()
-    opened.until(lambda: count_green(pixels(opened.page)) > SOME)
+    opened.begin_anew(lambda: opened.press('reset'))
     return opened
 
 
@@ -162,9 +182,8 @@ def test_a_force_pulls_at_the_object_by_its_slider(session):
 
 @pytest.mark.parametrize('kind', ['box', 'ellipse', 'disc'])
 def test_an_object_of_the_menu_is_held_and_follows_its_handle(session, kind):
-    session.choose_object(kind)
+    session.begin_anew(lambda: session.choose_object(kind))
     session.page.get_by_text(f'object {kind}: active').wait_for()
-    session.until(lambda: count_green(pixels(session.page)) > SOME)
     before = session.w.place()
     session.drag(blue, 2, 1)
     session.until(lambda: session.is_idle() and np.hypot(*(session.w.place() - before)[:2]) > 0.01)

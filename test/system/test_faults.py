@@ -19,6 +19,7 @@ from isotruss_msgs.msg import GraspState
 from isotruss_ros.core import Pose, Status
 from isotruss_ros.nodes.conversions.messages import to_pose_message
 from nav_msgs.msg import Path
+from nightly import some_now
 import numpy as np
 from probe import DEADLINE, Manager, N, ROBOT
 import pytest
@@ -123,7 +124,7 @@ time.sleep(0.1)
 """
 
 
-@pytest.mark.parametrize('durability', ['VOLATILE', 'TRANSIENT_LOCAL'])
+@pytest.mark.parametrize('durability', some_now(['VOLATILE', 'TRANSIENT_LOCAL']))
 def test_a_process_that_publishes_once_and_exits_stops_the_robot(r, durability):
     """As `ros2 topic pub --once` does: after the first match, and gone 0.1 s later."""
     r.until_moving()

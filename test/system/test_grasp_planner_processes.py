@@ -7,17 +7,68 @@ import os
 import signal
 import subprocess
 import sys
+import time
 
 from action_msgs.msg import GoalStatus
 from isotruss_msgs.action import PlanGrasp
 from isotruss_ros.core import ConvexObject, GraspRequirements, plan_grasps
 from lifecycle_msgs.msg import Transition
-from planning import assert_same, CENTER, Client, DIAMETER, goal, NO_MARGIN, node, workers
+from planning import assert_same, CENTER, DIAMETER, goal, NO_MARGIN, node, workers
 from probe import DEADLINE, Manager, ROBOT, world
 import psutil
 import pytest
 from rclpy.action import ActionClient
 from robot_processes import UNSHARED
+
+
+class Client:
+    """
+    Asks as any action client does, while joint states come all the time.
+
+    :param w: the world.
+    """
+
+    def __init__(self, w, positions=None):
+        self.feedback = []
+        self._world = w
+        self._joints = {} if positions is None else {'position': list(positions)}
+        self._client = ActionClient(w.probe, PlanGrasp, 'plan_grasp')
+        self.until(self._client.server_is_ready)
+        # The node has heard of the rollers when it says so.
+        self.until(lambda: w.nodes[1]._shape.rollers is not None)
+
+    def until(self, what):
+        """Spin until something holds."""
+        self._world.until(what, lambda: self._world.probe.send_joints(**self._joints), 0.02)
+
+    def send(self, asked):
+        """Send a goal and return its handle."""
+        self.feedback = []
+        future = self._client.send_goal_async(
+            asked, lambda message: self.feedback.append((time.monotonic(), message.feedback))
+        )
+        self.until(future.done)
+        return future.result()
+
+    def begin(self, asked):
+        """Send a goal and wait until candidates are looked at."""
+        handle = self.send(asked)
+        assert handle.accepted
+        self.until(lambda: self.feedback and self.feedback[-1][1].evaluations > 0)
+        return handle
+
+    def result(self, handle):
+        """Return how it ended: status of the action, result."""
+        future = handle.get_result_async()
+        self.until(future.done)
+        return future.result().status, future.result().result
+
+    def plan(self, asked):
+        """Send a goal and wait for its end."""
+        handle = self.send(asked)
+        assert handle.accepted
+        return self.result(handle)
+
 
 pytestmark = pytest.mark.system
 

@@ -9,6 +9,7 @@ from isotruss_ros.core import Status
 from isotruss_ros.demo.processes import NodeProcess
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from isotruss_ros.nodes.simulator.node import Simulator
+from nightly import some_now
 import numpy as np
 from probe import manipulation, N, ROBOT, world
 import pytest
@@ -49,7 +50,7 @@ def test_bytes_that_are_no_message_are_dropped():
         w.until(lambda: bool(w.probe.seen['status']), w.probe.send_twist)
 
 
-@pytest.mark.parametrize('stamped', [False, True])
+@pytest.mark.parametrize('stamped', some_now([False, True]))
 def test_a_publisher_of_the_other_type_of_twist_is_named(tmp_path, stamped):
     """Of another process: in one process a topic has one type."""
     other = Twist if stamped else TwistStamped

@@ -40,6 +40,16 @@ PICK = PickObject.Goal(squeeze=15.0, module='north/Z')
 SEARCHED = PickObject.Goal()
 #: So far that a pick approaches for some time.
 APART = PlaceObject.Goal(clearance=0.05)
+#: Objects that are carried in four ways each, see `test_an_object_is_picked_where_it_was_placed`.
+SHAPES = {
+    'disc': '{shape: disc, diameter: 0.2, mass: 0.5, friction: 0.8}',
+    'ellipse': '{shape: ellipse, semi_axes: [0.12, 0.1], mass: 0.5, friction: 0.8}',
+    'box': '{shape: polygon, vertices: [[-0.12, -0.1], [0.12, -0.1], [0.12, 0.1], [-0.12, 0.1]],'
+    ' corner_radius: 0.02, mass: 0.5, friction: 0.8}',
+    'hexagon': '{shape: polygon, vertices: [[0.12, 0], [0.06, 0.104], [-0.06, 0.104], [-0.12, 0],'
+    ' [-0.06, -0.104], [0.06, -0.104]], corner_radius: 0.02, mass: 0.5, friction: 0.8}',
+}
+DRAWS = 6
 #: Fails without a motion, as soon as all nodes have discovered each other.
 READY = PickObject.Goal(squeeze=1e5, time_limit=0.2)
 #: There is no such grasp; or a grip that was closing when its node was killed holds the object.
@@ -218,6 +228,24 @@ def test_a_box_is_picked_up_and_placed_by_the_members_named(tmp_path):
         assert (status, result.code) == (GoalStatus.STATUS_SUCCEEDED, 0), result.message
         assert result.displacement < 2e-2
         assert np.hypot(*(client.place() - lies[:2])) < 5e-2
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize('draw', range(DRAWS))
+@pytest.mark.parametrize('shape', SHAPES)
+def test_an_object_is_picked_where_it_was_placed(tmp_path, shape, draw):
+    rng = np.random.default_rng([draw, list(SHAPES).index(shape)])
+    lies = np.array([*CENTER, 0.0]) + rng.uniform(-1.0, 1.0, 3) * (0.03, 0.03, 3.0)
+    there = lies[:2] + rng.uniform(-1.0, 1.0, 2) * 0.04
+    file = tmp_path / 'object.yaml'
+    file.write_text(SHAPES[shape], encoding='utf-8')
+    with robot(tmp_path) as r:
+        client = Client(r, lies.tolist(), object=str(file))
+        for goal in (PICK, MoveObject.Goal(path=path_to(*there)), APART, PICK):
+            status, result = client.execute(goal)
+            assert (status, result.code) == (GoalStatus.STATUS_SUCCEEDED, 0), result.message
+            if isinstance(goal, MoveObject.Goal):
+                assert np.hypot(*(client.place() - there)) < 1e-2
 
 
 @pytest.mark.parametrize(

@@ -37,8 +37,9 @@ from numpy.typing import ArrayLike
 
 #: Range of the spacing of contact points [m].
 SPACING_RANGE = (1e-4, 0.1)
-#: Largest overlap of a member without force [tube diameters]: missed by contact points at a corner
-#: or at the end of a tube. A third of it refuses grasps that barely touch a third member.
+#: Largest overlap of a member without force, missed by contact points at a corner or the end of a
+#: tube, in tube diameters [-]. A third of it refuses grasps with a slight contact of a third
+#: member.
 MAX_FREE_OVERLAP = 0.05
 #: Smallest number of contact points on an object other than a disc [-].
 MIN_CONTACT_POINTS = 80
@@ -59,27 +60,25 @@ def analyze_grasp(
     """
     Analyse a fixed object: contact (5) to (9), closure by friction (10), stiffness.
 
-    :param config: where the robot is; its rollers do not turn.
-    :param body: the object, in its place.
-    :param friction: coefficient between tube and object, not negative; if None the object's own,
-        0.5 where it has none.
-    :param external_wrench: (fx, fy, m) on the object about the origin of its frame, the centre
-        of a cylinder [N, N m].
-    :param method: 'exact' (complementarity by pivoting) or 'relaxation' (the paper's (9)); where
-        tubes flatten the latter is for discs only.
-    :param spacing: of the contact points along the tubes [m]; tubes that flatten have points where
-        they are touched, a half or a quarter of this apart where a region of contact is short.
-    :param pressure: gauge, measured [Pa]: one number for all tubes, one for each tube in the order
-        of the robot file, or by tube name; that of the robot file if None.
-    :param previous: analysis of a similar grasp, where the search for the contact begins. Where
-        a deep indentation has several equilibria, it decides which one is found.
-    :param paper_model: whether the structure is linear about straight tubes, and these stay round
-        where they are touched, as in the paper.
-    :raises GraspError: an argument is not usable.
-    :raises StructureError: the robot is a mechanism, a pressure is not usable, or its stiffness
-        laws are contradictory.
-    :raises SolverError: the contact problem was not solved, or the object is in a member where
-        contact is not modelled.
+    :param config: configuration of the robot, with rollers at rest.
+    :param body: the object at its pose.
+    :param friction: coefficient between tube and object, not negative; None: that of the object,
+        or 0.5.
+    :param external_wrench: (fx, fy, m) on the object about the origin of its frame [N, N m].
+    :param method: 'exact' (complementarity by pivoting) or 'relaxation' (the paper's (9)), with
+        flattening tubes for discs only.
+    :param spacing: spacing of the contact points along the tubes [m]; flattening tubes have points
+        in contact regions only, at a half or a quarter of it in short regions.
+    :param pressure: gauge pressure [Pa]: one for all tubes, one for each in the order of the robot
+        file, or by tube name; None: that of the robot file.
+    :param previous: analysis of a similar grasp, initial guess of the search; it selects one of
+        several equilibria of a deep indentation.
+    :param paper_model: structure linear about straight tubes with round sections, as in the paper.
+    :raises GraspError: an argument is invalid.
+    :raises StructureError: the robot is a mechanism, a pressure is invalid, or its stiffness laws
+        are contradictory.
+    :raises SolverError: the contact problem was not solved, or the object is in a part of a member
+        without a contact model.
     """
     mu, wrench = check_load(body, friction, external_wrench)
     (gap,) = finite_array([spacing], 1, 'spacing [m]', GraspError).tolist()
@@ -136,7 +135,7 @@ def analyze_grasp(
 def _require_touch(
     structure: Structure, body: ConvexObject, contact_points: ContactPoints, contact: ContactState
 ) -> None:
-    """Raise SolverError if a member that the object overlaps neither presses nor has moved off."""
+    """Raise SolverError if a member overlaps the object without a force."""
     depths = member_depths(structure.config, body)
     free = MAX_FREE_OVERLAP * structure.config.robot.description.tube_diameter
     moved = max(float(np.abs(contact.displacements).max(initial=0.0)), free)
@@ -174,9 +173,9 @@ def check_load(
     Return the coefficient of friction, and (fx, fy, m) on the object [N, N m], as numbers.
 
     :param body: the object.
-    :param friction: between tube and object; if None the object's own, 0.5 where it has none.
-    :param external_wrench: (fx, fy, m) about the origin of the object's frame [N, N m].
-    :raises GraspError: one of them is not usable.
+    :param friction: coefficient between tube and object; None: that of the object, or 0.5.
+    :param external_wrench: wrench (fx, fy, m) about the origin of the object's frame [N, N m].
+    :raises GraspError: one of them is invalid.
     """
     (mu,) = finite_array([body.friction_or(friction)], 1, 'friction', GraspError).tolist()
     if mu < 0.0:

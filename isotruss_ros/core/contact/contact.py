@@ -4,11 +4,11 @@
 """
 Unilateral contact of tubes with a convex object: equations (5) to (9).
 
-Points of the tubes meet a surface: those of the skin, where tubes flatten, the object's own; in
-the paper's model those of the centre lines one that is farther out by the tube's radius. They give
-by a compliance that is condensed to these points; for fixed normals the contact forces solve a
-linear complementarity problem, and the normals follow the deformed points until they settle. The
-paper's relaxation of the forces, (9), finds the same, with gains from the compliance.
+Points of the skin of flattening tubes meet the surface of the object; in the paper's model, points
+of the centre lines meet its offset by the tube's radius. The compliance of the structure is
+condensed to these points. For fixed normals the contact forces solve a linear complementarity
+problem; the normals follow the deformed points until convergence. The paper's relaxation of the
+forces, (9), has the same solution, with gains from the compliance.
 """
 
 from __future__ import annotations
@@ -18,25 +18,18 @@ from isotruss_ros.core.contact.surfaces import Surface
 from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
 from isotruss_ros.core.numerics.qp import GAP_TOLERANCE, solve_complementarity
+from isotruss_ros.core.numerics.tolerances import ROUNDING, SMALLEST_NORMAL
 import numpy as np
 from scipy.linalg import lapack
 
 #: Relative tolerance of forces along normals [-].
 NORMAL_TOLERANCE = 1e-6
-MAX_NORMAL_UPDATES = 30
 MAX_STEPS = 300
 #: Share of the largest depth that bounds the estimated contact of a flattening member [-].
 CONTACT_DEPTH_SHARE = 0.7
-#: K1 of (9) relative to 2 / lambda_max(W), beyond which the iteration diverges [-].
-RELAXATION_GAIN = 0.9
 MAX_RELAXATIONS = 2_000_000
 #: Largest gap of a contact [m]; remaining forces at larger gaps are not contact.
 MAX_CONTACT_GAP = 1e-7
-#: Negligible force relative to the largest [-].
-NEGLIGIBLE_FORCE_SHARE = 1e-9
-#: Lower bounds of divisors before the first contact.
-TINY = 1e-300
-SMALL_FORCE = 1e-100
 #: Steps of (9) between updates of normals and convergence checks [-].
 STEPS_PER_CHECK = 200
 #: Tolerance of complementarity in (9): gap [m], and force relative to the largest [-].
@@ -53,12 +46,12 @@ def solve_contact(
     """
     Solve the contact LCP (8): nonnegative gaps and forces, complementary at each point.
 
-    :param contact_points: points that the object could touch.
-    :param surface: what the points meet, see `find_contact_points`.
-    :param forces: (c,) of a similar problem [N]: points with one are taken to touch; if None those
-        that are deep.
-    :param normals: (c,) to begin with, x + iy; those of the undeformed tubes if None.
-    :raises SolverError: the normals do not settle.
+    :param contact_points: candidate contact points.
+    :param surface: surface that the points meet, see `find_contact_points`.
+    :param forces: (c,) forces of a similar problem [N], initial guess of the points in contact;
+        None: the deep points.
+    :param normals: (c,) initial normals, x + iy; None: those of the undeformed tubes.
+    :raises SolverError: the normals do not converge.
     """
     away = contact_points.skin - surface.center
     if normals is None:
@@ -112,7 +105,7 @@ def _settle_normals(
     )
     # Few points, and several steps: the whole matrix is cheaper than its factors.
     compliance = contact_points.compliance(places).reshape(2 * count, 2 * count)
-    for _ in range(MAX_NORMAL_UPDATES):
+    for _ in range(30):
         along, across = local.real, local.imag
         moving = compliance[:, :count] * along + compliance[:, count:] * across
         normal = along[:, None] * moving[:count] + across[:, None] * moving[count:]
@@ -135,8 +128,8 @@ def estimate_contact(contact_points: ContactPoints, surface: Surface) -> Contact
     """
     Solve (8) with the normals of the undeformed tubes; the result has updated normals.
 
-    :param contact_points: points that the object could touch.
-    :param surface: what the points meet.
+    :param contact_points: candidate contact points.
+    :param surface: surface that the points meet.
     :raises SolverError: the contact problem was not solved.
     """
     away = contact_points.skin - surface.center
@@ -154,10 +147,10 @@ def face_tubes(contact_points: ContactPoints, surface: Surface) -> Points:
     """
     Return the normals (c,) of undeformed tubes on the object.
 
-    Those of the centre lines: the skin may be beyond the centre of a small object.
+    They are those of the centre lines, as the skin may be beyond the centre of a small object.
 
-    :param contact_points: points that the object could touch.
-    :param surface: what the points meet.
+    :param contact_points: candidate contact points.
+    :param surface: surface that the points meet.
     """
     return surface.facing(contact_points.points - surface.center, contact_points.axis)
 
@@ -166,19 +159,19 @@ def open_gaps(away: Points, normals: Points, surface: Surface) -> Array:
     """
     Return the gaps along normals without forces, (c,) [m].
 
-    :param away: (c,) points, from the surface's centre, x + iy [m].
+    :param away: (c,) points relative to the surface's centre, x + iy [m].
     :param normals: (c,) outward unit normals, x + iy.
-    :param surface: what the points meet.
+    :param surface: surface that the points meet.
     """
     return (away * normals.conj()).real - surface.support(normals)
 
 
 def guess_contact(contact_points: ContactPoints, gaps: Array) -> Flags:
     """
-    Return the likely contact points: the deepest of each member, more if it flattens.
+    Return the estimated contact points: the deepest of each member, more if it flattens.
 
-    :param contact_points: points that the object could touch.
-    :param gaps: (c,) without forces [m].
+    :param contact_points: candidate contact points.
+    :param gaps: (c,) gaps without forces [m].
     """
     member = contact_points.member
     deepest = np.full(int(member.max(initial=-1)) + 1, np.inf)
@@ -199,13 +192,14 @@ def relax_contact(
     Solve (8) by the relaxation (9): forces increase at negative and decrease at positive gaps.
 
     The tangential term of (9) is not needed: forces are normal from the start. K1 = 0.9 * 2 /
-    lambda_max(W), and K3 = K1 / (largest force), so that fading is never quicker than growing.
+    lambda_max(W), and K3 = K1 / (largest force), so that forces decrease no faster than they
+    increase.
 
-    :param contact_points: points that the object could touch.
-    :param surface: what the points meet, see `find_contact_points`.
-    :param forces: (c,) to begin with [N]; none if None.
-    :param normals: (c,) to begin with, x + iy; those of the undeformed tubes if None.
-    :raises SolverError: no rest within two million steps.
+    :param contact_points: candidate contact points.
+    :param surface: surface that the points meet, see `find_contact_points`.
+    :param forces: (c,) initial forces [N]; None: zero.
+    :param normals: (c,) initial normals, x + iy; None: those of the undeformed tubes.
+    :raises SolverError: no convergence within two million steps.
     """
     away = contact_points.skin - surface.center
     if normals is None:
@@ -218,8 +212,8 @@ def relax_contact(
         part = np.flatnonzero((forces > 0.0) | (gaps + compliance @ forces < 0.0))
         if len(part):
             forces[part] = _steps(gaps[part], compliance[np.ix_(part, part)], forces[part])
-        largest = forces.max(initial=TINY)
-        forces = np.where(forces > NEGLIGIBLE_FORCE_SHARE * largest, forces, 0.0)
+        largest = forces.max(initial=SMALLEST_NORMAL)
+        forces = np.where(forces > ROUNDING * largest, forces, 0.0)
         displacements = contact_points.displacements(forces * normals)
         gap, normals, radii = surface.nearest(away + displacements)
         left = np.maximum(gap, 0.0) * forces / largest
@@ -234,9 +228,10 @@ def relax_contact(
 
 def _steps(gaps: Array, compliance: Array, forces: Array) -> Array:
     """Return the forces (c,) after some steps of (9) with fixed normals."""
-    grow = RELAXATION_GAIN * 2.0 / np.linalg.eigvalsh(compliance)[-1]
+    # Beyond 2 / lambda_max(W) the iteration diverges.
+    grow = 0.9 * 2.0 / np.linalg.eigvalsh(compliance)[-1]
     for _ in range(STEPS_PER_CHECK):
         gap = gaps + compliance @ forces
-        fade = grow / max(forces.max(), SMALL_FORCE)
+        fade = grow / max(forces.max(), ROUNDING)
         forces = forces + grow * np.maximum(-gap, 0.0) - fade * np.maximum(gap, 0.0) * forces
     return forces

@@ -4,11 +4,10 @@
 """
 Contact regions: lengths, widths and pressures of the tubes on the object.
 
-Where a section is flattened its wall is straight across the tube, so that it presses with the
-gauge pressure p and with what its tension along the tube, T, adds around an object whose surface
-has the radius of curvature r: p + T / r. The width of the contact is the load per length over this
-pressure, up to half the circumference of the tube, pi R: the section is flat there, and a larger
-load raises the pressure.
+The wall of a flattened section is straight across the tube: its contact pressure is the gauge
+pressure p plus the part T / r of its tension T along the tube around an object with radius of
+curvature r. The width of the contact is the load per length over this pressure, up to half the
+circumference of the tube, pi R: there the section is flat, and a larger load raises the pressure.
 """
 
 from __future__ import annotations
@@ -31,10 +30,10 @@ def find_wrinkling(
     Return the utilisation of a robot's tubes under contact forces, and the tension of their walls.
 
     :param structure: the frame of the robot.
-    :param contact_points: points that the object could touch.
-    :param contact: where it does, and with what force.
-    :return: (c,) tension of the wall along the tube, on the side of the object, at the contact
-        points; not negative [N/m].
+    :param contact_points: candidate contact points.
+    :param contact: contact with its forces.
+    :return: utilisation, and (c,) tension of the wall along the tube on the side of the object,
+        not negative [N/m].
     """
     topology, tubes = structure.config.robot.topology, contact_points.bent
     radius = 0.5 * structure.config.robot.description.tube_diameter
@@ -56,7 +55,7 @@ def find_wrinkling(
 
 def assess_members(structure: Structure, solved: SolvedContact) -> dict[str, Any]:
     """
-    Return the fields of a `GraspAnalysis` that are by member.
+    Return the fields of a `GraspAnalysis` by member.
 
     :param structure: the frame of the robot.
     :param solved: the contact.

@@ -19,7 +19,7 @@ def deformed_lines(analysis: GraspAnalysis) -> Points:
     """
     Return the centre lines (m, s) of the members under the contact forces, pinch to pinch [m].
 
-    :param analysis: of a grasp.
+    :param analysis: analysis of a grasp.
     """
     structure = analysis.structure
     config = structure.config
@@ -41,8 +41,8 @@ def force_lines(body: ConvexObject, analysis: GraspAnalysis, scale: float) -> Po
     Return (k, 2) tails and tips [m] of the forces on the object, with tips at its surface.
 
     :param body: the object.
-    :param analysis: of the grasp.
-    :param scale: length for a force [m/N].
+    :param analysis: analysis of the grasp.
+    :param scale: length of a force [m/N].
     """
     touching = analysis.normal_forces > 0.0
     normals = analysis.normals[touching] @ np.array([1.0, 1.0j])
@@ -57,10 +57,10 @@ def region_lines(
     """
     Return the regions of contact along the object's surface, (k,) points each [m].
 
-    :param config: where the robot is.
+    :param config: configuration of the robot.
     :param body: the object.
-    :param analysis: of its grasp in this configuration.
-    :return: in the order of `GraspAnalysis.contact_spans`.
+    :param analysis: analysis of the grasp in this configuration.
+    :return: regions in the order of `GraspAnalysis.contact_spans`.
     """
     regions = []
     for name, (start, end) in analysis.contact_spans.items():

@@ -4,12 +4,11 @@
 """
 Depth of the dent of a tube's skin at one contact by its normal force.
 
-The contact of the analysis on a tube whose centre line stands still: what is left is the dent of
-`flattening`. Each point of the skin presses across the tube, as in `sliding_contact`, so that the
-heights of the object's surface above its lowest point settle how far the dent goes: a sharp corner
-dents the skin deeply, a face that lies on it hardly. A dent depends on the tube and the object
-alone, so that a table of it serves every grasp; in the 2/3 power of the force, as of a point
-contact, it is close to straight.
+The contact of the analysis for a fixed centre line: only the dent of `flattening` remains. Each
+point of the skin presses across the tube, as in `sliding_contact`, so the heights of the object's
+surface above its lowest point determine the dent: deep under a sharp corner, shallow under a face.
+A dent depends on tube and object alone, so one table serves every grasp; it is almost linear in
+the 2/3 power of the force, as for a point contact.
 """
 
 from __future__ import annotations
@@ -27,14 +26,14 @@ from isotruss_ros.core.numerics.qp import solve_complementarity
 import numpy as np
 import scipy
 
-#: Depths of the table of a disc as shares of the tube's or its own radius, whichever is smaller;
-#: of a corner of any shape, as shares of the tube's radius.
+#: Depths of the table of a disc relative to the smaller radius of tube and disc, and of a corner
+#: relative to the tube's radius [-].
 DISC_DEPTHS, CORNER_DEPTHS = (0.8 * np.linspace(0.0, 1.0, n)[1:] ** 2 for n in (15, 10))
 #: Number of contact points on the chord of overlap of object and round tube [-].
 CHORD_POINTS = 41
 DEPTH_EXPONENT = 2.0 / 3.0
-#: Tables of corners are of outlines with points so many tube radii apart; beyond so many from the
-#: contact nothing is counted as part of it.
+#: Spacing of the points of outlines in tables of corners, and largest distance of a point of the
+#: contact, in tube radii [-].
 OUTLINE, REACH = 0.02, 4.0
 
 
@@ -42,11 +41,11 @@ class SkinIndentation:
     """
     Depth of a dent as a function of the normal force, for one tube and one object.
 
-    :param depths: (n,) of dents, rising from above zero [m].
-    :param presses: for each the spacing of points of the skin [m], and the forces on these (c,)
-        [N], with which the object presses there.
+    :param depths: (n,) increasing positive depths of dents [m].
+    :param presses: for each depth the spacing of points of the skin [m], and the contact forces
+        (c,) on these [N].
     :param kernel: compliance of the tubes' sections.
-    :param tube: number of the tube.
+    :param tube: index of the tube.
     """
 
     def __init__(
@@ -72,7 +71,7 @@ class SkinIndentation:
         """
         Return depth [m] and its derivative [m/N], extrapolated linearly beyond the table.
 
-        :param force: [N]; a pulling one has a depth below zero, for a search that passes it.
+        :param force: normal force [N]; tension has a negative depth, for searches that pass it.
         """
         piece, x, beyond, per_force = self._locate(force)
         a, b, c, d = self._pieces[piece]
@@ -92,9 +91,9 @@ class SkinIndentation:
         """
         Return the second derivative of the depth by the force [m/N^2], and those by pressure.
 
-        :param force: [N].
-        :return: besides it the derivatives, by the gauge pressure in the tube, of the depth [m/Pa]
-            and of its derivative by the force [m/(N Pa)].
+        :param force: normal force [N].
+        :return: the second derivative, and the derivatives by the gauge pressure in the tube of
+            the depth [m/Pa] and of its derivative by the force [m/(N Pa)].
         """
         size, sign = max(abs(force), 1e-9), math.copysign(1.0, force)
         piece, x, beyond, stretch = self._locate(force)
@@ -141,8 +140,8 @@ class Indentation:
     """
     The dents of the tubes at k contacts with one object.
 
-    :param tables: of the k tubes; none where tubes stay round.
-    :param scale: stiffness of the tubes against that of the tables.
+    :param tables: tables of the k contacts; empty for round tubes.
+    :param scale: stiffness of the tubes relative to the tables [-].
     """
 
     def __init__(self, tables: Sequence[SkinIndentation] = (), scale: float = 1.0) -> None:
@@ -162,7 +161,7 @@ class Indentation:
 
     def second_rates(self, forces: Array) -> Array:
         """
-        Return second derivatives of the depths, and those by the gauge pressure in each tube.
+        Return the second derivatives of the depths, and those by the gauge pressure in each tube.
 
         :param forces: (k,) normal forces [N].
         :return: (3, k) second derivatives by the normal forces [m/N^2]; by the pressures, those of
@@ -183,9 +182,9 @@ def skin_indentation(
     Return the dents of one tube by a disc; the last few tables are cached.
 
     :param robot: the robot.
-    :param tube: number of the tube.
-    :param radius: of the object [m].
-    :param pressures: (t,) gauge, by tube [Pa]; those of the robot file if None.
+    :param tube: index of the tube.
+    :param radius: radius of the object [m].
+    :param pressures: (t,) gauge pressures by tube [Pa]; None: those of the robot file.
     """
     depths = DISC_DEPTHS * min(radius, 0.5 * robot.description.tube_diameter)
     kernel = flattening_of(robot, pressures)
@@ -223,15 +222,14 @@ def corner_dents(
     Return the dents under one contact of an object; the last tables are cached.
 
     :param robot: the robot.
-    :param tube: number of the tube.
-    :param shape: of the object.
-    :param angle: of the normal out of the object across the tube, in the object's frame; in steps,
-        so that tables serve again [rad].
-    :param corner: number of the corner that is touched, see `Shape.corner_at`.
-    :param cuts: how far the contact reaches before and behind the point that is touched,
-        counter-clockwise around the object: half of a face where its other end is a contact of
-        its own; may be infinite [m].
-    :param pressures: (t,) gauge, by tube [Pa]; those of the robot file if None.
+    :param tube: index of the tube.
+    :param shape: shape of the object.
+    :param angle: angle of the normal out of the object across the tube, in the object's frame, in
+        steps for common tables [rad].
+    :param corner: index of the corner in contact, see `Shape.corner_at`.
+    :param cuts: extent of the contact before and behind its point, counter-clockwise around the
+        object; half of a face whose other end is another contact, or infinite [m].
+    :param pressures: (t,) gauge pressures by tube [Pa]; None: those of the robot file.
     """
     radius = 0.5 * robot.description.tube_diameter
     point = shape.point_at(corner, complex(np.exp(1j * angle)))

@@ -4,18 +4,18 @@
 """
 Flattening: local compliance of the section of an inflated tube under contact.
 
-An inextensible wall of radius R under the gauge pressure p gives to a line load by ring modes
-cos(n phi), n = 2, 3, ...; mode n meets the stiffness k_n = pi p (n^2 - 1) per unit length. The sum
-over all modes is 3 / (4 pi p) for a load from one side, which the shear flow of the beam carries
-on, and 1 / (pi p) between two plates. Along the tube each mode is a string on that foundation,
+An inextensible wall of radius R under the gauge pressure p deforms under a line load in ring modes
+cos(n phi), n = 2, 3, ..., with the stiffness k_n = pi p (n^2 - 1) per unit length. The compliance
+of all modes is 3 / (4 pi p) for a load from one side, balanced by the shear flow of the beam, and
+1 / (pi p) between two plates. Along the tube each mode is a string on that foundation,
 
     k_n w - G_n w'' = q,
     G_n = pi p R^2 (1 + 1/n^2) / 2 + pi R G t f_n / n^2,
     f_n = E t / (E t + G t n^2 lambda_n^2 / R^2),   lambda_n = sqrt(G_n / k_n),
 
-pulled by the wall tension p R / 2 and the shear of the fabric, so that it gives at a distance s by
-exp(-s / lambda_n) / (2 sqrt(k_n G_n)). Modes beyond the first few are as short as the wall's own
-detail and give only where the load is.
+under the wall tension p R / 2 and the shear of the fabric, with the compliance
+exp(-s / lambda_n) / (2 sqrt(k_n G_n)) at a distance s. Modes beyond the first few are as short as
+details of the wall and act only at the load.
 """
 
 from __future__ import annotations
@@ -30,9 +30,6 @@ from isotruss_ros.core.statics.tube_stiffness import tube_stiffness
 import numpy as np
 from numpy.typing import ArrayLike
 
-#: Fixed-point iterations of lambda_n [-]; each reduces the error to less than a fifth.
-FIXED_POINT_ITERATIONS = 12
-
 
 @dataclass(frozen=True, eq=False)
 class Flattening:
@@ -40,11 +37,11 @@ class Flattening:
     Local compliance of tubes' sections under transverse forces from one side.
 
     :ivar radius: R of the tubes [m].
-    :ivar stiffness: (t, n) k_n of the modes that spread along each tube, per unit length [N/m^2].
+    :ivar stiffness: (t, n) k_n of the modes with extent along each tube, per unit length [N/m^2].
     :ivar tension: (t, n) G_n of these modes [N].
-    :ivar rest: (t,) compliance of all modes beyond, times a unit length of tube [m^2/N].
-    :ivar pressure: (t,) p in each tube, gauge [Pa].
-    :ivar tension_rate: (t, n) derivative of G_n by that [N/Pa].
+    :ivar rest: (t,) compliance of all further modes, times a unit length of tube [m^2/N].
+    :ivar pressure: (t,) gauge pressure p in each tube [Pa].
+    :ivar tension_rate: (t, n) derivative of G_n by the pressure [N/Pa].
     """
 
     radius: float
@@ -63,14 +60,14 @@ class Flattening:
         """
         Return the compliance between points by dents alone.
 
-        Each point stands for a piece of tube of one spacing, over which load and indentation are
-        averaged. The sum over a long lattice is the integral of the kernel, whatever the spacing.
+        Each point represents a piece of tube of one spacing, with averaged load and indentation.
+        The sum over a long lattice is the integral of the kernel for any spacing.
 
-        :param place: (c,) of the points along their members, on lattices of the spacing [m].
-        :param member: (c,) the member that each is on; only points of one member share a dent.
-        :param tube: (c,) the tube that each is on.
-        :param spacing: of the points [m].
-        :return: (c, c) symmetric positive definite [m/N].
+        :param place: (c,) positions along the members, on lattices of the spacing [m].
+        :param member: (c,) indices of the members; points of one member interact.
+        :param tube: (c,) indices of the tubes.
+        :param spacing: spacing of the points [m].
+        :return: (c, c) compliance, symmetric positive definite [m/N].
         """
         apart = np.rint(np.abs(place[:, None] - place) / spacing).astype(np.intp)
         same = member[:, None] == member
@@ -84,7 +81,7 @@ class Flattening:
         """
         Return `compliance` of successive points of one tube, (count, count) [m/N].
 
-        :param count: number of the points.
+        :param count: number of points.
         :param tube: index of the tube.
         :param spacing: distance of the points [m].
         """
@@ -95,9 +92,9 @@ class Flattening:
         """
         Return derivatives by pressure of the compliance at 0, 1, ... spacings.
 
-        :param count: of distances.
-        :param spacing: of the points [m].
-        :return: (t, count) [m/N/Pa].
+        :param count: number of distances.
+        :param spacing: spacing of the points [m].
+        :return: (t, count) derivatives [m/N/Pa].
         """
         ratio, blown = spacing / self.reach, 1.0 / self.pressure[:, None]
         pulled = self.tension_rate / self.tension
@@ -120,7 +117,7 @@ def lattice_distances(count: int) -> Indices:
     """
     Return the distances of successive points in spacings, (count, count).
 
-    :param count: number of the points.
+    :param count: number of points.
     """
     found = np.arange(count)
     return np.abs(found[:, None] - found)
@@ -151,10 +148,10 @@ def flattening(
     Return the local compliance of tubes.
 
     :param radius: R of the tubes [m].
-    :param pressure: (t,) p in each tube, gauge [Pa].
+    :param pressure: (t,) gauge pressure p in each tube [Pa].
     :param fabric: E t and G t of the wall; None for pressure and radius alone, f_n = 0.
-    :param modes: N, the highest ring mode that spreads along the tube.
-    :param local_stiffness: by which a measured tube is stiffer than this theory [-].
+    :param modes: N, the highest ring mode with extent along the tube.
+    :param local_stiffness: stiffness of a measured tube relative to this theory [-].
     """
     n = np.arange(2, modes + 1)
     pressure = np.atleast_1d(np.asarray(pressure, dtype=float))[:, None]
@@ -163,7 +160,7 @@ def flattening(
     tension, tension_rate = pulled, pulled / pressure
     if fabric is not None:
         wall, shear = fabric
-        for _ in range(FIXED_POINT_ITERATIONS):
+        for _ in range(12):  # each reduces the error to less than a fifth
             share = wall / (wall + shear * n**2 * tension / stiffness / radius**2)
             tension = pulled + np.pi * radius * shear * share / n**2
         slower = np.pi * (shear * share) ** 2 / (wall * radius * stiffness)
@@ -185,9 +182,9 @@ def flattening_of(robot: Mechanism, pressures: tuple[float, ...] | None = None) 
     """
     Return the local compliance of a robot's tubes; the last few are cached.
 
-    :param robot: whose file has tube diameter and stiffness model.
-    :param pressures: (t,) gauge, by tube in the order of the robot file; that of the file if None
-        [Pa].
+    :param robot: robot with tube diameter and stiffness model.
+    :param pressures: (t,) gauge pressures by tube in the order of the robot file; None: those of
+        the file [Pa].
     """
     file = robot.description
     if pressures is None:

@@ -4,11 +4,10 @@
 """
 Closure by friction: friction within its bounds balances the normal forces, equation (10).
 
-The wrenches that friction can bring about form a zonotope: a sum of segments, one for each
-contact. Its facets are planes spanned by pairs of segments, so that the smallest friction
-coefficient and the distance from opening follow without iteration. Moments are divided by half of
-the object's mean width, the arm d/2 of friction at the surface of a cylinder, so that all three
-components are forces.
+The wrenches of friction form a zonotope: a sum of segments, one for each contact. Its facets are
+planes spanned by pairs of segments, so the smallest friction coefficient and the closure margin
+follow without iteration. Moments are divided by half of the object's mean width, the arm d/2 of
+friction on a cylinder, so that all three components are forces.
 """
 
 from __future__ import annotations
@@ -18,19 +17,15 @@ import functools
 
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.numerics.qp import find_nearest, solve_least_squares
+from isotruss_ros.core.numerics.tolerances import ROUNDING
 import numpy as np
 import scipy
 
-#: Largest residual of closure relative to the forces [-].
+#: Largest residual of closure relative to the forces, and largest cosine of segments perpendicular
+#: to the residual [-].
 CLOSURE_TOLERANCE = 1e-6
-#: Smallest length of a facet normal [-]; the segments of shorter ones are parallel.
-FACET_TOLERANCE = 1e-9
 #: Regularization weight of the friction forces [-]; makes them unique without a visible residual.
 FRICTION_REGULARIZATION = 1e-6
-#: Tolerance of the shares, and largest number of steps per share [-].
-SHARE_TOLERANCE, MAX_STEPS_PER_SHARE = 1e-14, 10
-#: Largest cosine of segments perpendicular to the residual [-].
-PERPENDICULAR_COSINE = 1e-6
 #: Number of facets per batch [-].
 FACET_BATCH = 4096
 
@@ -40,13 +35,13 @@ class FrictionClosure:
     """
     Balance of a wrench by friction.
 
-    :ivar closed: whether it does, up to `tolerance`.
-    :ivar residual: what is left [N], moments over d/2.
-    :ivar tolerance: below which the residual counts as none [N].
+    :ivar closed: whether the residual is within `tolerance`.
+    :ivar residual: size of the unbalanced wrench, moments over d/2 [N].
+    :ivar tolerance: bound of the residual [N].
     :ivar friction_forces: (k,) along the tangents, counter-clockwise around the object [N].
-    :ivar required_friction: smallest coefficient that closes; infinite if none does.
-    :ivar margin: largest extra wrench of any direction that friction still balances [N]; negative
-        where the grasp is open.
+    :ivar required_friction: smallest coefficient with closure; infinite if none exists.
+    :ivar margin: largest additional wrench of any direction with closure [N]; negative without
+        closure.
     """
 
     closed: bool
@@ -69,9 +64,10 @@ def balance_by_friction(
 
     :param tangents: (k, 2) unit tangents of the object at the contacts, counter-clockwise.
     :param normal_forces: (k,) N_i, not negative [N].
-    :param load: (3,) resultant of all else on the object: fx, fy, m / (d/2) [N].
+    :param load: (3,) resultant of the other forces on the object: fx, fy, m / (d/2) [N].
     :param friction: mu, not negative.
-    :param levers: (k,) of forces along the tangents, over half of the mean width: 1 of a cylinder.
+    :param levers: (k,) lever arms of the tangential forces over half of the mean width; 1 for a
+        cylinder.
     """
     touching = normal_forces > 0.0
     segments = np.column_stack([tangents, levers])[touching] * normal_forces[touching, None]
@@ -98,7 +94,7 @@ def _balance(
     # What is left when all friction is used points away from all that could take more of it: only
     # shares across it are open, few of all.
     lever, reach = segments @ left, np.linalg.norm(segments, axis=1) * np.linalg.norm(left)
-    free = np.abs(lever) <= PERPENDICULAR_COSINE * reach
+    free = np.abs(lever) <= CLOSURE_TOLERANCE * reach
     shares = np.where(free, 0.0, -friction * np.sign(lever))
     if free.any() and friction > 0.0:
         shares[free] = _smallest(segments[free], left - load - shares @ segments, friction)
@@ -118,8 +114,8 @@ def _smallest(segments: Array, wanted: Array, friction: float) -> Array:
         np.concatenate([wanted / size, np.zeros(count)]),
         (-friction, friction),
         method='bvls',
-        tol=SHARE_TOLERANCE,
-        max_iter=MAX_STEPS_PER_SHARE * count,
+        tol=1e-14,
+        max_iter=10 * count,
     ).x
 
 
@@ -144,12 +140,12 @@ def _facets(segments: Array) -> tuple[Array, Array]:
     first, second = _pairs(len(segments))
     normals = np.cross(segments[first], segments[second])
     sizes, reach = np.linalg.norm(normals, axis=1), np.linalg.norm(segments, axis=1)
-    good = sizes > FACET_TOLERANCE * reach[first] * reach[second]
+    good = sizes > ROUNDING * reach[first] * reach[second]
     normals = normals[good] / sizes[good, None]
     # All pairs of hundreds of contacts, times all contacts, would take gigabytes at once.
     parts = np.array_split(normals, 1 + len(normals) // FACET_BATCH)
     support = np.concatenate([np.abs(part @ segments.T).sum(axis=1) for part in parts])
-    if (support > FACET_TOLERANCE * np.linalg.norm(segments, axis=1).sum()).any():
+    if (support > ROUNDING * np.linalg.norm(segments, axis=1).sum()).any():
         return normals, support
     return _flat_facets(segments, len(normals) > 0)
 

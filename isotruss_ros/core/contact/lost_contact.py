@@ -4,9 +4,8 @@
 """
 Continuation of the slip margin without equilibrium, by the gaps of the members.
 
-It continues the slip margin, so that an optimiser that has lost the contact finds its way back.
-Without contact forces the external wrench is missing; a tube that would have to reach an object at
-the distance g would press with about p R g.
+The continued slip margin leads an optimiser back to contact. Without contact forces the external
+wrench is unbalanced; a tube pressed by a distance g has a force of about p R g.
 """
 
 from __future__ import annotations
@@ -30,9 +29,9 @@ class LostContact:
 
     :ivar config: configuration of the robot.
     :ivar body: the object at its given pose.
-    :ivar members: (k,) numbers of the members.
+    :ivar members: (k,) indices of the members.
     :ivar wrench: size of the external wrench, moments over the arm [N].
-    :ivar stiffness: p R, mean pressure of the tubes by their radius [N/m].
+    :ivar stiffness: p R, mean pressure times radius of the tubes [N/m].
     """
 
     config: Configuration
@@ -55,9 +54,9 @@ class LostContact:
 
         :param config: configuration of the robot.
         :param body: the object at its given pose.
-        :param members: (k,) numbers of the members; the two nearest if None.
+        :param members: (k,) indices of the members; None: the two nearest.
         :param wrench: (fx, fy, m / arm) on the object [N].
-        :param pressure: gauge [Pa], see `tube_pressures`.
+        :param pressure: gauge pressure [Pa], see `tube_pressures`.
         """
         if members is None:
             members = np.argsort(member_depths(config, body), kind='stable')[-2:]
@@ -78,7 +77,7 @@ class LostContact:
 
     def slip_margin_rates(self) -> tuple[Array, Array]:
         """
-        Return the derivatives of the slip margin by the rollers, (r,), and the pose, (3,).
+        Return the derivatives of the slip margin by roller travel, (r,), and pose, (3,).
 
         :raises ConfigurationError: the configuration is singular.
         """

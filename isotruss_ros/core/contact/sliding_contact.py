@@ -4,13 +4,12 @@
 """
 Contact of flattening, sliding tubes with a convex object of any shape: (5) to (8).
 
-The skin of a straight tube is the same everywhere along it: without friction it may slide along
-itself under a corner, which takes no force. Points of a lattice on the tube do not know that. What
-presses on the two faces of a corner balances along the tube only in the sum over all pressures,
-and that of a few points is off by as much as friction would be. Here the balance is exact: each
-point presses across the bent centre line of its tube, and sliding along it changes nothing but the
-gap. At each step the normals are those of the object's surface at the feet of the points, and the
-forces solve a linear complementarity problem.
+The skin of a straight tube is uniform along it: without friction it slides under a corner without
+a force. Discrete points violate this: the pressures on the two faces of a corner balance along the
+tube only in their integral, and the sum over a few points has errors as large as friction. Here
+the balance is exact: each point presses across the bent centre line of its tube, and sliding along
+it changes the gap alone. In each step the normals are those of the object's surface at the feet of
+the points, and the forces solve a linear complementarity problem.
 """
 
 from __future__ import annotations
@@ -28,15 +27,14 @@ from scipy.linalg import lapack
 
 #: Tolerance of closed gaps [m].
 GAP_TOLERANCE = 1e-10
-#: The skin stays out of what it could only touch where it is steeper than this, against the tube:
-#: tangents that lean more are turned back to it.
+#: Steepest tangent of the object against the tube, as a direction; steeper ones are turned to it.
 STEEPEST = np.exp(1j * np.deg2rad(75.0))
-#: Steps from one start, and how many of the second start go half the way; 20 settle the same
-#: contacts as 10, 3 some less.
+#: Number of steps from one start, and of half steps of the second start [-]; 20 solve the same
+#: contacts as 10, 3 some fewer.
 MAX_STEPS, DAMPED_STEPS = 30, 10
-#: Where the skin is folded over a corner, normals lean against the tube by at most this [rad].
+#: Largest inclination of normals against the tube at a corner with folded skin [rad].
 FOLD = np.deg2rad(12.0)
-#: Points can tell an arc whose radius is this many times their spacing.
+#: Smallest radius of a resolved arc in spacings of the points [-].
 RESOLVED_ARC = 2.0
 
 
@@ -50,12 +48,12 @@ def solve_sliding_contact(
     """
     Solve (8) for tubes sliding along their axes.
 
-    :param contact_points: points that the object could touch.
-    :param surface: what the points meet, see `find_contact_points`.
-    :param forces: see `solve_contact`.
-    :param normals: see `solve_contact`.
+    :param contact_points: candidate contact points.
+    :param surface: surface that the points meet, see `find_contact_points`.
+    :param forces: initial forces, see `solve_contact`.
+    :param normals: initial normals, see `solve_contact`.
     :param push: (c,) forces on the tubes in a state near by, x + iy [N]; none if None.
-    :raises SolverError: the normals do not settle.
+    :raises SolverError: the normals do not converge.
     """
     undeformed = face_tubes(contact_points, surface)
     first = undeformed if normals is None else normals
@@ -187,13 +185,13 @@ def turn_at_corners(
     """
     Return a contact with normals and forces independent of the positions of points.
 
-    A point at a sharp corner has any normal of its normal cone, as it happens to lie, and so have
-    points on the faces beside it, between which the skin is folded. What these press with together
-    is across the tube: their normals are taken to lean against it by no more than `FOLD`.
+    A point at a sharp corner has an arbitrary normal of the normal cone, and so have the points on
+    the adjacent faces, between which the skin is folded. Their resultant is across the tube: their
+    normals are limited to an inclination of `FOLD` against it.
 
-    :param contact_points: points that the object could touch.
-    :param contact: of tubes that slide.
-    :param surface: of the object, its corners as sharp as they are.
+    :param contact_points: candidate contact points.
+    :param contact: contact of sliding tubes.
+    :param surface: surface of the object with its sharp corners.
     """
     moved = contact_points.skin + contact.displacements - surface.center
     radii = surface.nearest(moved).radii

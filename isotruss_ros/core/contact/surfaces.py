@@ -4,9 +4,9 @@
 """
 Contact surfaces: the object's own, or its offset to the tube's centre line.
 
-Of a convex object the contact problem needs little: how far the tangent with a normal n is, and
-the normal at the foot of a point. A point beyond any one tangent is outside of the object, so that
-(5) with fixed normals, x . n - h(n) >= 0, never admits what the object forbids.
+The contact problem needs two functions of a convex object: the distance h(n) of the tangent with a
+normal n, and the normal at the foot of a point. A point beyond any tangent is outside of the
+object, so (5) with fixed normals, x . n - h(n) >= 0, admits no penetration.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ class Surface:
     """
     The surface of a convex object, or a parallel one; points are relative to its centre.
 
-    :ivar body: the object in its place.
-    :ivar margin: how far out the surface is [m].
-    :ivar shape: of the object, its corners rounded off as points can tell them.
+    :ivar body: the object at its pose.
+    :ivar margin: offset of the surface [m].
+    :ivar shape: shape of the object, corners rounded to the resolution of the points.
     :ivar center: the centroid of the object's area, x + iy [m].
-    :ivar reach: a distance from there beyond which there is no surface [m].
+    :ivar reach: upper bound of the distance of the surface from the centre [m].
     """
 
     body: ConvexObject
@@ -64,7 +64,7 @@ class Surface:
         """
         Return the nearest points of the surface, (5).
 
-        :param away: (c,) x + iy, from the centre [m].
+        :param away: (c,) points relative to the centre, x + iy [m].
         """
         if self.shape.is_round:
             sizes = np.abs(away)
@@ -79,7 +79,7 @@ class Surface:
         """
         Return the normals (c,) of unbent tubes on the object.
 
-        :param away: (c,) points of the centre lines, from the centre; they may be inside [m].
+        :param away: (c,) points of the centre lines relative to the centre, possibly inside [m].
         :param axis: (c,) directions of the tubes.
         """
         if self.shape.is_round:
@@ -101,7 +101,7 @@ class Surface:
         """
         Return the surface with corners rounded to the resolution of a spacing.
 
-        :param spacing: of the points along a tube [m].
+        :param spacing: spacing of the points along a tube [m].
         """
         if self.shape.is_round:
             return self
@@ -112,9 +112,9 @@ def surface_of(body: ConvexObject, margin: float = 0.0) -> Surface:
     """
     Return the surface of an object, or its offset.
 
-    :param body: the object in its place.
-    :param margin: how far out the surface is: 0 for its own, the radius of the tube for what
-        centre lines meet where tubes stay round [m].
+    :param body: the object at its pose.
+    :param margin: offset of the surface: 0, or the tube radius for centre lines of round tubes
+        [m].
     """
     reach = body.shape.reach + abs(body.shape.centroid) + margin
     return Surface(body, margin, body.shape, body.middle, reach)

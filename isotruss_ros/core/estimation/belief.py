@@ -12,8 +12,6 @@ from typing import NamedTuple
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
-#: Largest last step of an update in posterior standard deviations [-].
-STEP_SIGMAS = 1.0
 #: Iteration cap of an update [-].
 MAX_ITERATIONS = 4
 
@@ -82,6 +80,6 @@ def update_belief(
         left = np.eye(len(mean)) - gain @ rates
         covariance = left @ prior.covariance @ left.T + gain @ noise @ gain.T
         change, mean = np.abs(moved - mean), moved
-        if (change <= STEP_SIGMAS * np.sqrt(np.diag(covariance))).all():
+        if (change <= np.sqrt(np.diag(covariance))).all():
             break
     return Belief(mean, 0.5 * (covariance + covariance.T))

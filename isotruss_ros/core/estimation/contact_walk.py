@@ -14,9 +14,8 @@ import numpy as np
 
 #: Intervals of the sums of corrections [s].
 SUM_INTERVALS = (0.2, 0.6, 1.5, 3.0)
-#: A sum of so many standard deviations is longer than its noise, and so is a jump of that length
-#: [m] at once.
-MAX_DEVIATIONS, JUMP_LENGTH = 5.0, 0.02
+#: An inconsistent jump of this length is a loss [m].
+JUMP_LENGTH = 0.02
 
 
 class _Sum(NamedTuple):
@@ -33,19 +32,15 @@ class ContactWalk:
     """
     Sums of corrections, tested against random walk, noise of poses and load.
 
-    :ivar length: of the corrections in the last seconds, turns times the arm [m].
+    :ivar length: length of the corrections of the last seconds, rotations times the arm [m].
     :ivar deviations: the largest sum in its standard deviations [-].
     """
 
     def __init__(self) -> None:
         self.length = self.deviations = 0.0
         self._moved, self._walked = np.zeros(3), np.zeros((3, 3))
+        self._attached: Array | float = 0.0  # changes of the considered derivatives, see `attach`
         self._sums: deque[_Sum] = deque()
-
-    @property
-    def slipped(self) -> bool:
-        """Return whether the sum of corrections is significant."""
-        return self.deviations > MAX_DEVIATIONS
 
     def spread(self, more: Array) -> None:
         """
@@ -54,6 +49,14 @@ class ContactWalk:
         :param more: (3, 3) covariance of the walk [m^2].
         """
         self._walked = self._walked + more
+
+    def attach(self, change: Array) -> None:
+        """
+        Leave out a change of derivatives at a pose that stays, as where the grip is attached anew.
+
+        :param change: (3, c) of the derivatives of the pose by what is considered.
+        """
+        self._attached = self._attached + change
 
     def add(
         self,
@@ -75,6 +78,7 @@ class ContactWalk:
             whose error moves the pose as these change.
         :param spread: (c, c) covariance of that.
         """
+        considered = considered - self._attached
         self._sums.append(_Sum(time, self._moved, self._walked, unsure, considered))
         self._moved = self._moved + moved
         while time - self._sums[0].time > SUM_INTERVALS[-1]:

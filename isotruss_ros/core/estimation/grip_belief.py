@@ -53,6 +53,8 @@ FIRST_POSES, MAX_CORRECTION = 15, 2e-3
 MAX_RATE_TRAVEL = 3e-3
 #: Poses of so long tell how fast the object is [s], and older ones than this are not used [s].
 SPEED_TIME, OLDEST = 0.05, 1.0
+#: Largest standard deviations of corrections and load that are no slip [-].
+MAX_DEVIATIONS = 5.0
 #: Gauge pressures (t,) by tube [Pa]; None for those of the robot file.
 Pressures = tuple[float, ...] | None
 #: Parts of the state: load, unexplained pose, delay; then the contacts' shifts by member.
@@ -79,17 +81,17 @@ class GripBelief:
     :ivar grip: whose rows tell how the object moves, see `HeldGrip.touching`.
     :ivar load: estimated wrench (fx, fy, m / arm) [N].
     :ivar bias: (3,) pose that the model leaves unexplained, turns times the arm [m].
-    :ivar delay: of the measured poses beyond their stamps [s].
+    :ivar delay: delay of the measured poses beyond their stamps [s].
     :ivar innovation: squared normalised innovation of the last pose, of three degrees of freedom.
     :ivar drift: (4,) what the last travel did beyond the rows of (19): to the pose [m/s, rad/s]
         and to the squeeze [N/s].
-    :ivar usage: what commands use of slip margin and tubes.
-    :ivar walk: of contacts and pose, by measured poses.
+    :ivar usage: limits on the use of slip margin and utilisation.
+    :ivar walk: accumulated corrections of contacts and pose.
     :ivar jump: length of the last innovation if that was inconsistent, else 0 [m].
     :ivar searches: number of searches for an equilibrium with unknown contacts [-].
     :param grasp: the equilibrium near the measured pose, with a `response`.
-    :param grip: its object is where it was measured.
-    :param settings: what is known before.
+    :param grip: grip with the object at its measured pose.
+    :param settings: prior deviations.
     :param zeros: (r, r) covariance of the rollers' zeros [m^2]; by the settings if None.
     :param noise: (3,) standard deviations of the poses until they are known [m, rad].
     """
@@ -121,17 +123,18 @@ class GripBelief:
         self._sensitivity = np.zeros((len(variances), count + 1))
         self.load, self.delay = np.zeros(3), 0.0
         self.innovation, self.jump, self.searches = 0.0, 0.0, 0
-        self.bias = self._even * pose_difference(grip.body.pose, grasp.pose)
+        self.bias = np.zeros(3)
         self.drift, self.usage = np.zeros(4), UsageLimits(grasp)
         self.walk, self.noise = ContactWalk(), PoseNoise(self._even * noise)
         self._time, self._way, self._poses = 0.0, Timeline(), 0
+        self._searched = 0.0
         self._corrected = np.zeros(count)
         self._travelled = np.array(grasp.pose)  # by what the rollers did alone
         self._way.add(0.0, self._travelled)
         self._lag = np.zeros((2, 4))  # of pose and squeeze behind each low-pass
         self._differentiated: HeldGrip | None = None
         self._take(grasp)
-        self._place_contacts()
+        self._place_contacts(np.array(grip.body.pose))
 
     @property
     def pose(self) -> Array:
@@ -157,6 +160,17 @@ class GripBelief:
     def squeeze_is_unknown(self) -> bool:
         """Return whether the deviation of the squeeze is more than `MAX_KNOWN_DEVIATION` of it."""
         return self.squeeze_deviation > MAX_KNOWN_DEVIATION * self.squeeze
+
+    @property
+    def largest_friction(self) -> float:
+        """
+        Return the largest coefficient of friction that contacts may seem to need [-].
+
+        As far as the squeeze is not known, within two deviations, neither is the share of it that
+        friction has to be.
+        """
+        unsure = 2.0 * self.squeeze_deviation
+        return self._friction * (1.0 + unsure / self.squeeze) if self.squeeze > 0.0 else math.inf
 
     @property
     def pose_covariance(self) -> Array:
@@ -186,8 +200,28 @@ class GripBelief:
 
     @property
     def slip_margin(self) -> float:
-        """Return the slip margin without the estimated load [N]."""
-        return self._margin(self.grasp, self._pending_forces)
+        """
+        Return the slip margin [N], without the estimated load and the contacts' history.
+
+        An object that has slid into place uses all friction, and yet is held: a further slip leads
+        to the equilibrium without that history.
+        """
+        return self._margin(self.grasp, self._pending_forces) + self._spare
+
+    @property
+    def slip_deviations(self) -> float:
+        """
+        Return the corrections and the load in their standard deviations [-].
+
+        That of the load is at least half of the slip margin: a load within the margin is no slip.
+        """
+        least = max(self.settings.load, 0.5 * self.slip_margin)
+        return math.hypot(self.walk.deviations, *(self.load / least))
+
+    @property
+    def slipped(self) -> bool:
+        """Return whether noise and expected loads do not explain corrections and load."""
+        return self.slip_deviations > MAX_DEVIATIONS
 
     @property
     def slope(self) -> float:
@@ -203,20 +237,21 @@ class GripBelief:
         """
         Roll to the current configuration; return whether the object is still held, or why not.
 
-        :param config: where the robot is.
-        :param elapsed: since the last call [s].
-        :param pressures: (t,) gauge, by tube [Pa]; those of the robot file if None.
+        Where contacts slip or let go in the model, it is attached anew at the pose of the belief,
+        by one search at most.
+
+        :param config: configuration of the robot.
+        :param elapsed: time since the last call [s].
+        :param pressures: (t,) gauge pressures by tube [Pa]; None: those of the robot file.
         """
         before = self.grasp
         given = replace(with_pressures(before, pressures), anchors=self._anchors)
         rolled = roll_grip(given, config)
-        if rolled is None:
-            return HoldStatus.NO_BALANCE
-        hold = rolled.hold(self._friction)
-        if hold is HoldStatus.HELD and rolled.response is None:
-            return HoldStatus.UNSTABLE
-        if hold is not HoldStatus.HELD:
-            return hold
+        hold = HoldStatus.NO_BALANCE if rolled is None else self._hold(rolled)
+        self._time += elapsed
+        if rolled is None or hold not in (HoldStatus.HELD, HoldStatus.SLIPS):
+            self._way.add(self._time, self._travelled)
+            return HoldStatus.HELD if self.attach(config, pressures) else hold
         change = pose_difference(rolled.pose, np.array(before.pose) + self._pending[:3])
         travel = config.roller_positions - before.config.roller_positions
         if self._moved_zeros.any():
@@ -225,24 +260,28 @@ class GripBelief:
             travel, change = travel - self._moved_zeros, np.zeros(3)
         else:
             self._learn(before, rolled, travel, change, elapsed)
-        self._time += elapsed
         self._travelled = self._travelled + change
         self._way.add(self._time, self._travelled)
         self._way.discard_before(self._time - OLDEST)
         self._take(rolled)
         self._predict(elapsed, self._even * change, np.abs(travel))
         # One noisy pose is not enough, and large corrections are beyond the first order.
-        if self._poses == FIRST_POSES or np.abs(self._corrected).max() > MAX_CORRECTION:
-            self._poses += 1
-            self._attach(config, pressures)
-        return hold
+        due = self._poses == FIRST_POSES or np.abs(self._corrected).max() > MAX_CORRECTION
+        self._poses += due
+        # A search sooner would see loads that pass.
+        waited = self._time - self._searched > self.settings.load_time
+        slips = hold is HoldStatus.SLIPS and waited
+        if due or slips:
+            self.attach(config, pressures)
+        return self.grasp.hold(self.largest_friction)
 
     def observe(self, pose: Pose, age: float) -> None:
         """
         Update the belief with a measured pose.
 
-        :param pose: of the object.
-        :param age: of the pose before the configuration of the last `follow`, by its stamp [s].
+        :param pose: measured pose of the object.
+        :param age: age of the pose against the configuration of the last `follow`, by its stamp
+            [s].
         """
         self._poses += self._poses != FIRST_POSES
         then = self._time - age - self.delay
@@ -257,43 +296,62 @@ class GripBelief:
 
     def attach(self, config: Configuration, pressures: Pressures) -> bool:
         """
-        Solve for the equilibrium at the mean pose anew, without the history of the contacts.
+        Solve for the equilibrium at the mean pose anew, with the contacts placed by it.
 
-        :param config: where the robot is.
-        :param pressures: (t,) gauge, by tube [Pa]; those of the robot file if None.
+        :param config: configuration of the robot.
+        :param pressures: (t,) gauge pressures by tube [Pa]; None: those of the robot file.
         :return: whether there is such an equilibrium.
         """
-        found = self._attach(config, pressures)
-        if found:
-            self._place_contacts()
-        return found
-
-    def _attach(self, config: Configuration, pressures: Pressures) -> bool:
-        """Solve for the equilibrium anew, with unchanged covariance of the contacts."""
-        self.searches += 1
-        pose = self.pose
-        unloaded = pose - self.grasp.response.pose @ self.load
+        self.searches, self._searched = self.searches + 1, self._time
+        pose, squeeze = self.pose - self.grasp.response.pose @ self.load, self.squeeze
         try:
-            found = attach_model(config, self._given.moved_to(unloaded), pressures)
+            found = attach_model(config, self._given.moved_to(pose), pressures)
         except NotHeldError:
             return False
+        before = self._considered_rates.pose
         self._take(found)
-        self.usage, self.walk, self.drift = UsageLimits(found), ContactWalk(), np.zeros(4)
+        self.walk.attach(self._considered_rates.pose - before)
+        self.usage, self.drift = UsageLimits(found), np.zeros(4)
         self._corrected = np.zeros_like(self._corrected)
-        self.bias = np.zeros(3)
-        self.bias = self._even * pose_difference(pose, self.pose)
+        self._place_contacts(pose)
+        self._lag[0, 3] += self.squeeze - squeeze
         return True
 
-    def _place_contacts(self) -> None:
-        """Initialise the contacts by the measured pose, independent of load and offsets."""
+    def _place_contacts(self, pose: Array) -> None:
+        """
+        Initialise the contacts by a pose, independent of load and offsets.
+
+        They take it up where they can, and the unexplained pose the rest.
+
+        :param pose: (3,) of the object without load [m, rad].
+        """
+        grasp = self.grasp
+        shifts = (self._initialise() @ (self._even * pose_difference(pose, grasp.pose)))[SHIFTS:]
+        anchors = grasp.anchors + shifts[grasp.contacts.owners]
+        placed = roll_grip(replace(grasp, anchors=anchors), grasp.config)
+        self._spare = 0.0  # slip margin that the history of the contacts costs [N]
+        # Forces that friction does not carry are those of wrong offsets.
+        if placed is not None and self._hold(placed) is HoldStatus.HELD:
+            self._spare = self._margin(grasp) - self._margin(placed)
+            self._take(placed)
+            self._initialise()
+        self.bias = self._even * pose_difference(pose, self.grasp.pose)
+
+    def _initialise(self) -> Array:
+        """Set the prior covariance, conditioned on a pose; return the Kalman gain (n, 3)."""
         rates, variances = self._rates.pose, np.diag(self._covariance).copy()
         variances[LOAD], variances[BIAS] = self.settings.load**2, POSE_DEVIATION**2
         variances[SHIFTS:] = ANY**2
         self._covariance, self._sensitivity[:] = np.diag(variances), 0.0
-        # Contacts take the pose up where they can, the unexplained pose the rest.
         reached = rates[:, SHIFTS:] @ np.linalg.pinv(rates[:, SHIFTS:])
         self._covariance[BIAS, BIAS] += ANY**2 * (np.eye(3) - reached)
-        self._condition(rates, np.diag(self.noise.variances))
+        return self._condition(rates, np.diag(self.noise.variances))
+
+    def _hold(self, grasp: HeldGrip) -> HoldStatus:
+        """Return whether an equilibrium holds the object, with a response to loads."""
+        if grasp.response is None:
+            return HoldStatus.UNSTABLE
+        return grasp.hold((1.0 + 2.0 * self.settings.squeeze_error) * self._friction)
 
     def take_zeros(self, covariance: Array) -> None:
         """
@@ -388,8 +446,8 @@ class GripBelief:
         """
         Propagate corrections through the two low-passes of a loop.
 
-        :param elapsed: since the last call [s].
-        :param filter_time: of the low-passes on the load [s].
+        :param elapsed: time since the last call [s].
+        :param filter_time: time constant of the low-passes on the load [s].
         """
         left = math.exp(-elapsed / filter_time)
         self._lag[1] += (1.0 - left) * self._lag[0]
@@ -446,11 +504,12 @@ class GripBelief:
         self._considered_rates = _Rates(considered[:3], considered[3])
         self._gradient, self._differentiated = found, grasp
 
-    def _margin(self, grasp: HeldGrip, more: Array) -> float:
+    def _margin(self, grasp: HeldGrip, more: Array | None = None) -> float:
         """Return the slip margin under additional forces (2k,) [N]."""
         reserve, _, size = grasp.slip_reserves(self._friction)
-        rows = slip_conditions(grasp.contacts.owners, self._friction)
-        return float(((reserve + rows @ more) / size).min())
+        if more is not None:
+            reserve = reserve + slip_conditions(grasp.contacts.owners, self._friction) @ more
+        return float((reserve / size).min())
 
     def _learn(
         self, before: HeldGrip, grasp: HeldGrip, travel: Array, change: Array, elapsed: float
@@ -469,10 +528,10 @@ def attach_model(config: Configuration, grip: Grip, pressures: Pressures = None)
     """
     Return the equilibrium near the measured pose, with a `response`.
 
-    :param config: where the robot is.
-    :param grip: its object is where it was measured.
-    :param pressures: (t,) gauge, by tube [Pa]; those of the robot file if None.
-    :raises NotHeldError: there is no such equilibrium.
+    :param config: configuration of the robot.
+    :param grip: grip with the object at its measured pose.
+    :param pressures: (t,) gauge pressures by tube [Pa]; None: those of the robot file.
+    :raises NotHeldError: no such equilibrium exists.
     :raises GraspError: no such members.
     :raises StructureError: see `structure_of`.
     """

@@ -7,7 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from isotruss_ros.core.inputs import RejectedInput, RollerState, StampedInput, Timeline
+from isotruss_ros.core.inputs import (
+    InputFault,
+    RejectedInput,
+    RollerState,
+    StampedInput,
+    Timeline,
+)
 import numpy as np
 
 
@@ -67,5 +73,5 @@ class RollerParts:
             words = (
                 f'joint states: roller {oldest} was read {newest - time:.3f} s before the others'
             )
-            behind = RejectedInput(words, 'STALE')
+            behind = RejectedInput(words, InputFault.STALE)
         return StampedInput(RollerState(values.real, values.imag), time, behind)

@@ -63,7 +63,8 @@ class StateEstimate(Record, headline=('travel', 'pose', 'squeeze', 'left_out', '
     :ivar pose: pose (x, y, angle) of the held object [m, rad]; None if not held in the model.
     :ivar pose_covariance: (3, 3) covariance of the pose [m^2, m rad, rad^2].
     :ivar squeeze: mean normal force of the members [N]; NaN if no object is held in the model.
-    :ivar squeeze_deviation: its standard deviation, including that of the stiffness [N].
+    :ivar squeeze_deviation: standard deviation of the squeeze, including that of the stiffness
+        [N].
     :ivar used: names of joints with accepted last markers, sorted.
     :ivar left_out: names of joints with rejected last markers, sorted.
     :ivar swapped: names of two joints with apparently swapped markers; empty without.

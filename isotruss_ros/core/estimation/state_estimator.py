@@ -38,8 +38,6 @@ from numpy.typing import ArrayLike
 MAX_INCONSISTENT_MESSAGES = 5
 #: Largest age of a measurement, and largest lead over the encoders [s].
 OLDEST, AHEAD = 1.0, 0.05
-#: Smallest squeeze of a held object in standard deviations [-].
-MIN_SQUEEZE_SIGMAS = 1.0
 
 
 class StateEstimator:
@@ -132,7 +130,7 @@ class StateEstimator:
         searched, belief = known is not None and known.searches > searches, self.belief
         if belief is not None:
             belief.observe(pose, self._rolled - time)
-            if searched or (belief.jump <= JUMP_LENGTH and not belief.walk.slipped):
+            if searched or (belief.jump <= JUMP_LENGTH and not belief.slipped):
                 return True
         elif searched:
             return False
@@ -261,8 +259,7 @@ class StateEstimator:
         self._corrected = False
         try:
             config = belief.grasp.config.moved_to(travel)
-            hold = belief.follow(config, elapsed, self._pressures)
-            if hold is not HoldStatus.HELD and not belief.attach(config, self._pressures):
+            if belief.follow(config, elapsed, self._pressures) is not HoldStatus.HELD:
                 self.belief = None
         except (ConfigurationError, GraspError, StructureError):
             self.belief = None
@@ -279,7 +276,7 @@ class StateEstimator:
             belief = GripBelief(found, grip, self.settings, zeros.covariance, deviations)
         except (ConfigurationError, GraspError, StructureError):
             return None
-        return belief if belief.squeeze > MIN_SQUEEZE_SIGMAS * belief.squeeze_deviation else None
+        return belief if belief.squeeze > belief.squeeze_deviation else None
 
     def _place_joints(self, readings: Array, offsets: Array) -> tuple[Array, Array]:
         """Return the joint positions (2j,) [m] and their Jacobian (2j, r) by the offsets."""

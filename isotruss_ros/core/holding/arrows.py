@@ -16,7 +16,7 @@ def arrow_of(wrench: Sequence[float]) -> str:
     """
     Return an arrow along a planar wrench; empty for a zero wrench.
 
-    :param wrench: (fx, fy, m / arm) [N]; the moment is drawn where it exceeds the force.
+    :param wrench: (fx, fy, m / arm) [N]; the moment is shown if it exceeds the force.
     """
     fx, fy, m = wrench
     force = math.hypot(fx, fy)

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-How members hold an object near where it was measured, with unknown contact history.
+Equilibrium of an object near its measured pose, with unknown contact history.
 
-Friction is taken to be as little as the balance needs: it settles what is stiff, and the measured
-pose what is not.
+The least friction is assumed, which determines the stiff directions; the measured pose determines
+the others.
 """
 
 from __future__ import annotations
@@ -52,13 +52,13 @@ from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
 
-#: An equilibrium is looked for in so many states from where it was expected. It is the one if it
-#: is as near as this [m] and its normal forces differ by no more than this share.
+#: Largest number of Newton steps from the expected equilibrium, and largest differences from it:
+#: distance [m] and relative normal forces [-].
 FEW_STEPS, NEAR, LIKE = 5, 2e-3, 0.3
-#: A quick search looks at so many sets of contacts, in so many states each. It finds 95 of 100
-#: equilibria of boxes that the whole search finds.
+#: Largest numbers of contact hypotheses of a quick search, and of Newton steps for each. It finds
+#: 95 of 100 equilibria of boxes of the whole search.
 QUICK_SETS, QUICK_STEPS = 2, 12
-#: Origins of frames that are nearer to the middle than this share of the size are there.
+#: Largest relative distance of a frame's origin from the middle that counts as zero [-].
 CENTERED = 1e-3
 
 
@@ -74,17 +74,16 @@ def attach_grip(
     """
     Find the equilibrium near a pose with unknown contact history, see `rest`.
 
-    :param config: where the robot is.
-    :param body: the object, where it was measured.
-    :param members: (m,) numbers of the two members or three that hold it; if None those that it
-        presses into, or the two closest ones.
-    :param external_wrench: (fx, fy, m) on the object about the origin of its frame [N, N m]; none
-        if None.
-    :param tubes: what is assumed of the tubes.
-    :param before: the same a moment ago: the search begins there where the contacts are alike, and
-        goes on from the given pose unless it ends close by.
-    :param quick: search no longer than a control loop can wait.
-    :raises NotHeldError: there is no such equilibrium.
+    :param config: configuration of the robot.
+    :param body: the object at its measured pose.
+    :param members: (m,) indices of the two or three grasping members; None: those penetrated by
+        the object, or the two nearest.
+    :param external_wrench: (fx, fy, m) on the object about the origin of its frame [N, N m]; None:
+        zero.
+    :param tubes: model of the tubes.
+    :param before: previous equilibrium, initial guess of the search if its contacts are alike.
+    :param quick: bound the search by the time of a control cycle.
+    :raises NotHeldError: no such equilibrium exists.
     :raises StructureError: see `structure_of`.
     """
     body = contact_body(body, 0.5 * config.robot.description.tube_diameter)
@@ -116,7 +115,7 @@ def _find_pressing(
     middle: complex,
     sets: int | None,
 ) -> HeldGrip | None:
-    """Return the equilibrium in which both ends of all faces press, after a number of sets."""
+    """Return the equilibrium with both ends of all faces in contact, after a number of sets."""
     for _ in range(sets or len(contacts.owners)):
         found = find(contacts)
         if found is None:
@@ -144,7 +143,7 @@ def _find_rest(
     before: HeldGrip | None,
     steps: int,
 ) -> HeldGrip | None:
-    """Return the equilibrium at given contacts near where the object was measured, if any."""
+    """Return the equilibrium at given contacts near the measured pose, if any."""
     body, contacts = statics.body, statics.contacts
     closure = rest(statics, body)
     found, motion = None, None
@@ -183,7 +182,7 @@ def _find_rest(
 
 
 def _search_centered(statics: ContactStatics, wrench: Array, steps: int) -> Array | None:
-    """Return unknowns from which a search ends at the same equilibrium in every frame."""
+    """Return initial unknowns whose equilibrium does not depend on the frame."""
     body, shape = statics.body, statics.body.shape
     if abs(shape.centroid) <= CENTERED * body.arm:
         return start_at(statics, body)
@@ -203,7 +202,7 @@ def _search_centered(statics: ContactStatics, wrench: Array, steps: int) -> Arra
 
 
 def _is_like(grip: HeldGrip, statics: ContactStatics) -> bool:
-    """Tell whether an object is touched alike, from the same sides."""
+    """Return whether two states have alike contacts, from the same sides."""
     own, contacts = grip.contacts, statics.contacts
     pairs = (
         (own.members, contacts.members),
@@ -216,7 +215,7 @@ def _is_like(grip: HeldGrip, statics: ContactStatics) -> bool:
 def _solve_nearby(
     grip: HeldGrip, travel: Array, statics: ContactStatics, wrench: Array, closure: Closure
 ) -> tuple[ContactStatics, ContactForces] | None:
-    """Return the equilibrium that is where it is expected and presses alike, if any is."""
+    """Return the equilibrium near the expected one with alike forces, if any."""
     start, places, known = grip.ahead(travel), grip.state.places, grip.state
     bent, structure = grip.statics.bent, statics.bent.structure
     if structure is not bent.structure:
@@ -231,7 +230,7 @@ def _solve_nearby(
 
 
 def _choices(contacts: PressedContacts) -> list[PressedContacts]:
-    """Return the contacts with faces on both ends first, then on one end of each."""
+    """Yield contact hypotheses: full faces first, then single ends."""
     faces = [own.tolist() for own in contacts.ends if len(own) > 1]
     found = []
     for dropped in itertools.product(*([None, *own] for own in faces)):
@@ -244,15 +243,15 @@ def _choices(contacts: PressedContacts) -> list[PressedContacts]:
 
 def rest(statics: ContactStatics, body: ConvexObject) -> Closure:
     """
-    Return the closure with unknown contact history: the pose is near to a measured one.
+    Return the conditions of unknown contact history, with a pose near the measured one.
 
-    The two ends of a face use friction alike. Two members press as hard as the measured place
-    across their chord lets them; three as statics has it. The angle is the measured one, unless a
-    face lies on a member: then it is the one at which the members use friction alike. Three
-    members then need none, and without a face they rub alike.
+    Both ends of a face use the same share of friction. The measured position across the chord of
+    two members determines their squeeze, statics that of three members. The angle is the measured
+    one; with a face contact it is the one with equal use of friction by the members. Three members
+    then need no friction; without a face contact they use equal shares.
 
     :param statics: the equations.
-    :param body: the object where it was measured.
+    :param body: the object at its measured pose.
     """
     contacts, places, count = statics.contacts, statics.places, len(statics.sides)
     ends, owners, pressing = contacts.ends, contacts.owners, slice(places.normal.start, None)

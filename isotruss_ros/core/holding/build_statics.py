@@ -4,7 +4,7 @@
 """
 Equilibrium equations of a held object from its contacts, with an initial guess.
 
-It presses with one corner, or with both ends of a face.
+A contact is one corner, or both ends of a face.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ from isotruss_ros.core.statics.bent_tubes import BentTubes
 from isotruss_ros.core.statics.structure import Structure, structure_of
 import numpy as np
 
-#: Tubes of the robot file, which flatten.
+#: Flattening tubes of the robot file.
 AS_MODELLED = TubeModel()
-#: Tables of dents are for normals in steps of this at most [rad].
+#: Largest spacing of the normals of tabulated dents [rad].
 ANGLE_STEP = 0.01
 
 
@@ -41,8 +41,8 @@ def find_pressed(config: Configuration, body: ConvexObject, members: Indices) ->
     Return the contacts of members with an object, see `contact_patch`.
 
     :param config: configuration of the robot.
-    :param body: the object in its place.
-    :param members: (m,) numbers of the members, which rise.
+    :param body: the object at its pose.
+    :param members: (m,) increasing indices of the members.
     """
     starts, normals = facing_lines(config, body, members)
     own = normals * body.turn.conjugate()
@@ -62,11 +62,11 @@ def facing_lines(
     config: Configuration, body: ConvexObject, members: Indices
 ) -> tuple[Points, Points]:
     """
-    Return starts of members, and their normals out of an object, (m,) each, x + iy [m].
+    Return starts of members and their normals out of an object, (m,) each, x + iy [m].
 
     :param config: configuration of the robot.
-    :param body: the object in its place.
-    :param members: (m,) numbers of the members.
+    :param body: the object at its pose.
+    :param members: (m,) indices of the members.
     """
     starts, ends = member_lines(config)[members].T
     axes = (ends - starts) / np.abs(ends - starts)
@@ -82,13 +82,13 @@ def build_statics(
     normals: Points | None = None,
 ) -> ContactStatics:
     """
-    Return the equations of an object at some contacts, the tubes straight yet.
+    Return the equations of an object at given contacts with straight tubes.
 
     :param config: configuration of the robot.
-    :param body: the object in its place.
-    :param contacts: its contacts.
-    :param tubes: what is assumed of the tubes.
-    :param normals: (k,) of the tubes as they are bent, for the dents; straight ones if None.
+    :param body: the object at its pose.
+    :param contacts: contacts of the object.
+    :param tubes: model of the tubes.
+    :param normals: (k,) normals of the bent tubes, for the dents; None: straight ones.
     :raises StructureError: see `structure_of`.
     """
     structure = structure_of(config, tubes.pressure)
@@ -123,7 +123,7 @@ def start_at(statics: ContactStatics, body: ConvexObject) -> Array:
     Return an initial guess of the unknowns (3 + 4k,).
 
     :param statics: the equations.
-    :param body: the object where it was measured.
+    :param body: the object at its measured pose.
     """
     places, bent = statics.places, statics.bent
     start = np.zeros(places.size)
@@ -151,10 +151,10 @@ def find_dents(
     Return the dents at all contacts.
 
     :param structure: the frame of the robot.
-    :param body: the object in its place.
-    :param contacts: its contacts.
-    :param tubes: what is assumed of the tubes.
-    :param normals: (k,) of the tubes, from the object.
+    :param body: the object at its pose.
+    :param contacts: contacts of the object.
+    :param tubes: model of the tubes.
+    :param normals: (k,) normals of the tubes, from the object.
     """
     if tubes.paper_model:
         return Indentation()

@@ -4,8 +4,8 @@
 """
 Contacts, pose and forces of a held object, and their response to small wrenches.
 
-Contacts stick; forces redistribute with the tubes. From that follow the slip margin, and what
-happens as members move.
+Contacts stick and forces redistribute with the tubes, which gives the slip margin and the change
+by moving members.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
 from scipy.linalg import lapack
 
-#: Places of the pose among the unknowns.
+#: Indices of the pose among the unknowns.
 CENTER, ANGLE, POSE = slice(0, 2), 2, 3
 
 
@@ -27,9 +27,9 @@ class PressedContacts:
     """
     The k contacts of an object, in ascending order of the members.
 
-    :ivar members: (k,) numbers of the members.
+    :ivar members: (k,) indices of the members.
     :ivar corners: (k,) corners of a polygon; zero of other shapes.
-    :ivar cuts: (k, 2) how far the contact reaches before and behind, see `corner_dents` [m].
+    :ivar cuts: (k, 2) extent of the contact before and behind, see `corner_dents` [m].
     """
 
     members: Indices
@@ -38,7 +38,7 @@ class PressedContacts:
 
     @functools.cached_property
     def owners(self) -> Indices:
-        """Return (k,) 0 for the first of the grasping members, 1 for the next one."""
+        """Return the indices (k,) of the contacts' members within the grip."""
         return np.cumsum(np.diff(self.members, prepend=self.members[0]) > 0)
 
     @functools.cached_property
@@ -50,7 +50,7 @@ class PressedContacts:
         """
         Return the remaining contacts; a single end of a face extends along all of it.
 
-        :param dropped: number of the contact that lets go.
+        :param dropped: index of the removed contact.
         """
         cuts = self.cuts.copy()
         cuts[self.owners == self.owners[dropped]] = np.inf
@@ -62,12 +62,12 @@ class Places(NamedTuple):
     """
     Indices of k contacts among the unknowns and equations.
 
-    :ivar feet: where along the members they are.
-    :ivar inclinations: of the bent tubes.
-    :ivar normal: forces.
-    :ivar friction: forces.
-    :ivar balance: rows fx, fy, m.
-    :ivar closure: rows that statics leaves open.
+    :ivar feet: positions along the members.
+    :ivar inclinations: inclinations of the bent tubes.
+    :ivar normal: normal forces.
+    :ivar friction: friction forces.
+    :ivar balance: rows of the balance fx, fy, m.
+    :ivar closure: rows of friction or rolling, see `ContactConditions`.
     :ivar size: number of unknowns.
     """
 
@@ -83,9 +83,9 @@ class Places(NamedTuple):
     @functools.lru_cache(maxsize=16)
     def of(cls, count: int) -> Places:
         """
-        Return the indices of some contacts.
+        Return the indices for a number of contacts.
 
-        :param count: k.
+        :param count: number k of contacts.
         """
         begins = [POSE + i * count for i in range(5)]
         unknowns = [slice(begins[i], begins[i + 1]) for i in range(4)]
@@ -101,9 +101,9 @@ class ContactForces:
     :ivar unknowns: (3 + 4k,) x, y [m], angle [rad], feet s_i [m], inclinations of the bent tubes
         beta_i [rad], normal forces N_i [N], friction forces on the tubes T_i [N],
         counter-clockwise around the object.
-    :ivar normals: (k,) from the object toward the tubes.
-    :ivar loads: (k, 3) on the tubes: along and across the members [N] and moments [N m].
-    :ivar jacobian: (3 + 4k, 3 + 4k) of the equations there.
+    :ivar normals: (k,) unit normals from the object toward the tubes.
+    :ivar loads: (k, 3) loads on the tubes: along and across the members [N], moments [N m].
+    :ivar jacobian: (3 + 4k, 3 + 4k) Jacobian of the equations in this state.
     """
 
     unknowns: Array
@@ -147,10 +147,10 @@ class GripResponse:
     """
     Response to a small wrench (fx, fy, m / arm) [N] at k sticking contacts.
 
-    :ivar change: (3 + 4k, 3) of the unknowns, see `ContactForces`.
+    :ivar change: (3 + 4k, 3) change of the unknowns, see `ContactForces`.
     :ivar squeeze: (3,) change of the mean normal force of the members [-].
-    :ivar arm: by which moments compare with forces: of a disc its radius [m].
-    :ivar squeeze_stiffness: change of the mean normal force of the members as they move apart
+    :ivar arm: characteristic radius, see `ConvexObject.arm` [m].
+    :ivar squeeze_stiffness: derivative of the mean normal force by the opening of the members
         [N/m].
     """
 
@@ -186,13 +186,11 @@ class GripResponse:
 
 def slip_conditions(owners: Indices, friction: float) -> Array:
     """
-    Return the margins of the forces (N, T) until m members slip, or k contacts open.
+    Return the margins of forces (N, T) to slip of m members, either way, or opening of k contacts.
 
-    Members slip clockwise around the object, or counter-clockwise.
-
-    :param owners: (k,) to which member of the grip each contact belongs.
+    :param owners: (k,) index of the member of the grip of each contact.
     :param friction: coefficient mu.
-    :return: (2m + k, 2k).
+    :return: (2m + k, 2k) rows.
     """
     members = np.eye(int(owners[-1]) + 1)[owners].T
     presses, alone = friction * members, np.eye(len(owners), 2 * len(owners))

@@ -2,20 +2,19 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The equilibrium of a convex object at several contacts, friction loading the tubes as well.
+Equations of equilibrium of a convex object at several contacts, with friction on the tubes.
 
-Of any shape, at k contacts on two members or three:
+For any shape at k contacts on two or three members:
 
     X_i = P_i + s_i e_i + u_i,  u = u_0 + C f + D s                     deformed point of contact
     X_i = c + R(theta) p(nu_i) + rho_i nu_i                             touch
     w = sum f_i,  m = sum of arms x f_i,  f_i = (N_i + i T_i) nu_i      balance
 
-with p(nu) the point of the surface whose normal is nu, and rho_i from there to the centre line.
-A beam bends away from what presses on it: of a polygon it touches corners, and a face that lies on
-it with both of its ends. Unknowns are the object's pose, where along the members the contacts are,
-how the bent tubes are inclined there, and the contact forces. Rows are touch along and across the
-members, inclination, balance, and the k rows of a closure, of friction or of rolling, that statics
-leaves open.
+with the surface point p(nu) of normal nu, and the distance rho_i from there to the centre line. A
+beam bends away from the object: contacts of a polygon are corners, or both ends of a face.
+Unknowns are the object's pose, the positions of the contacts along the members, the inclinations
+of the bent tubes there, and the contact forces. Rows are touch along and across the members,
+inclination, balance, and k conditions of friction or rolling.
 """
 
 from __future__ import annotations
@@ -43,29 +42,29 @@ from isotruss_ros.core.statics.section import Pressure
 import numpy as np
 from scipy.linalg import lapack
 
-#: Forces balance to this share of the squeeze, contact points touch to this length [m].
+#: Tolerances of balance, relative to the squeeze [-], and of touch [m].
 FORCE_TOLERANCE, LENGTH_TOLERANCE = 1e-10, 1e-11
 MAX_STEPS = 40
 #: Factor on these as long as tubes are linearised anew [-].
 COARSE = 1e4
-#: In one step contacts and object move at most this share of the object's size ...
+#: Largest motion in a step relative to the object's size [-] ...
 MAX_MOVE = 0.5
-#: ... and tubes incline at most by this [rad]. A tube that inclines by more than the other has
-#: folded long before: there the structure has balances that mean nothing.
+#: ... and largest change of the inclination of a tube in a step, and largest inclination [rad]. A
+#: tube at a larger one has folded.
 MAX_TURN, MAX_INCLINATION = 0.2, 0.5
-#: What turns forces into lengths, so that one tolerance serves both [m/N].
+#: Compliance that scales forces to lengths, for one tolerance of both [m/N].
 SOFTNESS = 1e-4
-#: Rows that settle what statics leaves open: residual (k,) and derivative (k, 3 + 4k) in a state.
+#: Conditions of friction or rolling: residual (k,) and derivative (k, 3 + 4k) in a state.
 Closure = Callable[[Array, Points], tuple[Array, Array]]
 
 
 class TubeModel(NamedTuple):
     """
-    What is assumed of the tubes that hold an object.
+    Model of the tubes that hold an object.
 
-    :ivar stiffness_scale: stiffness of the robot against that of the model.
-    :ivar paper_model: whether tubes are linear about straight ones, and their sections stay round.
-    :ivar pressure: gauge [Pa], see `tube_pressures`; that of the robot file if None.
+    :ivar stiffness_scale: stiffness of the robot relative to the model [-].
+    :ivar paper_model: straight, linear tubes with round sections.
+    :ivar pressure: gauge pressure [Pa], see `tube_pressures`; None: that of the robot file.
     """
 
     stiffness_scale: float = 1.0
@@ -74,14 +73,14 @@ class TubeModel(NamedTuple):
 
 
 class _Pushes(NamedTuple):
-    """What presses and rubs on the tubes at k contacts."""
+    """Contact loads on the tubes at k contacts."""
 
     local: Points  #: (k,) normals along and across the members
     skin: Array  #: (k,) distance of the dented skin from the centre line [m]
     softs: Array  #: (k,) derivatives of the dents by the normal forces [m/N]
-    force: Points  #: (k,) on the tubes along and across [N]
+    force: Points  #: (k,) forces on the tubes along and across [N]
     loads: Array  #: (k, 3) forces along and across [N] and moments [N m]
-    rates: Array  #: (3, 3, k) of these by inclination, normal and friction force
+    rates: Array  #: (3, 3, k) derivatives by inclination, normal and friction force
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,15 +88,15 @@ class ContactStatics:
     """
     The equations of a convex object at k contacts.
 
-    :ivar bent: how the tubes give at the contacts.
-    :ivar body: the object where it was measured.
+    :ivar bent: compliance of the bent tubes at the contacts.
+    :ivar body: the object at its measured pose.
     :ivar contacts: the k contacts.
-    :ivar tube_radius: [m].
-    :ivar sides: (k,) +1 where the object is on the right of the member (seen along its axis from
-        its start), -1 on the left.
+    :ivar tube_radius: radius of the tubes [m].
+    :ivar sides: (k,) +1 for an object on the right of the member (seen along its axis from its
+        start), -1 on the left.
     :ivar indentation: depths (k,) of the dents in the skin [m] for normal forces (k,) [N], and
         their derivatives [m/N].
-    :ivar given: (k, 3) what is added to touch along and across [m], and to inclination [rad]; one
+    :ivar given: (k, 3) offsets of touch along and across [m] and of inclination [rad]; or one
         number for all.
     """
 
@@ -111,7 +110,7 @@ class ContactStatics:
 
     @functools.cached_property
     def places(self) -> Places:
-        """Return where what is among the unknowns."""
+        """Return the indices of the unknowns."""
         return Places.of(len(self.contacts.owners))
 
     @functools.cached_property
@@ -121,30 +120,30 @@ class ContactStatics:
 
     @property
     def straight_normals(self) -> Points:
-        """Return the normals of the tubes as long as they are straight, from the object (k,)."""
+        """Return the normals of the straight tubes, from the object, (k,)."""
         return self._aside * self.bent.axis
 
     def loads(self, unknowns: Array) -> Array:
         """
         Return the loads on the tubes, (k, 3) forces along and across [N] and moments [N m].
 
-        :param unknowns: see `ContactForces`.
+        :param unknowns: unknowns (3 + 4k,), see `ContactForces`.
         """
         return self._push(unknowns).loads
 
     def load_rates(self, unknowns: Array, change: Array) -> Array:
         """
-        Return how the loads on the tubes change with the unknowns, (k, 3, c).
+        Return the derivatives of the loads on the tubes by the unknowns, (k, 3, c).
 
-        :param unknowns: see `ContactForces`.
-        :param change: (3 + 4k, c) of the unknowns.
+        :param unknowns: unknowns (3 + 4k,), see `ContactForces`.
+        :param change: (3 + 4k, c) changes of the unknowns.
         """
         begin = self.places.inclinations.start
         bending = change[begin:].reshape(3, len(self.sides), -1)
         return np.einsum('lnk,nkc->klc', self._push(unknowns).rates, bending)
 
     def _push(self, unknowns: Array) -> _Pushes:
-        """Return what presses and rubs on the tubes."""
+        """Return the contact loads on the tubes."""
         begin = self.places.inclinations.start
         turned, normal, friction = unknowns[begin:].reshape(3, -1)
         local = self._aside * np.exp(1j * turned)
@@ -160,7 +159,7 @@ class ContactStatics:
 
     @functools.cached_property
     def _constant(self) -> tuple[Array, Array]:
-        """Return (3, k, 3) of the balance by loads, and the Jacobian, as far as they are given."""
+        """Return the constant parts: balance by loads (3, k, 3), and Jacobian."""
         places, count = self.places, len(self.sides)
         pushes, jacobian = np.zeros((3, count, 3)), np.zeros((places.size, places.size))
         forces = -self.bent.axis[:, None] * [1.0, 1j]
@@ -176,12 +175,12 @@ class ContactStatics:
         """
         Return the residual (3 + 4k,), and the state with its Jacobian.
 
-        Rows are touch along and across the member and inclination, contact after contact, then
-        balance and closure.
+        Rows are touch along and across the member and inclination by contact, then balance and the
+        conditions.
 
-        :param unknowns: see `ContactForces`.
+        :param unknowns: unknowns (3 + 4k,), see `ContactForces`.
         :param wrench: (fx, fy, m / arm) on the object [N].
-        :param closure: the remaining equations, of friction or of rolling.
+        :param closure: conditions of friction or rolling.
         """
         places, count, arm = self.places, len(self.sides), self.body.arm
         axis, moment = self.bent.axis, places.balance.start + 2
@@ -229,10 +228,10 @@ class ContactStatics:
 
     def rolling_rows(self, unknowns: Array, normals: Points) -> Array:
         """
-        Return the derivative (k, 3 + 4k) of what stays as contacts roll, see `anchors`.
+        Return the derivative (k, 3 + 4k) of the rolling invariants, see `anchors`.
 
-        :param unknowns: see `ContactForces`.
-        :param normals: (k,) from the object toward the tubes.
+        :param unknowns: unknowns (3 + 4k,), see `ContactForces`.
+        :param normals: (k,) unit normals from the object toward the tubes.
         """
         places, count = self.places, len(normals)
         derivative, own = np.zeros((count, places.size)), np.arange(count)

@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-How a settled grasp changes with what an optimiser can choose: exact derivatives.
+Exact derivatives of a settled grasp by the parameters of an optimiser.
 
-Slip margin and stiffness take second derivatives of the equations of equilibrium. With contacts
-that stick, J y_w = -F_w gives the response y_w to a wrench, J the Jacobian with the closure of
-rolling. So (y_w)' = -J^-1 J' y_w, and J' y_w is the mixed second derivative of F by the response
-and by the change of the grasp, both of which stay.
+Slip margin and stiffness need second derivatives of the equations of equilibrium. With sticking
+contacts, J y_w = -F_w gives the response y_w to a wrench, J the Jacobian with the rows of rolling.
+So (y_w)' = -J^-1 J' y_w, and J' y_w is the mixed second derivative of F by the response and by the
+change of the grasp, both constant.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.records import Record
 import numpy as np
 
-#: Wrench of differences along a response, as a share of the squeeze [-].
+#: Wrench of finite differences along a response relative to the squeeze [-].
 STEP = 3e-3
-#: Values that differ by less than this share are equally large.
+#: Relative difference of equal values [-].
 TIE = 1e-5
 
 
@@ -37,24 +37,26 @@ class GraspGradient(
     headline=('parameters', 'gives_way', 'slip_margin', 'most_used', 'needs_most'),
 ):
     """
-    The derivatives of a `SettledGrasp` by p parameters; contacts stay those that there are.
+    Derivatives of a `SettledGrasp` by p parameters, with constant contacts.
 
-    Without an equilibrium they are those of a `LostContact`: pose and slip margin change alone.
+    Without an equilibrium they are those of a `LostContact`: only pose and slip margin change.
 
-    Where the object is set down counts by how deep it sits between two members: across their
-    bisector, and of three members at all, the equilibrium does not depend on the place.
+    Between two members the equilibrium depends on the given pose by its depth along their bisector
+    only; between three members it does not depend on the given pose.
 
-    :ivar parameters: which column is which.
+    :ivar parameters: columns of the parameters.
     :ivar settled: the grasp.
-    :ivar pose: (3, p) of (x, y, angle).
-    :ivar normal_forces: (m, p) by grasping member, in the order of `SettledGrasp.normal_forces`.
-    :ivar friction_forces: (m, p) on the object, counter-clockwise.
-    :ivar required_friction: (p,) of the first member that `needs_most`.
-    :ivar needs_most: names of the members that need the most friction. Where several do, as in a
+    :ivar pose: (3, p) derivatives of (x, y, angle).
+    :ivar normal_forces: (m, p) derivatives of the normal forces, in the order of
+        `SettledGrasp.normal_forces`.
+    :ivar friction_forces: (m, p) derivatives of the friction on the object, counter-clockwise.
+    :ivar required_friction: (p,) derivative of the required friction, of the first member of
+        `needs_most`.
+    :ivar needs_most: names of the members that need the most friction; with several, as in a
         symmetric grasp, the required friction has a kink.
-    :ivar utilisation: (n, p) of the place of each member where it is largest, in the order of
-        `Robot.member_names`.
-    :ivar most_used: names of the members with the largest.
+    :ivar utilisation: (n, p) derivatives of the largest utilisation of each member, in the order
+        of `Robot.member_names`.
+    :ivar most_used: names of the members with the largest utilisation.
     """
 
     parameters: GraspParameters
@@ -71,12 +73,12 @@ class GraspGradient(
 
     @property
     def squeeze(self) -> Array:
-        """Return those of the mean normal force of the members, (p,)."""
+        """Return the derivatives of the mean normal force of the members, (p,)."""
         return self.normal_forces.mean(axis=0)
 
     @functools.cached_property
     def stiffness(self) -> Array:
-        """Return those of the stiffness, (3, 3, p)."""
+        """Return the derivatives of the stiffness, (3, 3, p)."""
         if self._changes is None:
             return np.zeros((3, 3, self.parameters.size))
         grip = self.settled.equilibrium
@@ -87,27 +89,27 @@ class GraspGradient(
 
     @property
     def slip_margin(self) -> Array:
-        """Return those of the slip margin: of the first member that `gives_way`, (p,)."""
+        """Return the derivatives of the slip margin, of the first member of `gives_way`, (p,)."""
         return self.slip_margins[0]
 
     @property
     def slip_margins(self) -> Array:
-        """Return those of the t conditions that are equally near, of one each, (t, p)."""
+        """Return the derivatives of each of the t nearest slip conditions, (t, p)."""
         return self._margins[0]
 
     @property
     def gives_way(self) -> tuple[str, ...]:
         """
-        Return the names of the members that give way under the least wrench; none if all have.
+        Return the names of the critical members of the slip margin; none without contact.
 
-        Of several, as in a symmetric grasp, the slip margin has a kink: it grows by the least of
-        `slip_margins`.
+        With several, as in a symmetric grasp, the slip margin has a kink: it changes by the
+        smallest of `slip_margins`.
         """
         return self._margins[1]
 
     @functools.cached_property
     def _response(self) -> Array:
-        """Return those of the response to a unit wrench, (3 + 4k, p, 3): second derivatives."""
+        """Return the derivatives of the response to a unit wrench, (3 + 4k, p, 3)."""
         return _response_rates(self.settled.equilibrium, *self._changes)
 
     @functools.cached_property
@@ -124,14 +126,14 @@ class GraspGradient(
 @single_threaded
 def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
     """
-    Return the derivatives of a settled grasp by what an optimiser can choose.
+    Return the derivatives of a settled grasp by the parameters of an optimiser.
 
-    The equations of the equilibrium, F(y, p) = 0, give y' = -F_y^-1 F_p; F_y is the Jacobian of
-    their solution, F_p how tubes give and points move at unknowns y that stay. Second derivatives
-    are computed where slip margin or stiffness are asked for.
+    The equations of the equilibrium, F(y, p) = 0, give y' = -F_y^-1 F_p, with the Jacobian F_y and
+    the derivatives F_p at constant unknowns y. Second derivatives are computed on request of slip
+    margin or stiffness.
 
-    :param settled: where the object rests.
-    :raises GraspError: the equilibrium is indifferent, or that of the paper model.
+    :param settled: the settled grasp.
+    :raises GraspError: the equilibrium is indifferent, or that of the paper's model.
     """
     grip = settled.equilibrium
     if grip is None:
@@ -167,7 +169,7 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
 
 
 def _lost_gradient(settled: SettledGrasp) -> GraspGradient:
-    """Return the derivatives without an equilibrium: the pose stays where the object is put."""
+    """Return the derivatives without an equilibrium, at the given pose of the object."""
     parameters = GraspParameters.of(settled.lost.config)
     pose = np.zeros((3, parameters.size))
     pose[:, parameters.place] = np.eye(3)
@@ -188,7 +190,7 @@ def _lost_gradient(settled: SettledGrasp) -> GraspGradient:
 
 def _find_largest(values: Array) -> Indices:
     """
-    Return which values (n,) are the largest, but for rounding, (t,).
+    Return the indices (t,) of the largest values (n,), equal up to rounding.
 
     :param values: (n,) numbers.
     """
@@ -197,7 +199,7 @@ def _find_largest(values: Array) -> Indices:
 
 
 def _friction_rates(grip: HeldGrip, most: int, presses: Array, rubs: Array) -> Array:
-    """Return how the friction that a member needs changes, by its forces' rates, (p,)."""
+    """Return the derivatives of the required friction of a member by those of its forces, (p,)."""
     normal, friction = grip.normal_forces[most], grip.friction_forces[most]
     need = np.abs(friction) / normal
     return (np.sign(friction) * rubs[most] - need * presses[most]) / normal
@@ -205,10 +207,10 @@ def _friction_rates(grip: HeldGrip, most: int, presses: Array, rubs: Array) -> A
 
 def _response_rates(grip: HeldGrip, tubes: LoadedTubes, change: Array) -> Array:
     """
-    Return how the response to a unit wrench (fx, fy, m / arm) changes, (3 + 4k, n, 3).
+    Return the derivatives of the response to a unit wrench (fx, fy, m / arm), (3 + 4k, n, 3).
 
-    J y_w = -F_w stays, so that (y_w)' = -J^-1 J' y_w; J' y_w is the difference, along the response
-    to a wrench, of what all parameters do to the equations.
+    From J y_w = -F_w follows (y_w)' = -J^-1 J' y_w; J' y_w is the difference of the derivatives of
+    the equations along the response to a wrench.
     """
     size = STEP * grip.squeeze
     left = np.empty((len(change), change.shape[1] - 3, 3))
@@ -221,7 +223,7 @@ def _response_rates(grip: HeldGrip, tubes: LoadedTubes, change: Array) -> Array:
 
 
 def _equation_changes(grip: HeldGrip, tubes: LoadedTubes, change: Array, moved: Array) -> Array:
-    """Return how the equations change in all columns, at unknowns moved by (3 + 4k,)."""
+    """Return the derivatives of the equations in all columns at unknowns moved by (3 + 4k,)."""
     statics, places = grip.statics, grip.state.places
     unknowns = grip.state.unknowns + moved
 
@@ -242,7 +244,7 @@ def _equation_changes(grip: HeldGrip, tubes: LoadedTubes, change: Array, moved: 
 def _slip_margin_rates(
     settled: SettledGrasp, change: Array, answer: Array, parameters: GraspParameters
 ) -> tuple[Array, tuple[str, ...]]:
-    """Return how the slip margin changes, (t, p) [N], and which members give way."""
+    """Return the derivatives of the slip margin, (t, p) [N], and the critical members."""
     grip = settled.equilibrium
     owners, response, begin = grip.contacts.owners, grip.response, grip.state.places.normal.start
     rows = slip_conditions(owners, settled.friction)

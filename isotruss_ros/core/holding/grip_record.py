@@ -22,12 +22,12 @@ import numpy as np
 
 class GripRecord(NamedTuple):
     """
-    A held grip without loads, in numbers that do not follow from robot and object.
+    A held grip without loads, by numbers independent of robot and object.
 
-    :ivar travel: (r,) of the rollers since home [m].
+    :ivar travel: (r,) roller travel since home [m].
     :ivar contacts: the k contacts.
-    :ivar unknowns: (3 + 4k,) see `ContactForces`.
-    :ivar pressures: (t,) gauge, by tube [Pa]; None for those of the robot file.
+    :ivar unknowns: (3 + 4k,) unknowns, see `ContactForces`.
+    :ivar pressures: (t,) gauge pressures by tube [Pa]; None: those of the robot file.
     """
 
     travel: Array
@@ -40,7 +40,7 @@ class GripRecord(NamedTuple):
         """
         Return the record of a grip.
 
-        :param grip: in equilibrium without a load.
+        :param grip: equilibrium without a load.
         """
         own = grip.tubes.pressure is not None
         pressures = grip.statics.bent.structure.pressures if own else None
@@ -52,10 +52,10 @@ class GripRecord(NamedTuple):
         """
         Return the grip rolled to a configuration; None without an equilibrium.
 
-        :param config: near to that of the record.
-        :param body: the object, anywhere.
+        :param config: configuration near that of the record.
+        :param body: the object at any pose.
         :param external_wrench: (fx, fy, m) on the object about the origin of its frame [N, N m];
-            none if None.
+            None: zero.
         :raises GraspError: the object has no such contacts.
         :raises ConfigurationError: the robot has no such configuration.
         :raises StructureError: see `structure_of`.

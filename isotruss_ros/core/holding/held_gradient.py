@@ -23,13 +23,14 @@ class HeldGradient:
     Pose, joints and squeeze of a held object, with derivatives.
 
     Columns are, in this order: travel of the r rollers [m], the wrench (fx, fy, m / arm) on the
-    object [N], the stiffness of robot and tubes against the model's [-], and the anchors of the k
-    contacts [m]: p = r + 4 + k.
+    object [N], the stiffness of robot and tubes relative to the model [-], and the anchors of the
+    k contacts [m]: p = r + 4 + k.
 
-    :ivar pose: (3, p) of (x, y, angle).
-    :ivar normal_forces: (m, p) by grasping member; the squeeze is their mean.
-    :ivar joints: (2j, p) of (x0, y0, x1, y1, ...), in the order of `Topology.joint_names`.
-    :ivar places: (2j,) where the joints are [m], see `held_joints`.
+    :ivar pose: (3, p) derivatives of (x, y, angle).
+    :ivar normal_forces: (m, p) derivatives of the normal forces by grasping member.
+    :ivar joints: (2j, p) derivatives of (x0, y0, x1, y1, ...), in the order of
+        `Topology.joint_names`.
+    :ivar places: (2j,) positions of the joints [m], see `held_joints`.
     """
 
     pose: Array
@@ -46,7 +47,7 @@ def held_gradient(grip: HeldGrip) -> HeldGradient:
     The equations of the equilibrium, F(y, x) = 0, give y' = -F_y^-1 F_x, see `grasp_gradient`. The
     joints are those of the configuration, displaced by the frame under the contact forces.
 
-    :param grip: in equilibrium.
+    :param grip: equilibrium of the object.
     :raises GraspError: the equilibrium is indifferent.
     :raises StructureError: see `structure_of`.
     """

@@ -57,8 +57,8 @@ class NotHeldError(GraspError):
     """
     No members hold the object.
 
-    :ivar hold: which condition has no solution.
-    :param hold: see there.
+    :ivar hold: the violated condition.
+    :param hold: the violated condition.
     """
 
     def __init__(self, hold: HoldStatus) -> None:
@@ -69,21 +69,20 @@ class NotHeldError(GraspError):
 @dataclass(frozen=True, eq=False)
 class HeldGrip:
     """
-    A convex object held by two or three members in one configuration, with its rolling invariants.
+    Equilibrium of a convex object between two or three members, with its rolling invariants.
 
-    `attach_grip` finds it where the object was measured, `roll_grip` rolls it to other
-    configurations.
+    `attach_grip` finds it near a measured pose, `roll_grip` rolls it to other configurations.
 
     :ivar config: the configuration.
-    :ivar body: the object, where it is in equilibrium.
-    :ivar anchors: (k,) see `ContactStatics.anchors` [m].
-    :ivar angles: (k,) of the normals in the object's frame, not wrapped [rad].
+    :ivar body: the object in equilibrium.
+    :ivar anchors: (k,) rolling invariants, see `ContactStatics.anchors` [m].
+    :ivar angles: (k,) unwrapped angles of the normals in the object's frame [rad].
     :ivar statics: the equations in this configuration.
-    :ivar state: their solution.
+    :ivar state: solution of the equations.
     :ivar wrench: (fx, fy, m / arm) on the object, see `ConvexObject.arm` [N].
-    :ivar tubes: what is assumed of the tubes.
-    :ivar motion: roller travel (r,) [m] from the grip before this one, and by how much that
-        changed the unknowns (3 + 4k,); None without one.
+    :ivar tubes: model of the tubes.
+    :ivar motion: roller travel (r,) [m] since the previous grip, and the change of the unknowns
+        (3 + 4k,); None without one.
     """
 
     config: Configuration
@@ -119,7 +118,7 @@ class HeldGrip:
 
     def touching(self, friction: float) -> Grip:
         """
-        Return members and object, with the contacts of this equilibrium on straight members.
+        Return the grip with the contacts of this equilibrium on straight members.
 
         :param friction: coefficient between tubes and object.
         """
@@ -167,15 +166,14 @@ class HeldGrip:
         """
         Return the smallest further wrench at which a member slips or a contact opens [N].
 
-        Moments are about the middle of the object's area and count over the arm. A member slips
-        where the friction of all its contacts, |T| = mu N of their sums, is used; each end of a
-        face lets go at N = 0. Forces change
-        linearly with the wrench, so that each condition is a plane in the space of wrenches, and
-        the margin the distance of the nearest one.
+        Moments are about the centroid of the object, divided by the arm. A member slips where
+        the sums over its contacts have |T| = mu N; each end of a face opens at N = 0. Forces are
+        linear in the wrench: each condition is a plane in the space of wrenches, and the margin is
+        the distance of the nearest one.
 
         :param friction: coefficient between tube and object.
-        :param more: (3,) wrench (fx, fy, m / arm) that is added to `wrench` [N].
-        :return: negative where a member slips or a contact pulls already; zero where the
+        :param more: (3,) additional wrench (fx, fy, m / arm) [N].
+        :return: the margin; negative if a member slips or a contact is in tension, zero if the
             equilibrium is indifferent.
         """
         if self.response is None:
@@ -189,7 +187,7 @@ class HeldGrip:
         """
         Return the direction (fx, fy, m / arm) of the smallest slip margin, (3,).
 
-        Its size is one with the moment about the middle of the object's area, see `slip_margin`.
+        It is a unit vector with the moment about the centroid, see `slip_margin`.
 
         :param friction: coefficient between tube and object.
         """
@@ -208,7 +206,8 @@ class HeldGrip:
         Return the margins of `slip_conditions`, (c,) [N], and their derivatives by a wrench.
 
         :param friction: coefficient between tube and object.
-        :return: besides, the slopes (c, 3), and their sizes (c,) by wrenches about the middle.
+        :return: the margins, the slopes (c, 3), and their sizes (c,) for wrenches about the
+            centroid.
         """
         if friction not in self._reserves:
             rows = slip_conditions(self.contacts.owners, friction)
@@ -231,14 +230,14 @@ class HeldGrip:
 
     @functools.cached_property
     def sections(self) -> Utilisation:
-        """Return how near to wrinkling the forces of the object bring the tubes."""
+        """Return the utilisation of the tubes under the forces of the object."""
         bent, state = self.statics.bent, self.state
         forces = bent.end_forces(state.loads, state.feet)
         return find_utilisation(bent.structure, bent.frame, *forces)
 
     @functools.cached_property
     def nonlinearity(self) -> float:
-        """Return how much more bent tubes press than linear ones, as a share, to first order."""
+        """Return the relative excess force of bent over linear tubes, to first order [-]."""
         bent, (loads, feet) = self.statics.bent, (self.state.loads, self.state.feet)
         if bent.linear:
             return 0.0
@@ -295,8 +294,8 @@ class HeldGrip:
         """
         Return the derivative of the squeeze by the opening of the members, negative [N/m].
 
-        Of two members by the distance between their contacts, of three by twice what each moves
-        away from the object.
+        The opening is the distance between the contacts of two members, and twice the displacement
+        of each of three members away from the object.
         """
         response = self.response
         return -0.0 if response is None else response.squeeze_stiffness
@@ -305,7 +304,7 @@ class HeldGrip:
         """
         Return the predicted unknowns (3 + 4k,) after some travel.
 
-        :param travel: (r,) of the rollers [m].
+        :param travel: (r,) roller travel [m].
         """
         if self.motion is None:
             return self.state.unknowns
@@ -333,17 +332,17 @@ def scaled_wrench(wrench: Array | None, arm: float) -> Array:
     """
     Return (fx, fy, m / arm) of (fx, fy, m), zero for None [N].
 
-    :param wrench: (fx, fy, m) about the origin of the object's frame [N, N m]; zero if None.
-    :param arm: of the object [m].
+    :param wrench: (fx, fy, m) about the origin of the object's frame [N, N m]; None: zero.
+    :param arm: characteristic radius of the object [m].
     """
     return np.zeros(3) if wrench is None else np.asarray(wrench) / (1.0, 1.0, arm)
 
 
 def travel_rates(config: Configuration, members: Indices) -> Array:
     """
-    Return the travel of the tube at the start of members by that of the rollers, (k, r) [-].
+    Return the derivatives of tube travel at the members' starts by roller travel, (k, r) [-].
 
     :param config: configuration of the robot.
-    :param members: (k,) numbers of the members.
+    :param members: (k,) indices of the members.
     """
     return (members[:, None] == config.robot.topology.driven).astype(float)

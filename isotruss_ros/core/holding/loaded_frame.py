@@ -4,15 +4,13 @@
 """
 Joints and lowest frequency of a robot with a held object.
 
-A wrench on the object moves it, and the modules with it. Of the oscillation the lowest natural
-frequency is looked for among the three motions that three independent wrenches cause (Rayleigh and
-Ritz):
+A wrench on the object moves the object and the modules. The lowest natural frequency is that of
+the three motions under independent wrenches (Rayleigh and Ritz):
 
     omega^2 = min over w of  w^T C w / (w^T M w),
 
-C the compliance of the held object and M the masses times the squares of what a unit wrench moves
-them by. The true frequency is not above it by more than what other motions of the modules would
-lower it.
+with the compliance C of the held object, and the generalised mass M of the motions under unit
+wrenches. It is an upper bound of the true frequency.
 """
 
 from __future__ import annotations
@@ -32,9 +30,9 @@ def held_joints(grip: HeldGrip) -> Array:
     """
     Return the joints (j, 2) of a robot with a held object, in `Topology.joint_names` order [m].
 
-    They are off those of `Configuration.nodes` by what the contact forces do to the frame.
+    They are displaced from `Configuration.nodes` by the contact forces.
 
-    :param grip: how the object is held.
+    :param grip: equilibrium of the object.
     """
     moved = grip.statics.bent.displacements(grip.state.loads, grip.state.feet)
     count = len(grip.config.robot.topology.joint_names)
@@ -45,11 +43,11 @@ def lowest_frequency(grip: HeldGrip) -> float | None:
     """
     Return the lowest natural frequency of an object held in equilibrium, undamped [rad/s].
 
-    Contacts stick. The masses are those of the robot file and of the object: a module's in the
-    middle of its pinch points, half of a member's tube at each of its ends.
+    Contacts stick. The masses are those of the robot file and of the object: modules at the middle
+    of their pinch points, tubes half at each end of a member.
 
-    :param grip: how the object is held.
-    :return: None where the mass of modules or object is not known, or the equilibrium indifferent.
+    :param grip: equilibrium of the object.
+    :return: the frequency; None if a mass is unknown or the equilibrium indifferent.
     :raises StructureError: see `structure_of`.
     """
     body, response = grip.body, grip.response

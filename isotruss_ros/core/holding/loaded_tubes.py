@@ -16,7 +16,7 @@ from isotruss_ros.core.statics.frame_rates import section_rates
 from isotruss_ros.core.statics.wrinkling import find_utilisation, use_sections
 import numpy as np
 
-#: Of differences of the utilisation, as a share of loads and sections [-].
+#: Relative step of finite differences of the utilisation [-].
 STEP = 1e-6
 
 
@@ -25,12 +25,12 @@ class GraspParameters(NamedTuple):
     Columns of the p parameters in a gradient.
 
     :ivar rollers: travel of the r rollers [m].
-    :ivar place: x, y, angle of the pose at which the object is set down [m, rad].
-    :ivar pressures: gauge, of the t tubes in the order of the robot file [Pa].
-    :ivar friction: coefficient.
-    :ivar wrench: fx, fy, m on the object [N, N m].
-    :ivar stiffness: that of robot and tubes against the model's [-].
-    :ivar size: p.
+    :ivar place: x, y, angle of the given pose of the object [m, rad].
+    :ivar pressures: gauge pressures of the t tubes in the order of the robot file [Pa].
+    :ivar friction: coefficient of friction [-].
+    :ivar wrench: wrench fx, fy, m on the object [N, N m].
+    :ivar stiffness: stiffness of robot and tubes relative to the model [-].
+    :ivar size: number p of the parameters.
     """
 
     rollers: slice
@@ -44,7 +44,7 @@ class GraspParameters(NamedTuple):
     @classmethod
     def of(cls, config: Configuration) -> GraspParameters:
         """
-        Return the columns for grasps by a robot.
+        Return the columns of grasps by a robot.
 
         :param config: configuration of the robot.
         """
@@ -65,9 +65,9 @@ class ContactRates(NamedTuple):
     """
     Derivatives of k contacts by p parameters.
 
-    :ivar feet: (k, p) along the members [m].
-    :ivar normals: (k, p) turn of the normals of the bent tubes [rad].
-    :ivar forces: (k, p) N + iT [N].
+    :ivar feet: (k, p) positions along the members [m].
+    :ivar normals: (k, p) rotations of the normals of the bent tubes [rad].
+    :ivar forces: (k, p) forces N + iT [N].
     :ivar dents: (k, p) depths of the dents [m].
     """
 
@@ -83,8 +83,8 @@ class TubeRates(NamedTuple):
 
     :ivar give: (k, p) displacements of the contacts, along + i across the members [m].
     :ivar slope: (k, p) inclinations of the bent centre lines there [rad].
-    :ivar nodes: (n, 3, p) where the nodes of the cut frame are [m, rad].
-    :ivar forces: (c, 3, p) N, M1 and M2 of its members [N], [N m].
+    :ivar nodes: (n, 3, p) displacements of the nodes of the cut frame [m, rad].
+    :ivar forces: (c, 3, p) forces N, M1 and M2 of its members [N], [N m].
     """
 
     give: Points
@@ -95,17 +95,17 @@ class TubeRates(NamedTuple):
 
 class LoadedTubes:
     """
-    The tubes of a robot that bend under a held object, as p columns change it.
+    Bent tubes of a robot with a held object, with derivatives in p columns.
 
     :ivar moved: (N, p) velocities of the nodes of the configuration, x + iy [m].
-    :ivar spins: (k, p) turns of the members [rad].
-    :ivar dents: (k, p) changes of the dents under forces that stay [m].
-    :ivar sections: see `section_rates`.
-    :param grip: how the object is held.
-    :param chosen: (n, p) how the parameters change in each column.
-    :param parameters: which row of these is which.
-    :param sections: as they were found before; found if None.
-    :param reach: tubes are linearised anew where nodes move by more than this [m].
+    :ivar spins: (k, p) rotations of the members [rad].
+    :ivar dents: (k, p) changes of the dents at constant forces [m].
+    :ivar sections: derivatives of the sections, see `section_rates`.
+    :param grip: equilibrium of the object.
+    :param chosen: (n, p) change of the parameters in each column.
+    :param parameters: rows of the parameters.
+    :param sections: derivatives of the sections; None: computed.
+    :param reach: largest node motion without a new linearisation [m].
     """
 
     def __init__(
@@ -142,22 +142,22 @@ class LoadedTubes:
 
     def at(self, grip: HeldGrip) -> LoadedTubes:
         """
-        Return the same columns about another state in the same configuration.
+        Return these columns about another state in the same configuration.
 
-        :param grip: how the object is held there.
+        :param grip: equilibrium of the object in that state.
         """
         return LoadedTubes(grip, self._chosen, self._parameters, self.sections)
 
     @functools.cached_property
     def _by_sections(self) -> tuple[Array, Array, Array]:
-        """Return what sections and rest lengths change, see `BentTubes.section_changes`."""
+        """Return the changes by sections and rest lengths, see `BentTubes.section_changes`."""
         return self._bent.section_changes(self.sections)
 
     def contact_rates(self, change: Array) -> ContactRates:
         """
         Return the derivatives of the contacts.
 
-        :param change: (3 + 4k, p) how the unknowns do.
+        :param change: (3 + 4k, p) derivatives of the unknowns.
         """
         places = self._grip.state.places
         normal = change[places.normal]
@@ -202,7 +202,7 @@ class LoadedTubes:
         """
         Return the response of the tubes.
 
-        :param contacts: how these change.
+        :param contacts: derivatives of the contacts.
         """
         bent, state = self._bent, self._grip.state
         frame, tangent, axis = bent.frame, bent.tangent, bent.axis[:, None]
@@ -231,9 +231,9 @@ class LoadedTubes:
 
     def joints(self, rates: TubeRates) -> Array:
         """
-        Return how the joints move, (2 j, p), x and y of joint after joint [m].
+        Return the motion of the joints, (2j, p), x and y joint by joint [m].
 
-        :param rates: of the tubes.
+        :param rates: derivatives of the tubes.
         """
         count = len(self._grip.config.robot.topology.joint_names)
         moved = self.moved[:count]
@@ -245,7 +245,7 @@ class LoadedTubes:
         """
         Return the utilisation of each member, (m,), with derivatives (m, p).
 
-        :param rates: of the tubes.
+        :param rates: derivatives of the tubes.
         """
         grip, bent, robot = self._grip, self._bent, self._grip.config.robot
         frame, (forces, bowing) = bent.frame, bent.end_forces(grip.state.loads, grip.state.feet)

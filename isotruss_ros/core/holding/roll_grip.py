@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-How a held object rolls as the robot moves, and how its contacts change.
+Rolling of a held object with the motion of the robot, with changes of its contacts.
 
-Ends of faces lift and lie down, and a third member joins.
+Ends of faces open and close, and a third member comes into contact.
 """
 
 from __future__ import annotations
@@ -30,7 +30,6 @@ from isotruss_ros.core.holding.held_grip import HeldGrip, scaled_wrench, travel_
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths, member_lines
 from isotruss_ros.core.manipulation.grip import MAX_MEMBERS
-from isotruss_ros.core.model.contact_patch import MIN_FACE_LENGTH
 from isotruss_ros.core.model.convex_object import segment_gaps
 from isotruss_ros.core.model.shapes import Face
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
@@ -39,12 +38,12 @@ from isotruss_ros.core.statics.section import Pressure
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 
-#: Members farther off than this share of a tube's diameter do not touch, however tubes bend.
+#: Largest gap of a member that may touch, in tube diameters [-].
 NEAR = 0.25
 #: Largest number of changed contacts in one motion [-]: five short faces under two contacts. Fewer
 #: stop an object that rolls over several corners at once; more only prolong failing searches.
 MAX_CHANGES = 12
-#: A motion is short: an equilibrium that is not found in so many states is not near.
+#: Largest number of Newton steps; the equilibrium after a short motion is near.
 STEPS = 12
 #: No contacts.
 NOTHING = np.zeros(0, dtype=np.intp)
@@ -57,15 +56,14 @@ def roll_grip(
     """
     Return a grip in another configuration, contacts rolling without slip.
 
-    A face lifts at an end that does not press any more, and comes to lie on a member that it
-    would otherwise cut into. A third member that touches the object holds it too, as long as it
-    presses.
+    The end of a face opens when in tension, and closes when it would penetrate the member. A third
+    member in contact is part of the grip as long as it is in compression.
 
-    :param grip: in equilibrium.
-    :param config: near to its own: the search for the equilibrium starts there.
-    :param external_wrench: (fx, fy, m) on the object about the origin of its frame [N, N m]; none
-        if None.
-    :return: None where there is no equilibrium.
+    :param grip: equilibrium of the object.
+    :param config: configuration near that of the grip.
+    :param external_wrench: (fx, fy, m) on the object about the origin of its frame [N, N m]; None:
+        zero.
+    :return: the grip; None without an equilibrium.
     """
     wrench = scaled_wrench(external_wrench, grip.arm)
     rolled = roll_contacts(grip, config, grip.contacts, grip.anchors, grip.angles, wrench)
@@ -84,16 +82,16 @@ def roll_contacts(
     fresh: Indices = NOTHING,
 ) -> HeldGrip | None:
     """
-    Return the equilibrium with contacts that stick.
+    Return the equilibrium with sticking contacts.
 
-    :param grip: the equilibrium before.
-    :param config: near to its own: the search starts there.
+    :param grip: previous equilibrium.
+    :param config: configuration near that of the grip.
     :param contacts: the contacts, (k,).
-    :param anchors: (k,) see `ContactStatics.anchors` [m].
-    :param angles: (k,) of the normals in the object's frame, not wrapped [rad].
+    :param anchors: (k,) rolling invariants, see `ContactStatics.anchors` [m].
+    :param angles: (k,) unwrapped angles of the normals in the object's frame [rad].
     :param wrench: (fx, fy, m / arm) on the object [N].
-    :param fresh: numbers of the contacts that have only come to touch: they do not rub yet.
-    :return: None where there is no equilibrium.
+    :param fresh: indices of new contacts, without friction.
+    :return: the grip; None without an equilibrium.
     """
     moved, kept = config.roller_positions - grip.config.roller_positions, grip.state.unknowns
     same = contacts is grip.contacts
@@ -135,15 +133,15 @@ def stick(
     statics: ContactStatics, anchors: Array, travel: Array, angles: Array, free: Indices
 ) -> Closure:
     """
-    Return the closure for contacts that roll without slip, (17) integrated.
+    Return the conditions of rolling without slip, (17) integrated.
 
         kappa_i (s_i - phi_i) - arc(arg nu_i - theta) = A_i
 
     :param statics: the equations.
-    :param anchors: (k,) A_i, see `ContactStatics.anchors` [m].
-    :param travel: (k,) phi_i of the modules at the members' starts [m].
-    :param angles: (k,) of the normals in the object's frame before, not wrapped [rad].
-    :param free: contacts that have only come to touch: they take no friction yet.
+    :param anchors: (k,) invariants A_i, see `ContactStatics.anchors` [m].
+    :param travel: (k,) travel phi_i of the tubes at the members' starts [m].
+    :param angles: (k,) previous unwrapped angles of the normals in the object's frame [rad].
+    :param free: indices of new contacts, without friction.
     """
     places = statics.places
 
@@ -160,7 +158,7 @@ def stick(
 
 
 def _lift_ends(grip: HeldGrip, changes: Iterator[int]) -> HeldGrip | None:
-    """Return the grip without the ends of faces, or the third member, that pull."""
+    """Return the grip without face ends or a third member in tension."""
     found: HeldGrip | None = grip
     while found is not None:
         lifted = found.pulling
@@ -176,9 +174,9 @@ def _lift_ends(grip: HeldGrip, changes: Iterator[int]) -> HeldGrip | None:
 
 def _lay_down(grip: HeldGrip, changes: Iterator[int]) -> HeldGrip:
     """
-    Return the grip with the other end of a face where a corner has rolled beyond it.
+    Return the grip with the other end of a face after rolling beyond a corner.
 
-    Of a short face the other end takes the place of this one; that many may follow each other.
+    The other end of a short face replaces this one; several short faces may follow each other.
     """
     owners, corners = grip.contacts.owners, grip.contacts.corners
     alone = np.flatnonzero(np.bincount(owners)[owners] == 1)
@@ -187,7 +185,7 @@ def _lay_down(grip: HeldGrip, changes: Iterator[int]) -> HeldGrip:
         for face in reversed(grip.body.shape.faces_at(int(corners[k]))):
             if face.step * (own[k] * face.normal.conjugate()).imag <= 0.0:
                 continue
-            short = face.length < MIN_FACE_LENGTH * grip.statics.tube_radius
+            short = face.length < grip.statics.tube_radius
             laid = None if next(changes, None) is None else _lay(grip, k, face, short)
             # In a longer motion the object rolls over the face, and this end lifts again.
             laid = None if laid is None else _lift_ends(laid, changes)
@@ -198,7 +196,7 @@ def _lay_down(grip: HeldGrip, changes: Iterator[int]) -> HeldGrip:
 
 
 def _join(grip: HeldGrip) -> HeldGrip:
-    """Return the grip with a third member where that has come to touch the object."""
+    """Return the grip with a third member that has come into contact."""
     if len(grip.members) >= MAX_MEMBERS:
         return grip
     depths = member_depths(grip.config, grip.body)
@@ -218,7 +216,7 @@ def _join(grip: HeldGrip) -> HeldGrip:
 
 
 def _lay(grip: HeldGrip, k: int, face: Face, short: bool) -> HeldGrip | None:
-    """Return the equilibrium with the other end of a face as well, or of a short one instead."""
+    """Return the equilibrium with the other end of a face, added or in place of a short one."""
     contacts, half = grip.contacts, 0.5 * face.length
     if short:
         corners = contacts.corners.copy()
@@ -238,7 +236,7 @@ def _add(
     angles: Array,
     after: float = 0.0,
 ) -> HeldGrip | None:
-    """Return the equilibrium with other contacts as well, behind those with the same member."""
+    """Return the equilibrium with additional contacts, after those of the same member."""
     order = np.argsort(np.append(contacts.members, others.members + after), kind='stable')
     pairs = (
         (contacts.members, others.members),
@@ -257,7 +255,7 @@ def _add(
 
 
 def _depth_in(grip: HeldGrip, number: int, depth: float) -> float:
-    """Return how deep the object is in another member, so deep as long as no tube bends [m]."""
+    """Return the depth of the object in another member with unbent tubes [m]."""
     start, end = member_lines(grip.config)[[number]].T
     near, statics = segment_gaps(grip.body, start, end), grip.statics
     members = np.append(grip.contacts.members, number)
@@ -272,13 +270,13 @@ def _depth_in(grip: HeldGrip, number: int, depth: float) -> float:
 
 def with_pressures(grip: HeldGrip, pressures: Pressure | None) -> HeldGrip:
     """
-    Return a held grip with tubes of other pressures, in equilibrium once it rolls on.
+    Return a held grip with other tube pressures; `roll_grip` finds its equilibrium.
 
-    Dents are made anew, which takes longer than a cycle of a control loop may: a loop is to take
-    small changes for noise, as `steady_pressures` does.
+    New tables of dents take longer than a control cycle: a loop ignores small changes as noise,
+    see `steady_pressures`.
 
     :param grip: the grip.
-    :param pressures: gauge [Pa], see `tube_pressures`; those of the robot file if None.
+    :param pressures: gauge pressures [Pa], see `tube_pressures`; None: those of the robot file.
     :raises StructureError: see `structure_of`.
     """
     if pressures == grip.tubes.pressure:

@@ -47,23 +47,23 @@ def settle_grasp(
     """
     Return the equilibrium of a grasped object near its measured pose.
 
-    The object is free, friction loads the tubes, and the contact history is unknown.
-    Statics settles the place across the bisector of the two grasping members, and the friction
-    forces; the place along the bisector, by which they press, is the measured one. What is known
-    of objects that are no discs, and of three members, is in `attach_grip.rest`.
+    The object is free, friction loads the tubes, and the contact history is unknown. Statics
+    determines the position across the bisector of the two grasping members and the friction
+    forces; the position along the bisector, which determines the squeeze, is the measured one.
+    `attach_grip.rest` has the conditions of other shapes and of three members.
 
-    :param config: where the robot is; its rollers do not turn.
-    :param body: the object, where it was measured.
-    :param friction: coefficient between tube and object, not negative; if None the object's own,
-        0.5 where it has none.
+    :param config: configuration of the robot, with rollers at rest.
+    :param body: the object at its measured pose.
+    :param friction: coefficient between tube and object, not negative; None: that of the object,
+        or 0.5.
     :param external_wrench: (fx, fy, m) on the object about the origin of its frame [N, N m].
-    :param pressure: gauge, measured [Pa], see `tube_pressures`; that of the robot file if None.
-    :param members: names `t/j-k` of the two members or three that hold it, as of a `Grip`. If None
-        those that it presses into; of one in fewer than two the nearest.
-    :param previous: that of a similar grasp, where the search begins.
+    :param pressure: gauge pressure [Pa], see `tube_pressures`; None: that of the robot file.
+    :param members: names `t/j-k` of the two or three grasping members; None: those penetrated by
+        the object, or the two nearest.
+    :param previous: result of a similar grasp, initial guess of the search.
     :param paper_model: see `analyze_grasp`.
-    :raises GraspError: an argument is not usable.
-    :raises StructureError: a pressure is not usable, the robot is a mechanism, or its stiffness
+    :raises GraspError: an argument is invalid.
+    :raises StructureError: a pressure is invalid, the robot is a mechanism, or its stiffness
         laws are contradictory.
     """
     mu, wrench = check_load(body, friction, external_wrench)
@@ -85,8 +85,8 @@ def assess_equilibrium(given: Pose, found: HeldGrip, friction: float) -> Settled
     """
     Return an equilibrium with its hold status and margins.
 
-    :param given: the measured pose.
-    :param found: the equilibrium.
+    :param given: measured pose.
+    :param found: equilibrium.
     :param friction: coefficient between tube and object.
     """
     sticks = found.hold(friction)

@@ -26,19 +26,19 @@ class SettledGrasp(
     """
     Equilibrium of a free object between two or three members, with friction on the tubes.
 
-    Where no equilibrium was found the pose is the given one, there are no forces, and the slip
-    margin continues by how far the members are from touching the object, see `LostContact`.
+    Without an equilibrium the pose is the given one, the forces are zero, and the slip margin is
+    continued by the gap of the members, see `LostContact`.
 
-    Where a face lies on a member with unknown contact history, friction is taken to be as little
-    as the balance needs: `held`, `required_friction` and `slip_margin` are the best case there. In
-    MuJoCo such a box needed a coefficient of 0.87 where this tells 0.59.
+    For a face contact with unknown contact history the least friction is assumed: `held`,
+    `required_friction` and `slip_margin` are the best case. In MuJoCo such a box needed a
+    coefficient of 0.87 instead of 0.59.
 
-    :ivar hold: whether it is held, and if not, why.
-    :ivar reason: the same for a message; empty when it is held.
-    :ivar given: the pose near which it was looked for, robot frame [m, rad].
-    :ivar friction: coefficient between tube and object with which it was settled.
-    :ivar equilibrium: to begin with for a similar grasp; None where there is none.
-    :ivar lost: the contact that there is not; None where there is an equilibrium.
+    :ivar hold: hold status.
+    :ivar reason: hold status in words; empty if held.
+    :ivar given: given pose, robot frame [m, rad].
+    :ivar friction: coefficient between tube and object.
+    :ivar equilibrium: initial guess for a similar grasp; None without an equilibrium.
+    :ivar lost: gap to contact; None with an equilibrium.
     """
 
     hold: HoldStatus
@@ -58,8 +58,8 @@ class SettledGrasp(
         """
         Return whether contact forces within the friction cones balance the free object.
 
-        In the statics of the robot, near the given pose; whether or not a tube wrinkles, another
-        member presses, or the balance is unstable.
+        By the statics of the robot near the given pose, also if a tube wrinkles, another member is
+        in contact, or the equilibrium is unstable.
         """
         return self.required_friction <= self.friction
 
@@ -102,9 +102,8 @@ class SettledGrasp(
         """
         Return the smallest further wrench, moment over d/2, at which a member slips or opens [N].
 
-        Negative where one does already, and without an equilibrium, see `LostContact`. Of an
-        object that is no disc moments count over `ConvexObject.arm`, and each end of a face that
-        lies on a member may let go.
+        Negative after slip or without an equilibrium, see `LostContact`. For other shapes than
+        discs moments are divided by `ConvexObject.arm`, and each end of a face contact may open.
         """
         if self.lost is not None:
             return self.lost.slip_margin
@@ -131,7 +130,7 @@ class SettledGrasp(
         """
         Return the largest bending moment over the wrinkling moment, by member, of all members.
 
-        Above 1 a tube wrinkles, and all numbers are outside of the model.
+        Above 1 a tube wrinkles, and the results are outside of the model.
         """
         return self._named(lambda grip: grip.sections.used, every=True)
 
@@ -142,15 +141,15 @@ class SettledGrasp(
 
     @property
     def nonlinearity(self) -> float:
-        """Return how much more bent tubes press than linear ones, see `GraspAnalysis`."""
+        """Return the relative excess force of bent over linear tubes, see `GraspAnalysis`."""
         return 0.0 if self.equilibrium is None else self.equilibrium.nonlinearity
 
     @property
     def stiffness(self) -> Array:
         """
-        Return the stiffness, wrench (fx, fy, m) per displacement (dx, dy, dtheta).
+        Return the stiffness with sticking contacts, (3, 3) [N/m, N, N m].
 
-        While the contacts stick, (3, 3) [N/m, N, N m]; zero without an equilibrium.
+        The wrench (fx, fy, m) per displacement (dx, dy, dtheta); zero without an equilibrium.
         """
         response = None if self.equilibrium is None else self.equilibrium.response
         return np.zeros((3, 3)) if response is None else response.stiffness

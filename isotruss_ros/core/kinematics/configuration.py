@@ -65,8 +65,8 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
         )
 
     def __hash__(self) -> int:
-        """Return the hash of the robot and its roller travel."""
-        return hash((self.robot, self.roller_positions.tobytes()))
+        """Return the hash of the roller travel."""
+        return hash(self.roller_positions.tobytes())
 
     def __reduce__(self) -> tuple:
         """Return the constructor arguments for pickling; caches are left out."""

@@ -11,9 +11,6 @@ from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.numerics.tolerances import ROUNDING
 import numpy as np
 
-#: Iteration cap [-]; a closing wedge needs many small pushes.
-MAX_PUSHES = 200
-
 
 def member_lines(config: Configuration) -> Points:
     """
@@ -54,7 +51,7 @@ def push_out(config: Configuration, body: ConvexObject) -> ConvexObject:
     """
     begin, end = member_lines(config).T
     reach = 0.5 * config.robot.description.tube_diameter
-    for _ in range(MAX_PUSHES):
+    for _ in range(200):  # a closing wedge needs many small pushes
         near = segment_gaps(body, begin, end)
         deepest = int(np.argmin(near.gaps))
         depth = reach - float(near.gaps[deepest])

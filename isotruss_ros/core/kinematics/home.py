@@ -17,13 +17,12 @@ from isotruss_ros.core.model.description import RobotDescription
 from isotruss_ros.core.model.topology import Topology
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.numerics.factorization import factorize, factorize_with_condition
-from isotruss_ros.core.numerics.tolerances import MAX_NEWTON_ITERATIONS
+from isotruss_ros.core.numerics.tolerances import COINCIDENCE, MAX_NEWTON_ITERATIONS
 import numpy as np
 from scipy.sparse import csc_matrix
 
 #: Smallest angle of a corner from straight or folded [rad]; a module has no inner side below it.
 MIN_CORNER_ANGLE = np.deg2rad(1.0)
-ANGLE_TOLERANCE = 1e-13
 #: Largest condition number at home [-]; the nine-member preset has 5e2, and a robot beyond this is
 #: a mechanism in double precision.
 MAX_CONDITION = 1e8
@@ -50,7 +49,7 @@ def place_home(
     for _ in range(MAX_NEWTON_ITERATIONS):
         points = _points(topology, joints, angles, b_arm)
         bisection, slope = _bisection(topology, constraints, points)
-        if np.abs(bisection).max() < ANGLE_TOLERANCE:
+        if np.abs(bisection).max() < COINCIDENCE:
             break
         try:
             step = factorize(slope).solve(bisection)

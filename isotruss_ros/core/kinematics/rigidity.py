@@ -68,7 +68,7 @@ class RigidityIndex:
         """
         Return the modes of the smallest singular values in one configuration.
 
-        :param config: where the robot is.
+        :param config: configuration of the robot.
         :raises ConfigurationError: the matrix is exactly singular.
         """
         return self._modes(config, self._start, ITERATIONS)
@@ -77,7 +77,7 @@ class RigidityIndex:
         """
         Return the gradients of the indices by the nodes, u^T dM v over the value at home.
 
-        :param config: where the robot is.
+        :param config: configuration of the robot.
         :param modes: modes in this configuration, all or the first ones.
         :return: (p, 2n) rows on the node velocities (x0, y0, x1, y1, ...) [1/m].
         """

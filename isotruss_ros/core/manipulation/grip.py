@@ -4,9 +4,9 @@
 """
 Grip of an object between any two or three members, with its contacts.
 
-Each member is its undeformed centre line, from pinch point to pinch point. The object's surface is
-farthest toward the member. A face of a polygon that lies on the member, see `contact_patch`, is
-touched at its two ends; so it can neither lift nor turn. Points of the plane are complex numbers,
+Members are undeformed centre lines from pinch point to pinch point. A contact is the point of the
+object's surface farthest toward the member; a face on a member, see `contact_patch`, has contacts
+at both ends, so it can neither lift nor rotate. Points of the plane are complex numbers,
 as in `constraints`.
 """
 
@@ -78,7 +78,7 @@ class Grip:
         """
         Return the grip with the object at another pose.
 
-        :param pose: of the object's frame in the robot frame (x, y, angle) [m, rad].
+        :param pose: pose of the object's frame in the robot frame (x, y, angle) [m, rad].
         :raises GraspError: the pose is not three finite numbers within range.
         """
         moved = object.__new__(Grip)
@@ -176,10 +176,10 @@ def find_members(robot: Robot, names: tuple[str, ...]) -> MemberNodes:
 class GripContact(NamedTuple):
     """One contact of a grip, in Python numbers for speed."""
 
-    owner: int  #: which member of the grip it is
-    start: complex  #: of the member, robot frame [m]
+    owner: int  #: index of the member within the grip
+    start: complex  #: start of the member, robot frame [m]
     normal: complex  #: unit vector out of the object into the member
-    point: complex  #: of the object's surface, robot frame [m]
+    point: complex  #: point of the object's surface, robot frame [m]
     corner: int  #: number of the corner that touches, see `Shape.corner_at`
     side: float  #: +1 where the object is left of the member, -1 where it is right
 

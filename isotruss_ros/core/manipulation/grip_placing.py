@@ -16,10 +16,8 @@ from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.model.shapes import Disc, Shape
 from isotruss_ros.core.numerics.arrays import finite_array
+from isotruss_ros.core.numerics.tolerances import ROUNDING
 import numpy as np
-
-#: Sine of the inclination below which members are parallel [-].
-PARALLEL_SINE = 1e-6
 
 
 def place_between(
@@ -58,7 +56,7 @@ def place_between(
         # Gaps of the members for an object in the middle.
         left = ((starts - middle) * normals.conj()).real - reach
         rows = normals.view(np.float64).reshape(-1, 2)
-        x, y = np.linalg.lstsq(rows, left, rcond=PARALLEL_SINE)[0]
+        x, y = np.linalg.lstsq(rows, left, rcond=ROUNDING)[0]
         place = middle + complex(x, y)
         body = ConvexObject(shape, Pose(place.real, place.imag, float(turned)))
         grip = Grip(names, body)

@@ -130,7 +130,7 @@ def rows_of_two(grip: Grip, contacts: Sequence[GripContact], members: Array) -> 
     a face contact, else with the line through both points; their middle moves with the mean
     velocity.
 
-    :param grip: of two members.
+    :param grip: grip of two members.
     :param contacts: contacts with the object.
     :param members: (6, r) rows, see `member_rows`.
     :raises GraspError: the contacts coincide.

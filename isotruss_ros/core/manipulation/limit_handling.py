@@ -30,8 +30,6 @@ from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.numerics.tolerances import ROUNDING
 import numpy as np
 
-#: Ratio to the scale of the problem beyond which bounds and twists are infinite [-].
-MAX_REACH = 1e9
 #: Largest ratio of admissible progress to that of the least-cost solution at full speed [-].
 MAX_SCALE = 1e4
 #: Slack of a binding row relative to the roller speeds [-].
@@ -42,14 +40,11 @@ MIN_REGULARIZATION = 1e-6
 MAX_ROLLERS_WITH_ALL_ROWS = 60
 #: Initial number of rows, and smallest number of rows added at a time [-].
 ROW_BATCH = 16
-#: Tolerance of the bounds in the scaled program [-].
-ROW_TOLERANCE = 1e-10
 #: Full roller speed is used where the surface of the object moves at 2 / `PROGRESS_WEIGHT` of it
 #: or more along the twist, less below [-]. In loops slower than `REFERENCE_PERIOD` [s], the weight
-#: falls with the period.
+#: falls with the period. Its inverse is the weight of the speeds against the error of the twist
+#: when sliding.
 PROGRESS_WEIGHT, REFERENCE_PERIOD = 100.0, 1e-2
-#: Weight of the roller speeds against the error of the twist when sliding [-].
-SLIDE_WEIGHT = 1e-2
 
 #: Solver: cost, task and rows to speeds (n,) and progress.
 Solver: TypeAlias = Callable[[Array, Array, Rows], tuple[Array, float]]
@@ -91,7 +86,7 @@ def apply_limits(
     asked = gain * task.speed
     # Scaled by the slower of desired and possible speed: the solver's tolerance is absolute.
     unit = min(max_speed, asked)
-    largest = MAX_REACH * unit  # before the division, which could overflow
+    largest = unit / ROUNDING  # infinite; before the division, which could overflow
     bounds = Rows(
         working.take(rows.matrix),
         np.maximum(rows.lower, -largest) / unit,
@@ -102,7 +97,7 @@ def apply_limits(
     if handling.period > 0.0:
         slower = min(1.0, REFERENCE_PERIOD / handling.period)
         penalty = min(penalty, PROGRESS_WEIGHT * slower * max_speed / (unit * gain))
-        weight, guess = SLIDE_WEIGHT, task.free / gain
+        weight, guess = 1.0 / PROGRESS_WEIGHT, task.free / gain
 
     def progress(cost: Array, equality: Array, limited: Rows) -> tuple[Array, float]:
         return maximize_progress(cost, equality, direction, farthest, limited, penalty)
@@ -182,7 +177,7 @@ def solve_by_few_rows(
         speeds = even.dot(basis.dot(found))
         excess = -rows.slack(speeds)
         excess[chosen] = -np.inf
-        violated = int((excess > ROW_TOLERANCE).sum())
+        violated = int((excess > ROUNDING).sum())
         if not violated:
             return speeds, progress
         added = _largest(excess, min(violated, max(ROW_BATCH, len(chosen))))

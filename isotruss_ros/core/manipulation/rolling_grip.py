@@ -30,17 +30,8 @@ from isotruss_ros.core.model.contact_patch import contact_body
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+from isotruss_ros.core.numerics.tolerances import COINCIDENCE, MAX_NEWTON_ITERATIONS, ROUNDING
 import numpy as np
-
-MAX_ITERATIONS = 50
-#: Iterations with a changing set of contacts [-]; fixed afterwards, against cycling by rounding.
-FREE_ITERATIONS = 10
-#: Relative rank tolerance of singular values [-].
-RANK_TOLERANCE = 1e-9
-#: Largest misfit of kept contacts [m].
-MISFIT_TOLERANCE = 1e-9
-#: Largest last step of a pose, in surface displacement [m].
-STEP_TOLERANCE = 1e-13
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +97,7 @@ class RollingGrip:
         :raises GraspError: there is no such pose; or a member does not touch the object any more.
         """
         rolled = self._rolled(config)
-        if rolled.misfit <= MISFIT_TOLERANCE or len(self.owners) == len(self.sides):
+        if rolled.misfit <= ROUNDING or len(self.owners) == len(self.sides):
             return rolled
         # A face lies on a member, and may have lifted at one of its ends.
         ends = [np.flatnonzero(self.owners == i).tolist() for i in range(len(self.sides))]
@@ -129,23 +120,23 @@ class RollingGrip:
         """Return whether the corners in contact here do not penetrate the members there."""
         body, lines = rolled.grip.body, rolled._lines(rolled.config)
         touch = self._touch_there(lines, body.center, body.pose.angle, self.corners)
-        return bool((touch.values[0] >= self.kept[0] - rolled.misfit - MISFIT_TOLERANCE).all())
+        return bool((touch.values[0] >= self.kept[0] - rolled.misfit - ROUNDING).all())
 
     def _rolled(self, config: Configuration) -> RollingGrip:
         """Return the grip in another configuration, with these contacts."""
         body, lines, corners = self.grip.body, self._lines(config), self.corners
         center, angle = body.center, body.pose.angle
-        for step in range(MAX_ITERATIONS):
-            if step < FREE_ITERATIONS:
+        for step in range(MAX_NEWTON_ITERATIONS):
+            if step < 10:  # fixed afterwards, against cycling by rounding
                 corners = self._lowest(lines.normals * cmath.rect(1.0, -angle))
             touch = self._touch_there(lines, center, angle, corners)
             off = (touch.values - self.kept).ravel()
             rows = touch.rows * (1.0, 1.0, 1.0 / body.arm)
-            x, y, turn = change = np.linalg.lstsq(rows, -off, rcond=RANK_TOLERANCE)[0]
+            x, y, turn = change = np.linalg.lstsq(rows, -off, rcond=ROUNDING)[0]
             center += complex(x, y)
             angle += turn / body.arm
             size = max(abs(x), abs(y), abs(turn))
-            settled = size <= STEP_TOLERANCE * max(1.0, abs(center) / body.arm)
+            settled = size <= COINCIDENCE * max(1.0, abs(center) / body.arm)
             if settled or (body.shape.is_round and size <= body.arm):
                 # What rolling keeps is linear for a disc.
                 misfit = float(np.abs(off + rows.dot(change)).max())
@@ -228,7 +219,7 @@ class _Lines(NamedTuple):
     starts: Points  #: x + iy [m]
     axes: Points  #: their directions
     normals: Points  #: unit vectors out of the object
-    travel: Array  #: of the tubes into the members at their starts [m]
+    travel: Array  #: travel of the tubes into the members at their starts [m]
 
 
 def roll_object(grip: Grip, start: Configuration, end: Configuration) -> Grip:

@@ -35,7 +35,7 @@ def roll_off_faces(config: Configuration, grip: Grip, reach: Reach, twist: Array
 
     :param config: configuration of the robot.
     :param grip: the grip.
-    :param reach: with all contacts, which is returned where nothing comes closer.
+    :param reach: reach with all contacts, the result if no other is closer.
     :param twist: (3,) of the object, not zero [m/s, rad/s].
     :raises ConfigurationError: the configuration is singular.
     """
@@ -72,7 +72,7 @@ def rolled_corners(
     """
     Return the remaining contacts of an object that rolls over ends of faces.
 
-    :param contacts: of two members; with three, faces stay on them.
+    :param contacts: contacts of two members; with three, faces stay on them.
     :param friction: coefficient between tubes and object.
     :return: for each choice that statics has a balance for.
     """

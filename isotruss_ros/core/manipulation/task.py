@@ -20,22 +20,18 @@ from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.model.topology import check_roller_names
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices
-from isotruss_ros.core.numerics.tolerances import ROUNDING, SMALLEST_NORMAL
+from isotruss_ros.core.numerics.tolerances import COINCIDENCE, ROUNDING, SMALLEST_NORMAL
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import lapack
 
 #: Smallest singular value of a reachable direction [m/s at the surface for 1 m/s at the rollers].
 RANK_TOLERANCE = 1e-5
-#: Squared singular value, absolute and relative to the largest, of certainly full rank [-].
-FULL_RANK_SHARE = 1e-8
 #: Basis of all twists.
 IDENTITY = np.eye(3)
 IDENTITY.flags.writeable = False
 #: Largest speed of a twist in the program [m/s]; keeps the roller speeds finite.
 MAX_TWIST_SPEED = 1e290
-#: Tolerance of symmetry and positive definiteness of a cost relative to its largest entry [-].
-COST_TOLERANCE = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +68,7 @@ class WorkingRollers:
         size = max(float(np.abs(matrix).max()), SMALLEST_NORMAL)
         matrix = matrix / size
         least = float(np.linalg.eigvalsh(matrix)[0])
-        if np.abs(matrix - matrix.T).max() > COST_TOLERANCE or least < COST_TOLERANCE:
+        if np.abs(matrix - matrix.T).max() > COINCIDENCE or least < COINCIDENCE:
             raise GraspError(
                 f'the cost has the smallest eigenvalue {size * least:.4g}: must be symmetric and '
                 'positive definite; add a small part of the identity'
@@ -164,7 +160,7 @@ class Reach(NamedTuple):
         # Fast path for full rank: eigenvalues of the Gram matrix replace the two singular value
         # decompositions below.
         squares = lapack.dsyev(rows.dot(rows.T), compute_v=0)[0].tolist()
-        if squares[0] > FULL_RANK_SHARE * max(1.0, squares[-1]):
+        if squares[0] > 100.0 * RANK_TOLERANCE**2 * max(1.0, squares[-1]):
             opening = np.zeros(len(grip))
             opening[:1] = 1.0
             everywhere = IDENTITY if count == 3 else np.eye(count)
@@ -186,7 +182,7 @@ class Task(NamedTuple):
 
     :ivar reach: the reachable twists, with the rows of (20).
     :ivar direction: (k + g,) unit vector of the closest reachable twist in these rows.
-    :ivar speed: its norm [m/s], zero if no part of the twist is reachable.
+    :ivar speed: norm of the twist [m/s], zero if no part of it is reachable.
     :ivar status: `OK` if it is the commanded twist, else `UNREACHABLE`; `IDLE` without a command.
     :ivar free: (w,) least-cost roller speeds for 1 m/s of it, without limits.
     :ivar velocities: (r,) least-cost speeds of all rollers for the whole of it [m/s].

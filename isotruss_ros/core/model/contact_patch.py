@@ -17,9 +17,7 @@ from typing import NamedTuple
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.shapes import Shape
 
-#: Smallest distance of the ends of a face contact, in tube radii [-].
-MIN_FACE_LENGTH = 1.0
-#: Objects that only touch, or are to be pressed in yet, are this many tube radii deep.
+#: Assumed depth of objects without penetration, in tube radii [-].
 PLANNED_DEPTH = 0.02
 #: Relative difference of equal depths [-]; of such corners the nearest to the middle is used.
 TIE_TOLERANCE = 1e-6
@@ -30,17 +28,17 @@ def contact_body(body: ConvexObject, tube_radius: float) -> ConvexObject:
     Return the contact shape of an object: the smooth outline sampled by short faces.
 
     :param body: the object.
-    :param tube_radius: of the tubes [m].
+    :param tube_radius: radius of the tubes, the length of the shortest face [m].
     """
-    return body.smoothed(MIN_FACE_LENGTH * tube_radius)
+    return body.smoothed(tube_radius)
 
 
 class PatchEnd(NamedTuple):
     """One end of the contact patch of a shape and a tube."""
 
-    corner: int  #: number of the corner, see `Shape.corner_at`
-    point: complex  #: of the surface, x + iy in the object's frame [m]
-    height: float  #: toward the tube, from the origin of the object's frame [m]
+    corner: int  #: index of the corner, see `Shape.corner_at`
+    point: complex  #: point of the surface, x + iy in the object's frame [m]
+    height: float  #: height toward the tube from the origin of the object's frame [m]
     along: float  #: length of the faces from the deepest corner, counter-clockwise [m]
 
 
@@ -50,14 +48,14 @@ def contact_patch(
     """
     Return one or two ends of the contact patch of a shape and a tube, counter-clockwise.
 
-    :param shape: of the object, see `contact_body`.
+    :param shape: shape of the object, see `contact_body`.
     :param normal: unit vector from the object toward the straight tube, x + iy in its frame.
     :param tube_radius: radius of the tube [m].
     :param skin: height of the straight tube's skin along the normal, from the origin of the
         object's frame; infinite before the tube is pressed [m].
     """
     corner, back = shape.corner_at(normal), normal.conjugate()
-    point, short = shape.point_at(corner, normal), MIN_FACE_LENGTH * tube_radius
+    point, short = shape.point_at(corner, normal), tube_radius
     near = [PatchEnd(corner, point, (point * back).real, 0.0)]
     far: list[PatchEnd] = []
     depth = max(near[0].height - skin, PLANNED_DEPTH * tube_radius)
@@ -69,7 +67,7 @@ def contact_patch(
             at, along = face.corner, along + face.step * face.length
             point, short_face = shape.point_at(at, face.normal), face.length < short
             height = (point * back).real
-            # Between the ends of a face nothing presses; a curve of short faces has no ends.
+            # A face is in contact at its ends only; a curve of short faces has no ends.
             if height < least or at == corner or (short_face and abs(along) >= short):
                 break
             (near if short_face else far).append(PatchEnd(at, point, height, along))

@@ -30,7 +30,7 @@ class ConvexObject:
     A convex object at a pose in the robot frame.
 
     :ivar shape: a `Disc`, `Polygon` or `Ellipse`, in the object's frame.
-    :ivar pose: of the object's frame in the robot frame (x, y, angle) [m, rad].
+    :ivar pose: pose of the object's frame in the robot frame (x, y, angle) [m, rad].
     :ivar mass: None where it is not known [kg].
     :ivar center_of_mass: (x, y) in the object's frame; the centroid of the area if None [m].
     :ivar friction: coefficient between this object and the tubes; None: that of the grasp [-].
@@ -89,7 +89,7 @@ class ConvexObject:
         Return an object with a circular cross-section: a cylinder at angle 0.
 
         :param center: (x, y) in the robot frame [m].
-        :param diameter: its own diameter d [m].
+        :param diameter: diameter d of the object [m].
         :param friction: coefficient between it and the tubes; None: that of the grasp [-].
         :raises GraspError: a number is not usable.
         """
@@ -110,7 +110,7 @@ class ConvexObject:
         """
         Return the object at another pose.
 
-        :param pose: of its frame in the robot frame (x, y, angle) [m, rad].
+        :param pose: pose of its frame in the robot frame (x, y, angle) [m, rad].
         :raises GraspError: the pose is not three finite numbers within range.
         """
         moved = object.__new__(ConvexObject)
@@ -123,7 +123,7 @@ class ConvexObject:
         """
         Return the object with the smooth outline that its corners sample, see `Shape.smoothed`.
 
-        :param length: of the shortest face that is no such sample [m].
+        :param length: length of the shortest face that is no such sample [m].
         """
         shape = self.shape.smoothed(length)
         if shape is self.shape:

@@ -40,7 +40,7 @@ class RobotDescription:
     [Pa]; `stiffness` is the block of the file as it stands.
 
     :ivar source: path of the robot file, for messages.
-    :ivar name: of the robot.
+    :ivar name: name of the robot.
     :ivar frame: name of the coordinate frame in which the robot lives.
     :ivar joints: home positions (x, y) of the joints by name [m].
     :ivar tubes: the closed tubes.

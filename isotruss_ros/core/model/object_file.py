@@ -53,7 +53,7 @@ def make_object(content: Any, source: str) -> ConvexObject:
     """
     Return the object given by keys and values; its pose is the origin.
 
-    :param content: of a file, or of a message.
+    :param content: content of a file, or of a message.
     :param source: name of the file or message, for errors.
     :raises ObjectFileError: it describes no object; names the key and what would be right.
     """

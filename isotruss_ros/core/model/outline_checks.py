@@ -11,20 +11,19 @@ from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.model.pose import MAX_SIZE, MIN_DIAMETER
 from isotruss_ros.core.model.units import likely_unit
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Points
+from isotruss_ros.core.numerics.tolerances import ROUNDING
 import numpy as np
 
 #: Largest number of vertices [-]; more are a mistake of the user.
 MAX_VERTICES = 1000
-#: Smallest sine of the turning angle at a corner [-], far above rounding.
-MIN_CORNER_SINE = 1e-9
 
 
 def check_outline(vertices: object, corner_radius: object) -> tuple[Points, Array]:
     """
     Return vertices (k,) x + iy and radii of the arcs (k,) [m] as checked arrays.
 
-    :param vertices: as given to `Polygon`.
-    :param corner_radius: as given to `Polygon`.
+    :param vertices: vertices, see `Polygon`.
+    :param corner_radius: radius of the corners, see `Polygon`.
     :raises GraspError: the polygon is not convex, or an arc does not fit; names the vertex.
     """
     corners = _validate_vertices(vertices)
@@ -103,7 +102,7 @@ def _check_convex(corners: Points) -> None:
     turns = np.angle(sides * np.roll(sides, 1).conj())
     sines = np.sin(turns)
     i = int(np.abs(sines).argmin())
-    if abs(sines[i]) < MIN_CORNER_SINE:
+    if abs(sines[i]) < ROUNDING:
         raise GraspError(
             f'{_name(corners[i], i)}: on one line with its neighbours; leave it out, or let the '
             'outline turn there'
@@ -130,7 +129,7 @@ def _check_fit(corners: Points, radii: Array) -> None:
     taken = radii * np.tan(half)
     left = np.abs(sides) - taken - np.roll(taken, -1)
     i = int(left.argmin())
-    if left[i] < -MIN_CORNER_SINE * abs(sides[i]):  # arcs may take all of a side, up to rounding
+    if left[i] < -ROUNDING * abs(sides[i]):  # arcs may take all of a side, up to rounding
         raise GraspError(
             f'corner_radius {radii[i]:g} m does not fit: the side of {abs(sides[i]):g} m that '
             f'begins at {_name(corners[i], i)} is shorter than its two arcs take '

@@ -19,8 +19,6 @@ from isotruss_ros.core.model.smooth_outline import CONIC_POINTS, SmoothOutline
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
 
-#: Largest number of sides used as bounding tangents [-].
-MAX_BOUNDING_SIDES = 32
 #: Largest turning angle at corners that sample a smooth outline [rad]: regular polygons with 13 or
 #: more, and 24 on an ellipse with an aspect ratio below 1.9.
 MAX_SAMPLE_TURN = 0.5
@@ -67,7 +65,7 @@ class Polygon(Shape):
     @property
     def bounding_normals(self) -> Points:
         """Return outward unit normals (k,) of sides that enclose the shape tightly."""
-        return self.normals[:: 1 + (len(self.normals) - 1) // MAX_BOUNDING_SIDES]
+        return self.normals[:: 1 + (len(self.normals) - 1) // 32]  # at most 32
 
     @cached_property
     def radii(self) -> Array:

@@ -47,7 +47,7 @@ def describe_robot(path: Path, content: Any) -> RobotDescription:
     """
     Return the checked description of a robot file's content.
 
-    :param path: of the file, for messages.
+    :param path: path of the file, for messages.
     :param content: plain values, lists and mappings, as they are in the file.
     :raises RobotFileError: the content describes no robot; see `read_robot_file`.
     """

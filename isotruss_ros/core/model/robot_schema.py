@@ -30,7 +30,7 @@ def check_form(path: Path, content: Any) -> None:
     """
     Raise one error with all complaints, so that a file is corrected in one pass.
 
-    :param path: of the robot file, for messages.
+    :param path: path of the robot file, for messages.
     :param content: plain values from YAML.
     :raises RobotFileError: the content violates the schema.
     """
@@ -50,7 +50,7 @@ def refuse_if_any(path: Path, complaints: Iterable[str]) -> None:
     """
     Raise RobotFileError if there are complaints.
 
-    :param path: of the robot file, for messages.
+    :param path: path of the robot file, for messages.
     :param complaints: lines without the path.
     :raises RobotFileError: has one complaint on each line, at most `MAX_COMPLAINTS`.
     """

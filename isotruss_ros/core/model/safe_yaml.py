@@ -25,7 +25,7 @@ def read_text(path: Path, kind: str, error: type[IsotrussError]) -> str:
     """
     Return the text of a file.
 
-    :param path: of the file.
+    :param path: path of the file.
     :param kind: kind of file with its article, for messages.
     :param error: the exception to raise.
     :raises IsotrussError: of the given class: the file is missing, too long or not UTF-8.

@@ -23,9 +23,6 @@ from isotruss_ros.core.model.units import likely_unit
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices, Points
 import numpy as np
 
-#: Number of tangents that enclose a smooth shape [-].
-BOUNDING_TANGENTS = 16
-
 
 class SurfacePoints(NamedTuple):
     """
@@ -64,7 +61,7 @@ class Shape(ABC):
     @property
     def bounding_normals(self) -> Points:
         """Return outward unit normals (k,) of tangents that enclose the shape tightly."""
-        return np.exp(2j * np.pi * np.arange(BOUNDING_TANGENTS) / BOUNDING_TANGENTS)
+        return np.exp(2j * np.pi * np.arange(16) / 16)
 
     @property
     @abstractmethod
@@ -128,7 +125,7 @@ class Shape(ABC):
         """
         Return the faces before and after a corner; none for a smooth shape.
 
-        :param corner: its index, see `corner_at`.
+        :param corner: index of the corner, see `corner_at`.
         """
         return ()
 
@@ -184,7 +181,7 @@ class Shape(ABC):
         """
         Return the smooth shape that this one samples: of polygons, a curve through the corners.
 
-        :param length: of the shortest face that is no such sample [m].
+        :param length: length of the shortest face that is no such sample [m].
         """
         return self
 

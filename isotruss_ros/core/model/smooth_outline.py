@@ -18,7 +18,7 @@ from functools import cached_property
 from isotruss_ros.core.model.outline_checks import polygon_moments
 from isotruss_ros.core.model.shapes import Shape, SurfacePoints
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
-from isotruss_ros.core.numerics.tolerances import MAX_NEWTON_ITERATIONS
+from isotruss_ros.core.numerics.tolerances import COINCIDENCE, MAX_NEWTON_ITERATIONS
 import numpy as np
 import scipy
 
@@ -28,8 +28,6 @@ CONIC_POINTS = 5
 DEGREE = 5
 #: Samples of the curve between two corners, for bounds and initial guesses [-].
 SAMPLES = 4
-#: Largest last Newton step to the foot of a point [rad].
-STEP_TOLERANCE = 1e-12
 
 
 @dataclass(frozen=True)
@@ -170,10 +168,10 @@ class SmoothOutline(Shape):
         for _ in range(MAX_NEWTON_ITERATIONS):
             # The distance from the tangent at the foot is the largest of all.
             local, found = away * np.exp(-1j * angles), self._around(angles)
-            bend = np.maximum(local.real + found[3], STEP_TOLERANCE)
+            bend = np.maximum(local.real + found[3], COINCIDENCE)
             step = np.clip((local.imag - found[2]) / bend, -widest, widest)
             angles = angles + step
-            if (np.abs(step) <= STEP_TOLERANCE).all():
+            if (np.abs(step) <= COINCIDENCE).all():
                 break
         normals = np.exp(1j * angles)
         found = self._around(angles)

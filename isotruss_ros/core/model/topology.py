@@ -102,7 +102,7 @@ def make_topology(description: RobotDescription) -> Topology:
     """
     Return the topology of a robot, numbered in the order of its file.
 
-    :param description: of the robot.
+    :param description: description of the robot.
     """
     joint_names = tuple(description.joints)
     number = {name: index for index, name in enumerate(joint_names)}

@@ -28,7 +28,7 @@ def likely_unit(value: float, unit: str, low: float, high: float) -> str:
     :return: for example `; in cm it would be 0.102 m`; empty if no unit explains the value.
     """
     fitting = [
-        f'in {name} it would be {value * size:.4g} {unit}'
+        f'in {name} it would be {float(f"{value * size:.4g}"):g} {unit}'
         for name, size in UNITS.get(unit, {}).items()
         if low <= value * size <= high and value != 0.0
     ]

@@ -58,10 +58,15 @@ class SparseFactor:
     """
 
     def __init__(self, matrix: csc_matrix) -> None:
+        self._matrix = matrix
         try:
             self._lu: Any = splu(matrix, permc_spec='MMD_ATA')
         except RuntimeError as error:
             raise np.linalg.LinAlgError(str(error)) from error
+
+    def __reduce__(self) -> tuple[type[SparseFactor], tuple[csc_matrix]]:
+        """Pickle the matrix, since SuperLU's factors cannot be."""
+        return SparseFactor, (self._matrix,)
 
     def solve(self, right: Array) -> Array:
         """Return x with A x = right; see `DenseFactor.solve`."""

@@ -25,24 +25,22 @@ from typing import NamedTuple
 
 from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices
-from isotruss_ros.core.numerics.tolerances import EPSILON, SMALLEST_NORMAL
+from isotruss_ros.core.numerics.tolerances import (
+    COINCIDENCE,
+    EPSILON,
+    ROUNDING,
+    SMALLEST_NORMAL,
+)
 import numpy as np
 import scipy
 from scipy.linalg import cholesky, lapack, solve_triangular
 
-#: Tolerances of the inequalities relative to their largest coefficient times 1 + |x| [-]; the
-#: second for nearly dependent active constraints.
-TOLERANCE, LOOSE_TOLERANCE = 1e-9, 1e-8
+#: Tolerance of the inequalities, relative to their largest coefficient times 1 + |x|, with nearly
+#: dependent active constraints (else `ROUNDING`), and relative duality gap of |y|^2 [-].
+LOOSE_TOLERANCE = 1e-8
 #: Perturbations of the bounds, relative to the size of the solution [-], tried in turn at
 #: degenerate vertices, where rounding disturbs the search.
 BOUND_PERTURBATIONS = (0.0, 1e-12, 1e-11, 1e-10, 1e-9)
-#: Columns shorter than this share of the longest are zero; also the rank tolerance [-].
-RANK_TOLERANCE = 1e-12
-#: Iteration cap of the active-set search [-]; it takes a few.
-MAX_EXCHANGES = 1000
-#: Duality gap of |y|^2 relative to the squared size [-].
-DUALITY_GAP = 1e-8
-GOLDEN_RATIO = 0.6180339887498949
 #: Tolerance of gaps and complementarity [m]; of forces, divided by the smallest compliance.
 GAP_TOLERANCE = 1e-9
 #: Block exchanges without progress before least squares [-].
@@ -113,7 +111,7 @@ def solve_qp(problem: QuadraticProgram) -> Array | None:
             beyond = excess / (largest * (1.0 + np.abs(found).max()))
             if beyond <= least:
                 best, least = found, beyond
-            if beyond <= TOLERANCE:
+            if beyond <= ROUNDING:
                 return found
             if not len(active):
                 break
@@ -167,7 +165,7 @@ def find_nearest(columns: Array, room: Array, size: float, relaxation: float) ->
     :return: None if the constraints contradict each other, or rounding disturbed the search.
     """
     lengths = np.sqrt(np.einsum('fl,fl->l', columns, columns))
-    lengths[lengths <= RANK_TOLERANCE * lengths.max(initial=0.0)] = np.inf
+    lengths[lengths <= COINCIDENCE * lengths.max(initial=0.0)] = np.inf
     normals, bounds = columns / lengths, room / lengths
     beyond = -bounds.min(initial=0.0)
     if beyond <= relaxation * size:
@@ -175,11 +173,12 @@ def find_nearest(columns: Array, room: Array, size: float, relaxation: float) ->
     size = max(size, beyond)
     matrix = np.concatenate([normals, bounds[None] / size])
     if relaxation:
-        matrix[-1] += relaxation * (1.0 + np.arange(len(bounds)) * GOLDEN_RATIO % 1.0)
+        golden = 0.5 * (5.0**0.5 - 1.0)
+        matrix[-1] += relaxation * (1.0 + np.arange(len(bounds)) * golden % 1.0)
     corner = np.zeros(len(matrix))
     corner[-1] = -1.0
     try:
-        weights, _ = scipy.optimize.nnls(matrix, corner, maxiter=MAX_EXCHANGES)
+        weights, _ = scipy.optimize.nnls(matrix, corner, maxiter=1000)
     except RuntimeError:
         return None
     active = np.flatnonzero(weights)
@@ -195,7 +194,7 @@ def find_nearest(columns: Array, room: Array, size: float, relaxation: float) ->
     apart, multipliers = np.abs(bounds - point @ normals), weights[active] * (size / left)
     for _ in range(2):
         rest = point + normals @ multipliers
-        if rest @ rest + 2.0 * multipliers @ apart <= DUALITY_GAP * size * size:
+        if rest @ rest + 2.0 * multipliers @ apart <= LOOSE_TOLERANCE * size * size:
             return Nearest(point, active)
         multipliers = np.maximum(multipliers - solve_least_squares(normals, rest), 0.0)
     return None
@@ -205,7 +204,7 @@ def solve_least_squares(matrix: Array, right: Array) -> Array:
     """
     Return the minimum-norm least-squares solution of matrix x = right.
 
-    Replaces `numpy.linalg.lstsq(matrix, right, rcond=RANK_TOLERANCE)`, without singular values.
+    Replaces `numpy.linalg.lstsq(matrix, right, rcond=COINCIDENCE)`, without singular values.
 
     :param matrix: (m, n), of any rank, m and n at least 1.
     :param right: (m,)
@@ -215,7 +214,7 @@ def solve_least_squares(matrix: Array, right: Array) -> Array:
     padded[:rows, 0] = right
     pivots = np.zeros(columns, dtype=np.intc)
     work = 16 * len(padded)
-    return lapack.dgelsy(matrix, padded, pivots, RANK_TOLERANCE, work)[1][:columns, 0]
+    return lapack.dgelsy(matrix, padded, pivots, COINCIDENCE, work)[1][:columns, 0]
 
 
 def solve_complementarity(compliance: Array, gaps: Array, active: Flags) -> tuple[Array, Flags]:

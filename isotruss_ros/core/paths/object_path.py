@@ -23,10 +23,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 import scipy
 
-#: Largest number of poses, duration [s] and speeds [m/s, rad/s] of a valid path.
-MAX_POSES = 10_000
-MAX_DURATION = 86_400.0
-MAX_SPEED, MAX_TURN_RATE = 10.0, 100.0
+#: Largest number of poses [-] and duration [s] of a valid path.
+MAX_POSES, MAX_DURATION = 10_000, 86_400.0
 #: Approximate length [m] and rotation [rad] of a segment of a smooth path.
 PIECE, PIECE_TURN = 0.005, 0.02
 MAX_PIECES_OF_A_SPAN = 200
@@ -59,8 +57,8 @@ class ObjectPath:
         smooth: bool = False,
         first: int = 0,
     ) -> None:
-        self.speed = _limit('speed', speed, MAX_SPEED, 'm/s')
-        self.turn_rate = _limit('turn rate', turn_rate, MAX_TURN_RATE, 'rad/s')
+        self.speed = _limit('speed', speed, 10.0, 'm/s')
+        self.turn_rate = _limit('turn rate', turn_rate, 100.0, 'rad/s')
         self.poses = _distinct(_unwrapped(_checked(poses, first), first))
         if smooth:
             self.poses = _distinct(_smoothed(self.poses, self._durations()))

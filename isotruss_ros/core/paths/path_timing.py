@@ -13,8 +13,6 @@ from isotruss_ros.core.inputs import Timeline
 HISTORY_DURATION = 1.0
 #: Smallest rate under limits of the robot [-]: the rest of the path may leave them.
 MIN_LIMITED_RATE = 0.1
-#: Smallest rate that counts as progress [-].
-MIN_PROGRESS_RATE = 0.05
 
 
 class PathClock:
@@ -37,7 +35,8 @@ class PathClock:
     ) -> None:
         self.time = self.rate = self.waited = 0.0
         self._duration, self.ramp_time = duration, ramp_time
-        self._least_progress = MIN_PROGRESS_RATE * progress_timeout
+        # Half of the smallest rate under limits is no progress.
+        self._least_progress = 0.5 * MIN_LIMITED_RATE * progress_timeout
         self._mark = self._now = 0.0
         self.period = period
         self._known = Timeline()

@@ -25,8 +25,9 @@ import numpy as np
 STANDOFF, STANDOFF_TOLERANCE = 0.06, 0.02
 #: Tolerance of the rotation of the members at the end [rad].
 TURN_TOLERANCE = 1e-3
-#: Largest number of steps, and of successive steps without this progress [tube diameters, rad].
-MAX_STEPS, MAX_IDLE_STEPS, MIN_PROGRESS = 100, 12, 0.02
+#: Largest number of steps, and of successive steps with less progress than the tolerance of the
+#: standoff [tube diameters, rad].
+MAX_STEPS, MAX_IDLE_STEPS = 100, 12
 
 
 def approach(config: Configuration, closing: Closing) -> Iterator[Configuration]:
@@ -52,7 +53,7 @@ def approach(config: Configuration, closing: Closing) -> Iterator[Configuration]
         if not far and missing <= TURN_TOLERANCE:
             return
         left = max(gap, 0.0) / diameter + missing
-        idle = 0 if left < best - MIN_PROGRESS else idle + 1
+        idle = 0 if left < best - STANDOFF_TOLERANCE else idle + 1
         best = min(best, left)
         if idle > MAX_IDLE_STEPS or number == MAX_STEPS:
             name, value = ('reach', gap) if far else ('facing', missing)

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What closes on which object, and what its steps depend on."""
+"""Closing motion of members on an object, and the state of its search."""
 
 from __future__ import annotations
 
@@ -18,31 +18,29 @@ from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.planning.violations import RequirementError, SearchTally
 import numpy as np
 
-#: A step uses at most this share of the distance from a bound.
+#: Largest share of the distance from a bound that a step uses [-].
 BOUND_SHARE = 0.5
-#: Members close by so much from waypoint to waypoint, in diameters of the tube; ...
-CLOSING_STEP = 0.12
-#: ... steps become shorter by this factor where a bound ends them, while longer than this share.
-REFINEMENT, LEAST_SHARE = 0.34, 0.3
+#: Indentation of a first contact, in tube diameters [-].
+FIRST_INDENTATION = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
 class Closing:
-    """What closes on which object, within which bounds."""
+    """Closing motion: the object, the grasping members and the bounds."""
 
-    body: ConvexObject  #: the object, which stands still
-    members: tuple[int, ...]  #: numbers of the grasping members
-    limits: tuple[Limit, ...]  #: of the rollers; a step is their motion in a unit of time
-    min_rigidity: float  #: see `rigidity_index`, 1 at home [-]
-    friction_angle: float = 0.0  #: of the cones in which an open grip balances [rad]
-    nominal_posture: Array | None = None  #: (r,) roller positions to be drawn to [m], if any
-    facing: Points | None = None  #: (s,) unit normals, x + iy, to be turned to, if any
-    tubes: TubeModel = AS_MODELLED  #: what is assumed of them
-    tally: SearchTally = field(default_factory=SearchTally)  #: what was looked at so far
+    body: ConvexObject  #: the object at rest
+    members: tuple[int, ...]  #: indices of the grasping members
+    limits: tuple[Limit, ...]  #: limits of a step, the motion in a unit of time
+    min_rigidity: float  #: smallest rigidity index, 1 at home [-]
+    friction_angle: float = 0.0  #: angle of the friction cones of an open grip [rad]
+    nominal_posture: Array | None = None  #: (r,) nominal roller positions [m]; None without
+    facing: Points | None = None  #: (s,) desired unit normals, x + iy; None: no rotation
+    tubes: TubeModel = AS_MODELLED  #: model of the tubes
+    tally: SearchTally = field(default_factory=SearchTally)  #: tally of the search
 
     def normals(self, config: Configuration) -> Points:
         """
-        Return the directions from the object across the grasping members, (s,) x + iy.
+        Return the unit normals from the object to the grasping members, (s,) x + iy.
 
         :param config: configuration of the robot.
         """
@@ -51,13 +49,13 @@ class Closing:
 
 @dataclass(frozen=True, eq=False)
 class SearchState:
-    """A configuration, and the quantities that steps from it and to it depend on."""
+    """Configuration with the bounded quantities of a closing step."""
 
     config: Configuration  #: the configuration
-    gaps: Array  #: (3m,) of members, modules, rods [m]; negative where indented
+    gaps: Array  #: (3m,) gaps of members, modules and rods [m]; negative: indentation
     gaps_by_nodes: Array  #: (3m, 2n) derivatives of the gaps by the node coordinates [-]
-    modes: Modes  #: its smallest singular values; the first is the rigidity index, 1 at home
-    distances: Array  #: (p,) of parts that must not meet, see `CollisionModel` [m]
+    modes: Modes  #: smallest singular values, 1 at home; the first is the rigidity index
+    distances: Array  #: (p,) distances of the pairs of `CollisionModel` [m]
 
     @property
     def rigidity(self) -> float:
@@ -66,17 +64,17 @@ class SearchState:
 
     @property
     def clearance(self) -> float:
-        """Return the smallest of the distances [m]."""
+        """Return the smallest distance of the pairs of `CollisionModel` [m]."""
         return float(self.distances.min(initial=np.inf))
 
     def check_bounds(self, rigidity: float, clearance: float, gaps: Array) -> None:
         """
-        Check that the configuration keeps its bounds.
+        Check the bounds of a configuration.
 
         :param rigidity: smallest rigidity index.
-        :param clearance: smallest distance of parts that must not meet [m].
-        :param gaps: (3m,) smallest ones [m].
-        :raises RequirementError: it does not.
+        :param clearance: smallest distance of the pairs of `CollisionModel` [m].
+        :param gaps: (3m,) smallest gaps [m].
+        :raises RequirementError: a bound is violated.
         """
         low = int((self.gaps - gaps).argmin())
         for name, value, bound in (
@@ -90,11 +88,11 @@ class SearchState:
 
 def evaluate_state(config: Configuration, body: ConvexObject) -> SearchState:
     """
-    Evaluate a configuration.
+    Return the state of the search in a configuration.
 
     :param config: the configuration.
     :param body: the object.
-    :raises ConfigurationError: it is singular.
+    :raises ConfigurationError: the configuration is singular.
     """
     model = collision_model(config.robot)
     return SearchState(

@@ -20,7 +20,7 @@ from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.pose import pose_difference
-from isotruss_ros.core.planning.closing import Closing, CLOSING_STEP, LEAST_SHARE, REFINEMENT
+from isotruss_ros.core.planning.closing import Closing, FIRST_INDENTATION
 from isotruss_ros.core.planning.closing_step import press
 from isotruss_ros.core.planning.facing import contact_ends
 from isotruss_ros.core.planning.grasp_plan import ClosedGrip
@@ -35,10 +35,14 @@ import numpy as np
 
 #: Displacement of an object at rest, rotations at its characteristic radius [m].
 PLACE_TOLERANCE = 1e-4
-#: Initial indentations, in tube diameters [-]; the larger one for a face contact with both ends.
-FIRST_CONTACT, FACE_CONTACT = 1e-3, 1e-2
-#: Largest factor [-] and increment [N] of the squeeze of three members between waypoints.
-SQUEEZE_GROWTH, SQUEEZE_RISE = 2.0, 4.0
+#: First indentation of a face contact with both ends, in tube diameters [-].
+FACE_INDENTATION = 0.01
+#: Increment of the indentation of two members between waypoints, in tube diameters [-].
+CLOSING_STEP = 0.12
+#: Largest increment of the squeeze of three members between waypoints [N]; at most it doubles.
+MAX_SQUEEZE_STEP = 4.0
+#: Factor on the increments from the first violated bound on [-]; the second one ends the closing.
+REFINEMENT = 0.34
 
 
 def close_in_place(
@@ -61,8 +65,8 @@ def close_in_place(
         with closing.tally.recording():
             yield _judge(grasp, closing, needs)
     share = 1.0
-    while share > LEAST_SHARE and not (wanted and _reached(grasp, wanted)):
-        rise = min((SQUEEZE_GROWTH - 1.0) * grasp.squeeze, SQUEEZE_RISE)
+    while share >= REFINEMENT and not (wanted and _reached(grasp, wanted)):
+        rise = min(grasp.squeeze, MAX_SQUEEZE_STEP)
         if pair:
             step = CLOSING_STEP * touch.robot.description.tube_diameter
             rise = -step * grasp.squeeze_stiffness()
@@ -79,7 +83,7 @@ def _hold(touch: Configuration, closing: Closing) -> HeldGrip:
     """Return the initial equilibrium of the object."""
     diameter = touch.robot.description.tube_diameter
     one, other = contact_ends(closing.body, closing.normals(touch), 0.5 * diameter)
-    depth = FIRST_CONTACT if (one == other).all() else FACE_CONTACT
+    depth = FIRST_INDENTATION if (one == other).all() else FACE_INDENTATION
     depths = np.full(len(closing.members), depth * diameter)
     return hold_between(press(touch, closing, depths), closing)
 

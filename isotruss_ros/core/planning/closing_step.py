@@ -35,19 +35,12 @@ MAX_TURN_STEP = 0.1
 MOTION_WEIGHT = 1e-4
 #: Length that scales rotations against gaps [m].
 TURNING_ARM = 0.3
-#: Clearance of other parts from the object, in tube diameters [-], and its smallest share after a
-#: finite step [-].
-CLEARANCE, KEPT_CLEARANCE = 0.1, 0.5
+#: Clearance of other parts from the object, in tube diameters [-].
+CLEARANCE = 0.1
 #: Smallest distance of parts, and largest constrained distance, in mean member lengths [-].
 SELF_CLEARANCE, NEAR = 0.01, 0.15
-#: Number of constrained singular values [-].
-CONSTRAINED_MODES = 2
 #: Largest overshoot of a grasping member, in tube diameters [-].
 MAX_OVERSHOOT = 0.015
-#: Largest number of trials of a step, each half of the previous [-].
-MAX_HALVINGS = 5
-#: Largest number of steps to one set of indentations [-].
-MAX_PRESS_STEPS = 15
 
 
 def press(config: Configuration, closing: Closing, depths: Array) -> Configuration:
@@ -62,7 +55,7 @@ def press(config: Configuration, closing: Closing, depths: Array) -> Configurati
     """
     state = evaluate_state(config, closing.body)
     members, share, left = list(closing.members), 1.0, np.inf
-    for _ in range(MAX_PRESS_STEPS):
+    for _ in range(15):
         left = float(np.abs(state.gaps[members] + depths).max())
         if left <= ROUNDING:
             return state.config
@@ -88,10 +81,10 @@ def take_closing_step(
     rigidity, room = min(closing.min_rigidity, state.rigidity), min(0.0, state.clearance)
     config, diameter = state.config, state.config.robot.description.tube_diameter
     # Remaining gaps: the program is exact to first order only.
-    bounds = np.full(len(state.gaps), KEPT_CLEARANCE * CLEARANCE * diameter)
+    bounds = np.full(len(state.gaps), BOUND_SHARE * CLEARANCE * diameter)
     bounds[list(closing.members)] = targets - MAX_OVERSHOOT * diameter
     bounds = np.minimum(bounds, state.gaps - COINCIDENCE)
-    for halving in range(MAX_HALVINGS):
+    for halving in range(5):
         closing.tally.evaluations += 1
         try:
             moved = config.moved_to(config.roller_positions + 0.5**halving * move)
@@ -162,10 +155,8 @@ def _bound_rows(state: SearchState, closing: Closing, targets: Array) -> tuple[A
     collisions, length = collision_model(robot), robot.home.member_lengths.mean()
     gaps = BOUND_SHARE * (CLEARANCE * robot.description.tube_diameter - state.gaps)
     gaps[members] = targets - state.gaps[members]
-    values, rows, nodes = state.modes
-    few = Modes(
-        values[:CONSTRAINED_MODES], rows[:, :CONSTRAINED_MODES], nodes[:, :CONSTRAINED_MODES]
-    )
+    # The two smallest singular values may change places during a step.
+    few = Modes(*(each[..., :2] for each in state.modes))
     near = np.flatnonzero(state.distances < NEAR * length)
     apart = state.distances[near] - SELF_CLEARANCE * length
     left = np.append(few.values - closing.min_rigidity, apart)

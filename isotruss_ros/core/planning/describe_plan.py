@@ -17,8 +17,6 @@ import numpy as np
 #: Speed near the object as a share of the largest one [-]: unequal lags let one member touch first
 #: and push the object.
 NEAR_SPEED_SHARE = 0.25
-#: Smallest duration of a segment, so that times increase [s].
-MIN_DURATION = 0.01
 
 
 def export_figures(grasp: PlannedGrasp) -> dict[str, Any]:
@@ -55,13 +53,13 @@ def path_times(path: Array, limits: RobotDescription, near: Array) -> Array:
 
     :param path: (k, r) roller positions [m].
     :param limits: largest speed and acceleration of the rollers.
-    :param near: (k - 1,) pieces that are driven at `NEAR_SPEED_SHARE` of the speed.
+    :param near: (k - 1,) mask of the segments with `NEAR_SPEED_SHARE` of the speed.
     :return: (k,) times from the start, the first 0 [s].
     """
     speeds = np.where(near, NEAR_SPEED_SHARE * limits.max_speed, limits.max_speed)
     steps = np.diff(path, axis=0)
     longest = np.abs(steps).max(axis=1, initial=0.0)
-    durations = np.maximum(longest / speeds, MIN_DURATION)
+    durations = np.maximum(longest / speeds, 0.01)  # [s]: times increase
     # A segment contains half of the blends at both corners, see `RollerTrajectory`.
     while len(steps):
         slopes = np.pad(steps / durations[:, None], ((1, 1), (0, 0)))
@@ -77,8 +75,6 @@ def path_times(path: Array, limits: RobotDescription, near: Array) -> Array:
 def plan_in_words(plan: GraspPlan) -> str:
     """
     Return a plan in words: the best grasp, or the closest violation.
-
-    Wrinkling tubes in any of the grasps are mentioned.
 
     :param plan: the plan.
     """
@@ -99,8 +95,8 @@ def _grasp_in_words(grasp: PlannedGrasp) -> str:
     where = '' if grasp.module is None else f'at {grasp.module} '
     return (
         f'{where}between {", ".join(grasp.members)}: presses with '
-        f'{grasp.squeeze:.3g} N each, slips at {grasp.slip_margin:.3g} N, closure margin held '
-        f'fast {1e3 * grasp.closure_margin:.3g} mN, tubes bear {grasp.utilisation:.2g} of their '
+        f'{grasp.squeeze:.3g} N each, slips at {grasp.slip_margin:.3g} N, closure margin '
+        f'{1e3 * grasp.closure_margin:.3g} mN, tubes bear {grasp.utilisation:.2g} of their '
         f'wrinkling moment and press {100.0 * grasp.nonlinearity:.2g} % harder than linear ones'
         f'{outside if grasp.outside_model else ""}'
     )

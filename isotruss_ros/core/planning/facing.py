@@ -19,13 +19,10 @@ from isotruss_ros.core.model.contact_patch import contact_body, contact_patch
 from isotruss_ros.core.model.convex_object import ConvexObject, ORIGIN
 from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array, Points
+from isotruss_ros.core.numerics.tolerances import ROUNDING
 import numpy as np
 import scipy
 
-#: Candidate directions and angles between the members [rad].
-DIRECTIONS, WEDGES = 72, np.linspace(-0.8, 0.8, 17)
-#: Largest residual of a balance of unit forces [-].
-BALANCE_TOLERANCE = 1e-6
 #: Shares of the friction cones for closed and for open grips [-].
 CONE_SHARE, USED_SHARE = 0.75, 0.85
 #: Weight of rotation of the members against friction angle [-].
@@ -76,10 +73,10 @@ def friction_angles(
     """
     Return the smallest friction angles at which two members balance, (s,) [rad].
 
-    :param body: the object in its place.
+    :param body: the object at its pose.
     :param normals: (s,) unit vectors from the object to the first members, robot frame.
     :param others: (s,) unit vectors to the second members.
-    :param tube_radius: of the members [m].
+    :param tube_radius: radius of the members [m].
     """
     clockwise, counter = contact_ends(body, normals, tube_radius)
     clockwise_too, counter_too = contact_ends(body, others, tube_radius)
@@ -99,10 +96,10 @@ def balances(body: ConvexObject, normals: Points, angle: float, tube_radius: flo
     """
     Return whether members facing an object balance with forces within friction cones.
 
-    :param body: the object in its place.
+    :param body: the object at its pose.
     :param normals: (s,) unit vectors out of the object into the members, robot frame.
     :param angle: angle of the cones [rad].
-    :param tube_radius: of the members [m].
+    :param tube_radius: radius of the members [m].
     """
     if len(normals) == 2:  # closed form instead of the least squares below
         used = friction_angles(body, normals[:1], normals[1:], tube_radius)
@@ -113,7 +110,7 @@ def balances(body: ConvexObject, normals: Points, angle: float, tube_radius: flo
     moments = (arms.conj() * turned).imag / body.arm
     wrenches = np.vstack([turned.real, turned.imag, moments])
     # Each member must press: the minimum forces are balanced by additional ones.
-    return bool(scipy.optimize.nnls(wrenches, -wrenches.sum(axis=1))[1] <= BALANCE_TOLERANCE)
+    return bool(scipy.optimize.nnls(wrenches, -wrenches.sum(axis=1))[1] <= ROUNDING)
 
 
 def find_facing(
@@ -126,17 +123,17 @@ def find_facing(
     """
     Return directions of two members with force closure, the best ones near the current ones.
 
-    :param body: the object in its place.
+    :param body: the object at its pose.
     :param normals: (2,) current unit vectors from the object to the members, robot frame.
     :param angle: angle of the usable friction cones [rad].
-    :param tube_radius: of the members [m].
+    :param tube_radius: radius of the members [m].
     :param turning: weight of rotation of the members against friction angle [-].
     :return: (2,) such directions, or None.
     """
     # Directions in the object's frame, so that the contacts of one search serve the next.
-    firsts = np.exp(2j * np.pi * np.arange(DIRECTIONS) / DIRECTIONS)
+    firsts = np.exp(2j * np.pi * np.arange(72) / 72)
     firsts = np.concatenate([firsts, _face_normals(contact_body(body, tube_radius).shape)])
-    firsts, wedges = (grid.ravel() for grid in np.meshgrid(firsts, WEDGES))
+    firsts, wedges = (grid.ravel() for grid in np.meshgrid(firsts, np.linspace(-0.8, 0.8, 17)))
     others = -firsts * np.exp(1j * wedges)
     used = friction_angles(body.moved_to(ORIGIN), firsts, others, tube_radius)
     firsts, others = firsts * body.turn, others * body.turn

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Where on its path a held object would slip, before it moves."""
+"""Prediction of slip along the path of a held object."""
 
 from __future__ import annotations
 
@@ -23,21 +23,20 @@ from isotruss_ros.core.numerics.arrays import Array, finite_array, finite_rows
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 import numpy as np
 
-#: Steps along the path, longer ones where they would be too many; turns count at the arm [m].
-STEP, MOST_STEPS = 0.005, 400
-#: A step that limits slow to less than this ends the path [-].
-LEAST_SCALE = 0.5
-#: An object that is farther off is not carried along the path [m].
-OFF_PATH = 4.0 * STEP
+#: Length of a step, rotations at the characteristic radius [m], and largest number of steps; the
+#: steps of longer paths are longer.
+STEP, MAX_STEPS = 0.005, 400
+#: Smallest scale of a step by limits [-]; a smaller one ends the path.
+MIN_STEP_SCALE = 0.5
 
 
 class Foresight(NamedTuple):
-    """How far the model of a held object follows a path."""
+    """Result of the prediction along a path."""
 
-    pose: Pose  #: the last one that it comes to
-    share: float  #: of the path up to there, 0 to 1
-    slip_margin: float  #: the least on the way [N]
-    why: str  #: it ends there; empty at the end of the path
+    pose: Pose  #: last reached pose
+    share: float  #: reached share of the path, 0 to 1
+    slip_margin: float  #: smallest slip margin [N]
+    why: str  #: reason of an early end; empty at the end of the path
 
 
 @single_threaded
@@ -50,38 +49,42 @@ def foresee_grip(
     tubes: TubeModel = AS_MODELLED,
 ) -> Foresight | None:
     """
-    Carry an object along a path in the model, see `foresee_path`.
+    Predict the motion of a held object along a path, see `foresee_path`.
 
-    :param config: of the robot, which holds the object.
-    :param body: the object, where it is held.
+    :param config: configuration of the robot.
+    :param body: the object at its held pose.
     :param friction: coefficient between tubes and object.
-    :param poses: see `foresee_path`.
-    :param record: how the loop that holds the object has it; if None, or where that is no
-        equilibrium, the object is held as it would be with unknown contact history.
-    :param tubes: what is assumed of the tubes.
-    :return: None where no members hold the object: what they push has no slip margin.
+    :param poses: poses of the path, see `foresee_path`.
+    :param record: grip of the loop that holds the object. Without one, or where its contacts
+        would slip on the path: the equilibrium with unknown contact history, as in the loop.
+    :param tubes: model of the tubes.
+    :return: the prediction; None if no members hold the object, as a pushed object has no slip
+        margin.
     :raises IsotrussError: see `foresee_path`.
     """
     (friction,) = finite_array([friction], 1, 'friction', GraspError).tolist()
     held = None if record is None else record.restore(config, body)
+    found = None
+    if held is not None and held.hold(friction) is HoldStatus.HELD:
+        found = foresee_path(held, friction, poses)
+        if not found.why:
+            return found
     try:
-        held = held or attach_grip(config, body, tubes=tubes)
+        held = attach_grip(config, body, tubes=tubes)
     except NotHeldError:
-        return None
-    if held.hold(friction) is not HoldStatus.HELD:
-        return None
-    return foresee_path(held, friction, poses)
+        return found
+    return foresee_path(held, friction, poses) if held.hold(friction) is HoldStatus.HELD else found
 
 
 @single_threaded
 def foresee_path(held: HeldGrip, friction: float, poses: Array) -> Foresight:
     """
-    Carry an object along a path in the model, from rest to rest, with the squeeze regulated.
+    Predict the motion of a held object along a path, from rest to rest, at constant squeeze.
 
-    Contacts stick and roll. Nothing pulls at the object, and barriers do not count. The squeeze is
-    kept; where the slip margin is less than `LEFT_MARGIN` of it, the object stands.
+    Contacts stick and roll. External loads and barriers are left out. The motion ends where the
+    slip margin is less than `LEFT_MARGIN` of the squeeze.
 
-    :param held: how the object is held at the first pose.
+    :param held: equilibrium of the object at the first pose.
     :param friction: coefficient between tubes and object.
     :param poses: (n, 3) x, y [m] and angle [rad] of the object, without jumps by full turns.
     :raises GraspError: the poses are not finite numbers within range, or the members do not touch
@@ -95,7 +98,7 @@ def foresee_path(held: HeldGrip, friction: float, poses: Array) -> Foresight:
     if not len(poses):
         raise GraspError('the path has no poses: must have one or more')
     goals = _divide(poses, held.arm)
-    # The equilibrium need not be quite where the path begins.
+    # The equilibrium may differ from the first pose.
     goals = goals - goals[0] + np.array(held.pose)
     least, force = held.slip_margin(friction), held.squeeze
     for number, goal in enumerate(goals[1:], 1):
@@ -111,7 +114,7 @@ def foresee_path(held: HeldGrip, friction: float, poses: Array) -> Foresight:
                 bound = LEFT_MARGIN * force
                 why = f'the slip margin is {margin:.3g} N, and must be {bound:.3g} N'
             off = math.hypot(goal[0] - found.pose.x, goal[1] - found.pose.y)
-            if off > OFF_PATH:
+            if off > 4.0 * STEP:
                 why = f'the robot cannot move the object along the path, {1e3 * off:.0f} mm off it'
         if found is None or why:
             return Foresight(held.pose, (number - 1) / (len(goals) - 1), least, why)
@@ -122,11 +125,11 @@ def foresee_path(held: HeldGrip, friction: float, poses: Array) -> Foresight:
 def _take_step(
     held: HeldGrip, friction: float, force: float, displacement: Array
 ) -> tuple[HeldGrip | None, str]:
-    """Return the grip after a displacement (3,) [m, rad], or why there is none."""
+    """Return the grip after a displacement (3,) [m, rad], or the reason of its absence."""
     grip = held.touching(friction)
     opening = (force - held.squeeze) / held.squeeze_stiffness()
     command = solve_twist(held.config, grip, displacement, opening_rate=opening)
-    if command.scale < LEAST_SCALE:
+    if command.scale < MIN_STEP_SCALE:
         return None, f'limits of {", ".join(command.limiting)}'
     config = held.config.moved_to(held.config.roller_positions + command.roller_velocities)
     found = roll_grip(held, config)
@@ -135,9 +138,9 @@ def _take_step(
 
 
 def _divide(poses: Array, arm: float) -> Array:
-    """Return poses (n, 3) on a path, a step from each to the next."""
+    """Return the poses (n, 3) of the steps along a path."""
     along = np.abs(np.diff(poses, axis=0)) * (1.0, 1.0, arm)
     lengths = np.concatenate([[0.0], np.cumsum(np.hypot.reduce(along, axis=1))])
-    count = min(max(math.ceil(lengths[-1] / STEP), 1), MOST_STEPS)
+    count = min(max(math.ceil(lengths[-1] / STEP), 1), MAX_STEPS)
     at = np.linspace(0.0, lengths[-1], count + 1)
     return np.column_stack([np.interp(at, lengths, each) for each in poses.T])

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One candidate for a grasp, from its seed to the planned grasp, in this process or another."""
+"""Evaluation of a grasp candidate, from its seed to the planned grasp, in any process."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ def judge_candidate(
     config: Configuration, closing: Closing, needs: GraspRequirements
 ) -> tuple[PlannedGrasp | None, SearchTally]:
     """
-    Bring the members of a seed to the object and close them there, in any process.
+    Return the grasp of a seed after approach and closing, and the tally of the search.
 
     :param config: configuration of the robot.
-    :param closing: the seed.
-    :param needs: what the grasp must fulfil.
-    :return: the grasp, None if there is none; and what was looked at, with the violation.
+    :param closing: closing motion of the seed.
+    :param needs: requirements of the grasp.
+    :return: the grasp, or None; and the tally with the closest violation.
     """
     grasp, tally = None, closing.tally
     try:
@@ -45,7 +45,7 @@ def judge_candidate(
                 _check_carry(closed[1], needs)
             grasp = None if closed is None else _planned(closing, needs, opened, *closed)
     except IsotrussError as error:
-        # A candidate that cannot be computed is none; what was found out before still counts.
+        # A candidate without a solution is rejected; its tally is kept.
         tally.record(Violation(str(error), 0.0, 0.0))
     return grasp, tally
 
@@ -54,18 +54,19 @@ def close_grip(
     opened: Configuration, closing: Closing, needs: GraspRequirements
 ) -> tuple[list[Configuration], ClosedGrip] | None:
     """
-    Return the path from the touch to the best grip that fulfils the requirements, and that grip.
+    Return the path from first contact to the best admissible grip, and that grip.
 
-    The members press harder and harder, until the grip gets no better or a bound is reached.
+    The squeeze increases until the score decreases or a bound is reached.
 
-    :param opened: configuration in which the members are close to the object.
-    :param closing: what closes.
-    :param needs: what the grasp must fulfil.
-    :return: None where there is none; then the tally of what closes has the violation.
+    :param opened: configuration with the members near the object.
+    :param closing: closing motion.
+    :param needs: requirements of the grasp.
+    :return: the path and the grip; None if no grip is admissible: the tally of the closing motion
+        has the violation.
     :raises SolverError: a quadratic program, or the contact, was not solved.
     :raises StructureError: see `structure_of`.
     """
-    # A nominal posture would keep the gaps from their targets, by a little.
+    # A nominal posture would shift the gaps from their targets.
     closing = replace(closing, nominal_posture=None, facing=None)
     best, best_score = None, -math.inf
     with closing.tally.recording():
@@ -74,7 +75,7 @@ def close_grip(
             path.append(grip.config)
             if grip.slip_margin is None:
                 continue
-            # The path as far as here is shorter than all of it.
+            # The path so far is shorter than the whole path.
             score = needs.rate_grip(grip, -grip.squeeze)
             if score <= best_score:
                 break
@@ -83,7 +84,7 @@ def close_grip(
 
 
 def _check_carry(grip: ClosedGrip, needs: GraspRequirements) -> None:
-    """Raise unless a grip carries the object along its path without slipping."""
+    """Raise RequirementError if the object slips on the required path."""
     tubes = TubeModel(paper_model=needs.paper_model)
     poses = np.array(needs.carry)
     found = foresee_grip(grip.config, grip.body, needs.friction, poses, tubes=tubes)
@@ -99,7 +100,7 @@ def _planned(
     pressed: list[Configuration],
     grip: ClosedGrip,
 ) -> PlannedGrasp:
-    """Return the grasp at the end of the path to an open grip and of that from the touch on."""
+    """Return the planned grasp with its path: open, then in contact."""
     configs, analysis, loads = (*opened, *pressed), grip.analysis, grip.loads
     path = np.array([config.roller_positions for config in configs])
     travel = float(np.abs(np.diff(path, axis=0)).sum(axis=0).max())

@@ -28,10 +28,10 @@ class ClosedGrip(NamedTuple):
 
     config: Configuration  #: configuration of the robot
     body: ConvexObject  #: the object at its pose after closing
-    analysis: GraspAnalysis  #: of the object held fast
+    analysis: GraspAnalysis  #: analysis of the fixed object
     loads: dict[str, float]  #: see `GraspRequirements.find_loads`
     squeeze: float  #: mean normal force of the grasping members [N]
-    slip_margin: float | None  #: of the free object [N], see above
+    slip_margin: float | None  #: slip margin of the free object [N], see above
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -41,22 +41,22 @@ class PlannedGrasp(
     """
     A grasp that fulfils the requirements, with the path to it.
 
-    The path is linear between its rows. A grasp of the free object may be open by (10), which is
-    for a fixed object.
+    The path is linear between its rows. A held object may have no closure by friction (10), which
+    is that of the fixed object.
     """
 
     grip: Grip  #: grasping members, and the object at its pose after closing
     members: tuple[str, ...]  #: names `t/j-k` of all members in contact with the object
     config: Configuration  #: configuration of the robot in the grasp
-    analysis: GraspAnalysis  #: of the grasp
+    analysis: GraspAnalysis  #: analysis of the fixed object
     score: float  #: score by the required measure; larger is better
     squeeze: float  #: mean normal force of the grasping members on the free object [N]
-    slip_margin: float  #: of the free object [N], see `SettledGrasp`; zero if not held
-    closure_margin: float  #: of the object held fast [N]; negative where that is open
+    slip_margin: float  #: slip margin of the free object [N]; zero if not held
+    closure_margin: float  #: closure margin of the fixed object [N]; negative without closure
     required_friction: float  #: see `GraspAnalysis.required_friction`
-    max_contact_force: float  #: largest sum of one member, of the object held fast or free [N]
-    total_force: float  #: sum of the normal forces, likewise [N]
-    utilisation: float  #: largest of all members, likewise; above 1 outside of the model
+    max_contact_force: float  #: largest normal force of a member, fixed or free object [N]
+    total_force: float  #: larger sum of normal forces, fixed or free object [N]
+    utilisation: float  #: largest utilisation of a member [-]; above 1 outside of the model
     nonlinearity: float  #: see `GraspAnalysis.nonlinearity` [-]
     travel: float  #: path length of the roller that travels furthest [m]
     rigidity: float  #: the smallest rigidity index along the path, 1 at home

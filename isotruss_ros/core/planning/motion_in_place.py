@@ -30,8 +30,9 @@ import numpy as np
 
 #: Largest number of Newton iterations of a waypoint [-].
 MAX_CORRECTIONS = 12
-#: Tolerances of squeeze, relative [-], position [m] and angle [rad].
-SQUEEZE_TOLERANCE, PLACE_TOLERANCE, TURN_TOLERANCE = 1e-3, 2e-5, 1e-4
+#: Tolerances of the squeeze, relative [-], and of the pose, rotations at the characteristic radius
+#: [m].
+SQUEEZE_TOLERANCE, PLACE_TOLERANCE = 1e-3, 2e-5
 #: Relative tolerance of the forces of three members against those in balance without friction [-].
 EVENNESS_TOLERANCE = 0.02
 #: Weights of x, y, angle and evenness in units of their tolerances, if not all are reachable [-].
@@ -74,7 +75,8 @@ def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGri
     """
     evened = len(closing.members) if len(closing.members) > 2 else 0
     scale = np.array(
-        [SQUEEZE_TOLERANCE * force, PLACE_TOLERANCE, PLACE_TOLERANCE, TURN_TOLERANCE]
+        [SQUEEZE_TOLERANCE * force, PLACE_TOLERANCE, PLACE_TOLERANCE]
+        + [PLACE_TOLERANCE / grasp.arm]
         + evened * [EVENNESS_TOLERANCE * force]
     )
     weights = RESIDUAL_WEIGHTS[: len(scale) - 1]

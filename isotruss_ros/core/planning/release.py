@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Release of a held object: unload it in place, open the grip, retreat.
+Release of a held object: unloading in place, opening of the grip, retreat.
 
-While the members still press, the squeeze falls and the object stays where it is; where it is all
-but zero they move away from it, which then stands still.
+The squeeze decreases at constant pose of the object. Once it is negligible, the members move away
+from the object at rest.
 """
 
 from __future__ import annotations
@@ -25,35 +25,31 @@ from isotruss_ros.core.manipulation.solve_twist import solve_twist
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
-from isotruss_ros.core.planning.closing import BOUND_SHARE, Closing
+from isotruss_ros.core.numerics.tolerances import ROUNDING
+from isotruss_ros.core.planning.closing import BOUND_SHARE, Closing, FIRST_INDENTATION
 from isotruss_ros.core.planning.closing_step import press
 from isotruss_ros.core.planning.motion_in_place import hold_between, squeeze_in_place
 from isotruss_ros.core.planning.requirements import MIN_RIGIDITY
 from isotruss_ros.core.planning.violations import RequirementError, Violation
 import numpy as np
 
-#: Shares of the squeeze at the waypoints of the unloading; at the last the members let go. What
-#: still presses there moves the object by its share of the deflection.
+#: Shares of the squeeze at the waypoints of the unloading [-]. The squeeze left at the last one
+#: moves the object by its share of the deflection.
 UNLOADING_SHARES = (0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.04, 0.015, 0.005, 0.002)
 #: Smallest normal force of a pressing member [N].
 MIN_CONTACT_FORCE = 0.01
-#: Members that are no deeper in the object than this only touch it, and by so much a grip opens in
-#: place before its members move away, as shares of the tube's diameter.
-TOUCHING, FIRST_OPENING = 1e-3, 0.015
-#: Number of waypoints of the retreat [-].
-OPENING_STEPS = 5
-#: A command that limits scale down by more than this is not followed.
-MIN_SCALE = 0.999
+#: Opening of the grip in place before the retreat, in tube diameters [-].
+FIRST_OPENING = 0.015
 
 
 @dataclass(frozen=True, eq=False)
 class Release:
     """Path of a release, or the violation."""
 
-    path: Array  #: (k, r) roller positions from the present ones [m]; none with a violation
-    apart: int  #: the row of `path` from which on nothing touches the object
-    violation: Violation | None = None  #: what ends the motion; None if nothing does
-    turned: float = 0.0  #: by the model, as the grip opens [rad]
+    path: Array  #: (k, r) roller positions from the present ones [m]; empty with a violation
+    apart: int  #: first row of `path` without contact
+    violation: Violation | None = None  #: violated requirement; None without one
+    turned: float = 0.0  #: predicted rotation of the object during the release [rad]
 
 
 @single_threaded
@@ -69,15 +65,15 @@ def plan_release(
     Plan the release of a held object and the retreat.
 
     :param config: configuration of the robot.
-    :param body: the object, where it was measured.
-    :param members: names `t/j-k` of the two members, or three, that hold it.
-    :param clearance: gap of each of these at the end, positive, at most as long as all tubes
-        together [m].
-    :param record: how the loop that holds the object has it; if None, or where that is no
-        equilibrium, the object is held as it would be with unknown contact history.
-    :param max_turn: a path on which the object turns by more in the model is none [rad].
+    :param body: the object at its measured pose.
+    :param members: names `t/j-k` of the two or three members that hold it.
+    :param clearance: gap of each of these members at the end, positive, at most the length of all
+        members together [m].
+    :param record: grip of the loop that holds the object; None, or no equilibrium of it: the
+        equilibrium with unknown contact history.
+    :param max_turn: largest predicted rotation of the object [rad].
     :raises GraspError: no such members, or a clearance out of range.
-    :raises ConfigurationError: the shape in which the grip opens is singular.
+    :raises ConfigurationError: the configuration at the opening is singular.
     :raises SolverError: a quadratic program was not solved.
     :raises StructureError: see `structure_of`.
     """
@@ -91,7 +87,7 @@ def plan_release(
     numbers = find_members(config.robot, Grip(tuple(members), body).members).members
     limit = MemberLengthLimit(file.min_length, file.max_length, BOUND_SHARE)
     held = None if record is None else record.restore(config, body)
-    if held is not None:  # in the model, whose members the path opens
+    if held is not None:  # the pose in the model
         body = held.body
     closing = Closing(body, tuple(numbers.tolist()), (limit,), MIN_RIGIDITY)
     try:
@@ -100,7 +96,7 @@ def plan_release(
         if abs(turned) > max_turn:
             raise RequirementError('turned', abs(turned), max_turn)
         apart = len(path) - 1 if len(path) > 1 else 1
-        for gap in np.linspace(0.0, clearance, OPENING_STEPS + 1)[1:]:
+        for gap in np.linspace(clearance / 5, clearance, 5):
             path.append(press(path[-1], closing, np.full(len(closing.members), -gap)))
     except RequirementError as error:
         return Release(np.empty((0, len(config.roller_positions))), 0, Violation(*error.args))
@@ -111,12 +107,13 @@ def _unload(
     config: Configuration, closing: Closing, held: HeldGrip | None
 ) -> tuple[list[Configuration], Closing]:
     """
-    Return the path of decreasing squeeze; its start only without contact forces.
+    Return the path of decreasing squeeze, and the closing motion with the object at its end.
 
-    Also where the object is at its end, as a grip of few rollers takes it along a little.
+    The path is its start only without contact forces. A grip of few rollers moves the object a
+    little.
     """
     path, diameter = [config], config.robot.description.tube_diameter
-    if float(member_depths(config, closing.body).max()) <= TOUCHING * diameter:
+    if float(member_depths(config, closing.body).max()) <= FIRST_INDENTATION * diameter:
         return path, closing
     grasp = hold_between(config, closing) if held is None else held
     if grasp.normal_forces.min() <= MIN_CONTACT_FORCE:
@@ -124,11 +121,11 @@ def _unload(
     for force in grasp.squeeze * np.array(UNLOADING_SHARES):
         grasp = squeeze_in_place(grasp, force, closing)
         path.append(grasp.config)
-    # In place: members that merely moved away would roll the object along as they touch it yet.
+    # In place: a retreat of members in contact would roll the object along.
     grip, config = grasp.touching(closing.body.friction_or(None)), grasp.config
     opening = FIRST_OPENING * diameter
     command = solve_twist(config, grip, np.zeros(3), limits=closing.limits, opening_rate=opening)
-    if command.scale < MIN_SCALE:
+    if command.scale < 1.0 - ROUNDING:
         raise RequirementError('squeeze', grasp.squeeze, 0.0)
     path.append(config.moved_to(config.roller_positions + command.roller_velocities))
     return path, replace(closing, body=grasp.body)

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a grasp must fulfil, and what makes one better than another."""
+"""Requirements of grasps, and their ranking."""
 
 from __future__ import annotations
 
@@ -25,44 +25,44 @@ MIN_RIGIDITY = 0.15
 
 
 class Measure(str, Enum):
-    """What the grasps are ranked by; of each, more is better."""
+    """Criteria of the ranking."""
 
-    SLIP_MARGIN = 'slip_margin'  #: wrench at which a contact slips, the object free [N]
-    CLOSURE_MARGIN = 'closure_margin'  #: friction in reserve, the object held fast [N]
-    TOTAL_FORCE = 'total_force'  #: the less the tubes press, the better [N]
-    TRAVEL = 'travel'  #: the shorter the path of the rollers, the better [m]
-    STIFFNESS = 'stiffness'  #: against a motion of the object along `direction` [N/m]
+    SLIP_MARGIN = 'slip_margin'  #: largest slip margin of the free object [N]
+    CLOSURE_MARGIN = 'closure_margin'  #: largest closure margin of the fixed object [N]
+    TOTAL_FORCE = 'total_force'  #: smallest sum of normal forces [N]
+    TRAVEL = 'travel'  #: shortest path of the rollers [m]
+    STIFFNESS = 'stiffness'  #: largest stiffness of the object along `direction` [N/m]
 
 
 @dataclass(frozen=True)
 class GraspRequirements:
     """
-    What a grasp must fulfil.
+    Requirements of a grasp of a free object.
 
-    The object is free while the members press. A path to `carry` it along is shifted to begin
-    where it is held; a grasp that slips on it in the model, see `foresee_path`, is none.
+    The path `carry` is shifted to the held pose. A grasp whose object slips on this path, see
+    `foresee_path`, is rejected.
 
-    :raises GraspError: a value is not usable; says which and what would be right.
+    :raises GraspError: a value is invalid.
     """
 
     friction: float = DEFAULT_FRICTION  #: coefficient between tube and object, not negative
     external_wrench: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: about its centre [N, N m]
-    module: str | None = None  #: the module `t/j` whose two members are to grip; any if None
-    members: tuple[str, ...] | None = None  #: the two or three `t/j-k` that are to grip, instead
-    squeeze: float | None = None  #: normal force of each member [N]; the best one if None
-    min_slip_margin: float = 0.0  #: see `SettledGrasp.slip_margin`, not negative [N]
-    min_margin: float | None = None  #: `GraspAnalysis.closure_margin`, not negative [N]; None: any
-    max_contact_force: float = math.inf  #: sum of the normal forces of one member [N]
-    max_total_force: float = math.inf  #: sum of all normal forces on the object [N]
-    max_utilisation: float = MAX_UTILISATION  #: of wrinkling; above 1 is outside of the model
+    module: str | None = None  #: module `t/j` of the two grasping members; None: any
+    members: tuple[str, ...] | None = None  #: names of the two or three grasping members
+    squeeze: float | None = None  #: normal force of each member [N]; None: the best one
+    min_slip_margin: float = 0.0  #: smallest `SettledGrasp.slip_margin`, not negative [N]
+    min_margin: float | None = None  #: smallest `GraspAnalysis.closure_margin` [N]; None: any
+    max_contact_force: float = math.inf  #: largest normal force of a member [N]
+    max_total_force: float = math.inf  #: largest sum of the normal forces [N]
+    max_utilisation: float = MAX_UTILISATION  #: largest utilisation; above 1 outside of the model
     min_rigidity: float = MIN_RIGIDITY  #: smallest rigidity index along the path, 1 at home
-    min_length: float | None = None  #: of members, pinch to pinch [m]; the file's if None
-    max_length: float | None = None  #: of members, pinch to pinch [m]; the file's if None
-    measure: Measure = Measure.SLIP_MARGIN  #: what the grasps are ranked by
-    direction: tuple[float, float, float] = (0.0, 1.0, 0.0)  #: for stiffness [m, m, rad]
-    carry: tuple[tuple[float, float, float], ...] = ()  #: poses (x, y, angle) [m, rad]
+    min_length: float | None = None  #: shortest member [m]; None: that of the robot file
+    max_length: float | None = None  #: longest member [m]; None: that of the robot file
+    measure: Measure = Measure.SLIP_MARGIN  #: criterion of the ranking
+    direction: tuple[float, float, float] = (0.0, 1.0, 0.0)  #: for `STIFFNESS` [m, m, rad]
+    carry: tuple[tuple[float, float, float], ...] = ()  #: poses of a path [m, rad]
     paper_model: bool = False  #: see `analyze_grasp`
-    count: int = 3  #: how many distinct grasps are wanted, at least 1
+    count: int = 3  #: number of distinct grasps, at least 1
 
     def __post_init__(self) -> None:
         """Check the values; names are checked against a robot when the search begins."""
@@ -97,12 +97,12 @@ class GraspRequirements:
         self, analysis: GraspAnalysis, normal_forces: Iterable[float], utilisation: Iterable[float]
     ) -> dict[str, float]:
         """
-        Return the loads of a grasp by requirement, the larger of the object held fast and free.
+        Return the loads of a grasp by requirement, the larger of fixed and free object.
 
-        :param analysis: of the object held fast.
-        :param normal_forces: of the members on the free object [N].
-        :param utilisation: of members under the forces of the free object [-].
-        :raises RequirementError: one exceeds its bound.
+        :param analysis: analysis of the fixed object.
+        :param normal_forces: normal forces of the members on the free object [N].
+        :param utilisation: utilisation of the members under these forces [-].
+        :raises RequirementError: a load exceeds its bound.
         """
         pressing = [*analysis.contact_forces.values(), *normal_forces]
         loads = {
@@ -118,9 +118,9 @@ class GraspRequirements:
         """
         Check a value against its bound.
 
-        :param name: of the requirement, which begins with `min_` or `max_`.
-        :param value: of the grasp.
-        :raises RequirementError: it is beyond the bound.
+        :param name: name of the requirement, with prefix `min_` or `max_`.
+        :param value: value of the grasp.
+        :raises RequirementError: the value is beyond the bound.
         """
         bound = getattr(self, name)
         if bound is not None and (value > bound if name.startswith('max_') else value < bound):
@@ -130,8 +130,8 @@ class GraspRequirements:
         """
         Return the score of a grip by the measure; larger is better.
 
-        :param grip: one that fulfils the requirements.
-        :param shortness: the larger, the shorter is the path.
+        :param grip: admissible grip.
+        :param shortness: score by the measure of travel, decreasing with the length of the path.
         """
         if self.measure is Measure.TRAVEL:
             return shortness

@@ -41,7 +41,7 @@ class Answer(NamedTuple):
     """Result of a search."""
 
     outcome: SearchOutcome  #: final code
-    message: str  #: in words
+    message: str  #: result in words
     plan: GraspPlan | None = None  #: the plan; None without a search, or after a failure
 
 

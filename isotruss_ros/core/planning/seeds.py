@@ -26,9 +26,8 @@ import numpy as np
 SIGHT_LINES = 180
 #: Largest number of seeds of a round [-].
 MAX_SEEDS = 8
-#: Random seeds: shares of the friction cones [-], and standard deviation of the nominal roller
-#: positions, in mean member lengths [-].
-RANDOM_CONES, RANDOM_POSTURE = (0.5, 1.0), 0.3
+#: Standard deviation of random nominal roller positions, in mean member lengths [-].
+RANDOM_POSTURE = 0.3
 
 
 def find_seeds(
@@ -67,7 +66,7 @@ def find_seeds(
             turning *= rng.uniform(0.0, 1.0)
             away = length * rng.standard_normal(len(config.roller_positions))
             posture = config.roller_positions + RANDOM_POSTURE * away
-            cone *= rng.uniform(*RANDOM_CONES)
+            cone *= rng.uniform(0.5, 1.0)
         tubes = TubeModel(paper_model=needs.paper_model)
         closing = Closing(body, group, (limit,), needs.min_rigidity, cone, posture, tubes=tubes)
         normals = closing.normals(config)

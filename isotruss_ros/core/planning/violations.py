@@ -13,8 +13,7 @@ from typing import Any
 
 from isotruss_ros.core.errors import IsotrussError
 
-#: By the name of a requirement: value of the candidate that ends there, and bound. In the order in
-#: which candidates come to them: the later, the closer they are to a grasp.
+#: Sentences by requirement, in the order of the search: later ones are closer to a grasp.
 SENTENCES_BY_REQUIREMENT = {
     'free': 'the robot touches the object already: the gap between them is {value:.4g} m',
     'enclosed': 'no members go all around the object',
@@ -27,11 +26,11 @@ SENTENCES_BY_REQUIREMENT = {
     'object_clearance': 'a part that must not touch comes within {value:.4g} m of the object',
     'in_place': 'the rollers cannot close and leave the object in place: it moves {value:.4g} m',
     'turned': 'as it is let go the object turns by {value:.3g} rad; must be at most {bound:.3g}',
-    'grip': '{value:.0f} members press on an object held fast there; must be those of the grip',
+    'grip': '{value:.0f} members are in contact with the fixed object; must be those of the grip',
     'squeeze': 'limits end the closing at {value:.4g} N of each member; must be {bound:.4g} N',
     'held': 'no pose near the object balances the forces of the members',
 }
-#: The same, but what counts is by which share a candidate misses one of them.
+#: Sentences by requirement of the last stage, whose violations are compared by relative size.
 BOUNDS = {
     'min_slip_margin': 'the slip margin is {value:.4g} N, and must be {bound:.4g} N',
     'force_closure': 'it takes a friction coefficient of {value:.4g}, there is {bound:.4g}',
@@ -47,9 +46,9 @@ BOUNDS = {
 class Violation:
     """The requirement that a grasp candidate violates."""
 
-    requirement: str  #: its name
-    value: float  #: that of the candidate
-    bound: float  #: that of the requirement
+    requirement: str  #: name of the requirement
+    value: float  #: value of the candidate
+    bound: float  #: bound of the requirement
 
     @property
     def distance(self) -> float:
@@ -71,15 +70,15 @@ class RequirementError(IsotrussError):
 class SearchTally:
     """Tally of a search: evaluations, and the closest violation."""
 
-    evaluations: int = 0  #: configurations that were computed, by kinematics or statics
-    analyses: int = 0  #: of them, how many by `analyze_grasp`
-    closest: Violation | None = None  #: whose value is closest to its bound, the first of such
+    evaluations: int = 0  #: number of computed configurations
+    analyses: int = 0  #: number of calls of `analyze_grasp`
+    closest: Violation | None = None  #: first of the closest violations
 
     def record(self, violation: Violation) -> None:
         """
         Store a violation if it is the closest one.
 
-        :param violation: of a candidate.
+        :param violation: violation of a candidate.
         """
         if self.closest is None or violation.distance < self.closest.distance:
             self.closest = violation
@@ -94,9 +93,9 @@ class SearchTally:
 
     def add(self, other: SearchTally) -> None:
         """
-        Add the tally of another search.
+        Add another tally.
 
-        :param other: its tally.
+        :param other: the other tally.
         """
         self.evaluations += other.evaluations
         self.analyses += other.analyses
@@ -108,7 +107,7 @@ def export_violation(violation: Violation | None) -> dict[str, Any]:
     """
     Return the violated requirement with value and bound; empty without one.
 
-    :param violation: the closest one of a search.
+    :param violation: closest violation of a search.
     """
     if violation is None:
         return {}
@@ -123,7 +122,7 @@ def violation_in_words(violation: Violation | None) -> str:
     """
     Return a violation in words.
 
-    :param violation: that of the closest candidate; None if there was none.
+    :param violation: violation of the closest candidate; None without candidates.
     """
     if violation is None:
         return 'there was no grasp candidate'

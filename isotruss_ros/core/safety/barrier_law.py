@@ -24,7 +24,7 @@ from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.limits import Rows
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.numerics.arrays import Array, Indices
-from isotruss_ros.core.numerics.tolerances import ROUNDING
+from isotruss_ros.core.numerics.tolerances import EPSILON, ROUNDING
 import numpy as np
 
 #: Safety margin, at which motion stops, as a share of the band [-]; covers effects of second
@@ -35,8 +35,6 @@ LEFT_MARGIN = 0.1
 #: Tolerance beyond the bound for effects of second order: the band times the squared travel of the
 #: rollers in units of this length [m].
 SECOND_ORDER_LENGTH = 0.05
-#: Smallest divisor of shares [-].
-MIN_DIVISOR = 1e-15
 
 
 @dataclass(frozen=True)
@@ -248,4 +246,4 @@ def _admissible_share(room: Array, slope: Array, change: Array) -> Array:
     :param change: change at the end.
     """
     root = np.sqrt(np.maximum(slope**2 - 4.0 * (change - slope) * room, 0.0))
-    return np.minimum(2.0 * room / np.maximum(root - slope, MIN_DIVISOR), 1.0)
+    return np.minimum(2.0 * room / np.maximum(root - slope, EPSILON), 1.0)

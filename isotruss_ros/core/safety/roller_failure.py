@@ -21,8 +21,6 @@ import numpy as np
 FAILURE_TIME = 1.0
 #: Smallest commanded speed that counts, above stiction [m/s].
 MIN_SPEED = 0.002
-#: Smallest commanded range of travel that counts [m].
-MIN_TRAVEL = 0.002
 #: Smallest commanded range that counts, over the mean commanded speed [s]: drives need not follow
 #: faster oscillations.
 MIN_SWING_TIME = 0.1
@@ -129,7 +127,7 @@ class FailureDetector:
     def _flag(self, long: Flags, sent: Array, moved: Array, time: float) -> Flags:
         """Flag failed rollers among those with a sufficient command; return the rollers due."""
         swing = MIN_SWING_TIME * self._path
-        far = (sent >= MIN_TRAVEL) & (sent * self._commanded >= swing)
+        far = (sent >= MIN_SPEED * FAILURE_TIME) & (sent * self._commanded >= swing)
         ready = long & far & np.isnan(self._asked)
         self._asked[ready], self._asked_at[ready] = sent[ready], time
         settled = time - self._asked_at >= SETTLING_TIME

@@ -21,6 +21,7 @@ from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.rolling_grip import roll_object
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.tolerances import ROUNDING
 from isotruss_ros.core.safety.barrier_law import (
     ALL_VALUES,
     Barrier,
@@ -33,10 +34,6 @@ import numpy as np
 
 #: Largest roller steps that cannot cross a band, and half a safety margin [m].
 BAND_STEP, SAFETY_STEP = 1e-3, 2e-4
-#: Largest number of reductions of a command before a stop [-], and factor on each [-].
-ATTEMPTS, SPARE = 4, 0.8
-#: Rounding error of a row that depends on no roller [-].
-ROW_ROUNDING = 1e-10
 
 
 @dataclass(frozen=True)
@@ -120,7 +117,7 @@ class ShapeGuard:
                 if active.roller_rows is not None:
                     rows[start:stop] += active.roller_rows
                 own = rows[start:stop]
-                own[np.abs(own) < ROW_ROUNDING] = 0.0
+                own[np.abs(own) < ROUNDING] = 0.0
                 limits.append(BarrierLimit(barrier, active, rows[start:stop]))
         return Watch(config, grip, barriers, tuple(limits))
 
@@ -160,11 +157,12 @@ class Watch:
         if size == 0.0 or not (limits or size > BAND_STEP):
             return command
         share, violation = 1.0, None
-        for _ in range(ATTEMPTS):
+        for _ in range(4):
             found = self._violation(limits, share * rollers, velocities, duration)
             if found is None:
                 break
-            share, violation = SPARE * share * found.share, found
+            # The share is exact to first order.
+            share, violation = 0.8 * share * found.share, found
         else:
             share = 0.0
         return command if violation is None else _scaled(command, share, violation)

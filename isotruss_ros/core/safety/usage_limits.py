@@ -14,8 +14,6 @@ from isotruss_ros.core.manipulation.status import RollerCommand, Status
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
-#: Largest distinguished utilisation [-]; a tube has folded beyond it.
-MAX_UTILISATION_VALUE = 2.0
 #: Largest decay rates of the margin of utilisation and of the slip margin [1/s].
 UTILISATION_RATE, MARGIN_RATE = 5.0, 2.0
 #: Regularization of the normalised least mean squares [m]; shorter travel has less weight.
@@ -83,4 +81,5 @@ class UsageLimits:
         """Store the most utilised member and its utilisation."""
         used = grasp.sections.used
         self._member = f'member {grasp.config.robot.member_names[int(used.argmax())]}'
-        self._used = min(float(used.max()), MAX_UTILISATION_VALUE)
+        # At twice the wrinkling moment a tube folds.
+        self._used = min(float(used.max()), 2.0)

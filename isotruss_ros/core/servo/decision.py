@@ -9,10 +9,24 @@ from dataclasses import dataclass
 
 from isotruss_ros.core.errors import GraspError, IsotrussError
 from isotruss_ros.core.estimation.state_estimate import MAX_KNOWN_DEVIATION
-from isotruss_ros.core.inputs import InputError
+from isotruss_ros.core.inputs import InputError, InputFault
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
 from isotruss_ros.core.numerics.arrays import Array
 
+#: Statuses by names and faults of inputs. A stale twist is none: its client has stopped.
+INPUT_HALTS = {
+    ('twist', InputFault.MISSING): Status.HALT_NO_TWIST,
+    ('twist', InputFault.STALE): Status.HALT_NO_TWIST,
+    ('twist', InputFault.INVALID): Status.HALT_INVALID_TWIST,
+    ('joint_states', InputFault.MISSING): Status.HALT_NO_JOINT_STATES,
+    ('joint_states', InputFault.STALE): Status.HALT_STALE_JOINT_STATES,
+    ('joint_states', InputFault.INVALID): Status.HALT_INVALID_JOINT_STATES,
+    ('object_pose', InputFault.MISSING): Status.HALT_NO_OBJECT_POSE,
+    ('object_pose', InputFault.STALE): Status.HALT_STALE_OBJECT_POSE,
+    ('object_pose', InputFault.INVALID): Status.HALT_INVALID_OBJECT_POSE,
+    ('tube_pressures', InputFault.STALE): Status.HALT_STALE_TUBE_PRESSURES,
+    ('tube_pressures', InputFault.INVALID): Status.HALT_INVALID_TUBE_PRESSURES,
+}
 #: Statuses by errors of the solution; the last one applies to all others.
 HALT_STATUSES = (
     (GraspError, Status.HALT_NO_GRASP),
@@ -28,13 +42,13 @@ class Decision:
     :ivar command: velocities (zero when halted), achieved twist, scale and status.
     :ivar twist: (3,) the commanded twist vx, vy [m/s], omega [rad/s] of object or joint; zero if
         there is none.
-    :ivar message: what is wrong and what would be right; empty when nothing is wrong.
+    :ivar message: fault with its remedy; empty without one.
     :ivar failed: names of the rollers that are held at zero because they have failed.
     :ivar frequency: lowest natural frequency of the held object; 0 if not known [rad/s].
-    :ivar pose_gain: with which its pose is regulated; 0 if it is not [1/s].
+    :ivar pose_gain: gain of its pose; 0 without regulation [1/s].
     :ivar squeeze: mean normal force of the members, and its standard deviation [N]; None where
         nothing is held.
-    :ivar pose_delay: of the measured poses beyond their stamps [s].
+    :ivar pose_delay: delay of the measured poses beyond their stamps [s].
     """
 
     command: RollerCommand
@@ -52,7 +66,7 @@ def describe_squeeze(squeeze: float, deviation: float) -> str:
     Return a squeeze in words, unknown if the deviation is above `MAX_KNOWN_DEVIATION` of it.
 
     :param squeeze: mean normal force of the members [N].
-    :param deviation: its standard deviation [N].
+    :param deviation: standard deviation of the squeeze [N].
     """
     words = f'{squeeze:.1f} N, deviation {deviation:.1f} N'
     return f'squeeze {"unknown: " if deviation > MAX_KNOWN_DEVIATION * squeeze else ""}{words}'
@@ -60,11 +74,11 @@ def describe_squeeze(squeeze: float, deviation: float) -> str:
 
 class HaltError(IsotrussError):
     """
-    The rollers must stop.
+    Reason of a halt.
 
-    :ivar status: why.
-    :param status: why the rollers must stop.
-    :param message: the reason in words.
+    :ivar status: status of the halt.
+    :param status: status of the halt.
+    :param message: reason in words.
     """
 
     def __init__(self, status: Status, message: str) -> None:
@@ -76,13 +90,12 @@ def halt_for(error: IsotrussError) -> Status:
     """
     Return the status of a halt by an error.
 
-    :param error: why.
+    :param error: the error.
     """
     if isinstance(error, HaltError):
         return error.status
     if isinstance(error, InputError):
-        # A twist that is too old is none: whoever sent it has stopped.
-        return Status['HALT_' + error.code.replace('STALE_TWIST', 'NO_TWIST')]
+        return INPUT_HALTS[error.name, error.fault]
     return next(status for kind, status in HALT_STATUSES if isinstance(error, kind))
 
 
@@ -91,7 +104,7 @@ def describe(command: RollerCommand, keeps_contacts: bool) -> str:
     Return the difference of a command from the twist in words; empty without, or in a halt.
 
     :param command: the command.
-    :param keeps_contacts: whether it moves an object, and not a joint.
+    :param keeps_contacts: whether the twist is that of an object, not of a joint.
     """
     parts: list[str] = []
     if command.status >= Status.HALT_NO_TWIST:

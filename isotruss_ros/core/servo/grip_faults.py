@@ -13,26 +13,21 @@ from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
 #: Smallest counted half-swing of the pose error: in metres [m], and in units of the noise [-].
-SWING, NOISES = 0.002, 4.0
+MIN_SWING, MIN_SWING_SIGMAS = 0.002, 4.0
 #: Longest counted half-swing: in units of pi / omega [-], and in time if omega is unknown [s].
-SLOWEST, SWING_TIME = 2.0, 0.5
+MAX_SWING_PHASE, MAX_SWING_TIME = 2.0, 0.5
 #: Number of half-swings [-], and smallest ratio of successive ones without decay [-].
-SWINGS, NO_DECAY = 3, 0.95
+SWING_COUNT, MIN_SWING_RATIO = 3, 0.95
 #: Time constant of the low-pass of the pose error for unknown omega, else 1 / omega [s].
 FILTER_TIME = 0.05
 
 
 class GripFault(enum.Enum):
-    """Fault of the grip."""
+    """Faults of the grip with their statuses."""
 
-    SLIPPED = 'slipped'
-    NOT_HELD = 'not held'
-    OSCILLATES = 'oscillates'
-
-    @property
-    def halt(self) -> Status:
-        """Return the status in this fault."""
-        return Status[f'HALT_{self.name}']
+    SLIPPED = Status.HALT_SLIPPED
+    NOT_HELD = Status.HALT_NOT_HELD
+    OSCILLATES = Status.HALT_OSCILLATES
 
 
 class SwingWatch:
@@ -45,7 +40,7 @@ class SwingWatch:
     def __init__(self, frequency: float | None = None) -> None:
         # Noise is faster than a growing oscillation, which is the lowest mode.
         self._filter_time = 1.0 / frequency if frequency else FILTER_TIME
-        self._longest = SLOWEST * math.pi / frequency if frequency else SWING_TIME
+        self._longest = MAX_SWING_PHASE * math.pi / frequency if frequency else MAX_SWING_TIME
         self._error = np.zeros(3)
         self.forget()
 
@@ -63,7 +58,7 @@ class SwingWatch:
         """
         passed = -math.expm1(-elapsed / self._filter_time)
         self._error = self._error + passed * (error - self._error)
-        least = max(SWING, NOISES * noise)
+        least = max(MIN_SWING, MIN_SWING_SIGMAS * noise)
         pairs = zip(self._swings, self._error.tolist(), strict=True)
         return sum(swings.update(value, elapsed, least) for swings, value in pairs) > 0
 
@@ -95,7 +90,9 @@ class _Swings:
             self._sizes.append(abs(self._extreme - self._turned))
             self._turned, self._extreme = self._extreme, value
             self._rising, self._age = not self._rising, 0.0
-            last = self._sizes[-SWINGS:]
+            last = self._sizes[-SWING_COUNT:]
             pairs = zip(last[1:], last, strict=False)
-            return len(last) == SWINGS and all(size >= NO_DECAY * old for size, old in pairs)
+            return len(last) == SWING_COUNT and all(
+                size >= MIN_SWING_RATIO * old for size, old in pairs
+            )
         return False

@@ -5,12 +5,12 @@
 Gains of the squeeze control, from the lowest natural frequency of the held object.
 
 The rollers set velocities: the loop is an integrator in front of a lightly damped structure. With
-the load and what it does not explain behind two low-passes of the time 1 / p, and p the gain of
-the pose as well, one mode of the frequency omega and the damping ratio zeta is stable where
+two low-passes of time constant 1 / p on the load and the unexplained pose, and the gain p of the
+pose, one mode of the frequency omega and the damping ratio zeta is stable where
 
     s^3 / p^2 + 3 s^2 / p + 3 s + p omega^2 / (s^2 + 2 zeta omega s + omega^2) = 0
 
-has no root to the right: for p < 0.54 omega without damping, more with it.
+has no root in the right half-plane: for p < 0.54 omega without damping, more with it.
 """
 
 from __future__ import annotations
@@ -21,19 +21,18 @@ from typing import NamedTuple
 GAIN_SHARE = 0.25
 #: Gain for an unknown frequency [1/s].
 DEFAULT_GAIN = 0.6
-#: Squeeze and bias follow no quicker than this [1/s].
-MOST_OF_SQUEEZE, MOST_OF_BIAS = 5.0, 2.0
+#: Largest gains of the squeeze and of the bias [1/s].
+MAX_SQUEEZE_GAIN, MAX_BIAS_GAIN = 5.0, 2.0
 
 
 class LoopGains(NamedTuple):
     """
     Gains of the squeeze control.
 
-    :ivar pose: share of the object's error in the model that is corrected in a second [1/s].
-    :ivar squeeze: share of the missing force that is made up for in a second [1/s].
-    :ivar bias: share of what the model does not explain of the measured pose that is taken over
-        in a second [1/s].
-    :ivar filter_time: of each of the two low-passes on the load [s].
+    :ivar pose: gain of the pose error of the model [1/s].
+    :ivar squeeze: gain of the squeeze error [1/s].
+    :ivar bias: rate at which the unexplained part of the measured pose is taken over [1/s].
+    :ivar filter_time: time constant of each of the two low-passes on the load [s].
     """
 
     pose: float
@@ -48,7 +47,7 @@ def gains_of(gain: float) -> LoopGains:
 
     :param gain: p, positive [1/s].
     """
-    return LoopGains(gain, min(MOST_OF_SQUEEZE, gain), min(MOST_OF_BIAS, 0.5 * gain), 1.0 / gain)
+    return LoopGains(gain, min(MAX_SQUEEZE_GAIN, gain), min(MAX_BIAS_GAIN, 0.5 * gain), 1.0 / gain)
 
 
 def choose_gain(frequency: float | None) -> float:

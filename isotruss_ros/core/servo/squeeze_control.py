@@ -4,10 +4,10 @@
 """
 Squeeze control: feedback by the model of the held object.
 
-The squeeze and the opening of the grip are one thing: each millimetre less presses by some
-newtons more. The fourth row of (19), which keeps the grip, gets a right-hand side, and what the
-elastic tubes do to the object's pose is corrected. The gains follow from the lowest natural
-frequency of the held object, see `loop_gains`.
+The opening of the grip determines the squeeze, by some newtons per millimetre. The fourth row of
+(19), which keeps the grip, has the opening rate as its right-hand side; the displacement of the
+object by the elastic tubes is corrected. The gains follow from the lowest natural frequency of the
+held object, see `loop_gains`.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.servo.decision import describe_squeeze
 from isotruss_ros.core.servo.grip_faults import GripFault, SwingWatch
 from isotruss_ros.core.servo.loop_gains import choose_gain, DEFAULT_GAIN, gains_of, LoopGains
-from isotruss_ros.core.servo.squeeze_target import SqueezeSettings
+from isotruss_ros.core.servo.servo_settings import SqueezeSettings
 import numpy as np
 
 #: Time at rest after an oscillation [s]; the gain is halved then.
@@ -54,13 +54,13 @@ class SqueezeControl:
     """
     Regulator of squeeze and pose of a held object.
 
-    :ivar belief: how it is held where the robot is; None before `follow`.
-    :ivar reference: (x, y, angle) where the object is to be [m, rad]: where it was at first, moved
-        by the twists carried out since; None before the first one.
+    :ivar belief: belief of the grip; None before `follow`.
+    :ivar reference: desired (x, y, angle) of the object [m, rad]: the initial pose, moved by the
+        executed twists; None before the first one.
     :ivar frequency: lowest natural frequency of the held object; None if not known [rad/s].
-    :ivar gains: what follows from it; those of an unknown frequency before `follow`.
-    :ivar fault: what is wrong with the grip; stays until `acknowledge`, but for oscillations.
-    :param settings: what the squeeze is to be.
+    :ivar gains: gains by the frequency; those of an unknown one before `follow`.
+    :ivar fault: fault of the grip, latched until `acknowledge` except for oscillations.
+    :param settings: desired squeeze.
     """
 
     def __init__(self, settings: SqueezeSettings) -> None:
@@ -79,6 +79,7 @@ class SqueezeControl:
     def reset(self) -> None:
         """Drop belief and reference; both restart from the next measured pose."""
         self.belief: GripBelief | None = None
+        self._lost: HoldStatus | None = None  # by the belief before
         self.reference: Array | None = None
         self.frequency: float | None = None
         self.gains: LoopGains = gains_of(DEFAULT_GAIN)
@@ -97,7 +98,8 @@ class SqueezeControl:
 
     def lose(self) -> None:
         """Register the loss of the object from the grip."""
-        if self.belief is not None and self.fault is None:
+        had = self.belief is not None or self._lost is not None
+        if had and self.fault is None:
             self._fail(GripFault.NOT_HELD, 'the object is not between the members')
         self.reset()
 
@@ -153,14 +155,15 @@ class SqueezeControl:
         """
         Propagate belief and reference to now, and update the belief with the measured pose.
 
-        It starts again from the measured pose where the model has lost the object.
+        A call makes at most one search for an equilibrium with unknown contacts: where the mean
+        pose has none, the next call searches near the measured pose.
 
-        :param config: where the robot is.
-        :param grip: how it holds the object, which is where the last pose has it now.
-        :param elapsed: since the cycle before, for which its command held [s].
-        :param sample: the last pose, and how much older than the configuration it is [s]; that of
-            the grip, of now, if None.
-        :return: whether the object is held in the model; if not, why.
+        :param config: configuration of the robot.
+        :param grip: grip with the object at its predicted pose.
+        :param elapsed: time since the previous cycle [s].
+        :param sample: last pose, and its age against the configuration [s]; None: that of the grip
+            without an age.
+        :return: hold status of the object in the model.
         :raises GraspError: see `find_contacts`.
         :raises ConfigurationError: the configuration is singular.
         :raises StructureError: see `structure_of`.
@@ -169,13 +172,15 @@ class SqueezeControl:
         if self.reference is not None:
             self.reference = self.reference + elapsed * self._velocity
         if belief is None:
-            return self._start(config, grip)
+            hold = self._start(config, grip)
+            if self._lost is not None and hold is not HoldStatus.HELD and self.fault is None:
+                self._fail(GripFault.NOT_HELD, f'not held: {self._lost.value}')
+            self._lost = None
+            return hold
         hold = belief.follow(config, elapsed, self._pressures)
-        if hold is not HoldStatus.HELD and not belief.attach(config, self._pressures):
-            again = self._start(config, grip)
-            if self.fault is None and again is not HoldStatus.HELD:
-                self._fail(GripFault.NOT_HELD, f'not held: {hold.value}')
-            return again
+        if hold is not HoldStatus.HELD:
+            self.belief, self._lost = None, hold
+            return hold
         self._choose_gains(belief.grasp)
         belief.pass_corrections(elapsed, self.gains.filter_time)
         pose, age = sample or (grip.body.pose, 0.0)
@@ -187,10 +192,10 @@ class SqueezeControl:
         """
         Return the command for a twist of the object that regulates the squeeze.
 
-        In a fault the object is not moved, and the squeeze is regulated on; or the rollers stand.
+        In a fault the object is not moved and its squeeze is regulated, or the rollers stop.
 
         :param twist: (3,) vx, vy [m/s], omega [rad/s] of the object in the robot frame.
-        :param period: for which the command holds, positive [s].
+        :param period: duration of the command, positive [s].
         :param solve: the twist program.
         """
         if self.belief is None:
@@ -198,13 +203,13 @@ class SqueezeControl:
         belief = self.belief
         if self.fault is GripFault.OSCILLATES:
             still = np.zeros(len(belief.grasp.config.roller_positions))
-            return RollerCommand(still, np.zeros(3), 0.0, self.fault.halt)
+            return RollerCommand(still, np.zeros(3), 0.0, self.fault.value)
         missing = self.gains.squeeze * (self.settings.force - belief.regulated_squeeze)
         rate = max(-MAX_FORCE_RATE, min(missing, MAX_FORCE_RATE))
         opening = (rate - belief.drift[3]) / belief.slope
         if self.fault is not None:
             held = solve(np.zeros(3), opening)
-            return replace(held, scale=0.0, status=self.fault.halt)
+            return replace(held, scale=0.0, status=self.fault.value)
         twist, correction = np.asarray(twist), self._correction(belief, period)
         command = _solve_within_limits(twist + correction, opening, solve)
         free = belief.slip_margin - LEFT_MARGIN * belief.regulated_squeeze
@@ -223,10 +228,9 @@ class SqueezeControl:
         """
         Integrate the executed twist into the reference.
 
-        :param twist: (3,) commanded [m/s, rad/s].
-        :param command: that was solved for; in a direction other than the twist's it ends the
-            reference.
-        :param missing: (3,) part of its twist that acceleration or shape did not admit.
+        :param twist: (3,) commanded twist [m/s, rad/s].
+        :param command: solved command; a direction other than the twist's resets the reference.
+        :param missing: (3,) part of its twist not admitted by acceleration or barriers.
         """
         if command.status in (Status.UNREACHABLE, Status.SLIDING):
             self.reference = None
@@ -243,7 +247,6 @@ class SqueezeControl:
 
     def _start(self, config: Configuration, grip: Grip) -> HoldStatus:
         """Start with the equilibrium near the measured pose."""
-        self.belief = None
         try:
             found = attach_model(config, grip, self._pressures)
         except NotHeldError as error:
@@ -251,10 +254,7 @@ class SqueezeControl:
         self._choose_gains(found)
         settings = replace(PRIOR, load=self.settings.load or PRIOR.load, zeros=self.settings.zeros)
         belief = GripBelief(found, grip, settings, self._zeros)
-        # As far as the squeeze is not known, within two deviations, neither is the share of it
-        # that friction has to be.
-        unsure = 2.0 * belief.squeeze_deviation / belief.squeeze
-        hold = found.hold(grip.friction * (1.0 + unsure))
+        hold = belief.grasp.hold(belief.largest_friction)
         if hold is HoldStatus.HELD:
             self.belief, self._swings = belief, SwingWatch(self.frequency)
         return hold
@@ -275,7 +275,7 @@ class SqueezeControl:
             return
         if belief.jump > JUMP_LENGTH:
             self._fail(GripFault.NOT_HELD, walked)
-        elif belief.walk.slipped:
+        elif belief.slipped:
             self._fail(GripFault.SLIPPED, walked)
 
     def _fail(self, fault: GripFault, why: str) -> None:

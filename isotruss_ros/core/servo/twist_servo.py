@@ -13,7 +13,7 @@ before the measurement do not count, so motion resumes from any state of robot a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 import importlib
@@ -24,9 +24,7 @@ from isotruss_ros.core.holding.held_grip import HoldStatus
 from isotruss_ros.core.inputs import (
     CommandHistory,
     fresh_pressures,
-    Input,
     InputError,
-    PRESSURE_TIMEOUT,
     require_fresh,
     StampedInput,
 )
@@ -44,8 +42,9 @@ from isotruss_ros.core.manipulation.task import working_rollers
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.safety.roller_failure import FailureDetector
-from isotruss_ros.core.safety.shape_guard import ShapeBounds, ShapeGuard
+from isotruss_ros.core.safety.shape_guard import ShapeGuard
 from isotruss_ros.core.servo.decision import Decision, describe, halt_for, HaltError
+from isotruss_ros.core.servo.servo_settings import ServoInputs, ServoSettings
 from isotruss_ros.core.servo.squeeze_control import SqueezeControl
 import numpy as np
 
@@ -59,95 +58,95 @@ DETECTION_PERIOD = 0.02
 
 class TwistServo:
     """
-    State of the control loop: its settings and the latest input of each kind.
+    State of the control loop: settings, and the latest value of each input.
 
-    :ivar twist: input of (vx, vy, omega) in the robot frame [m/s, rad/s].
-    :ivar rollers: input of the measured `RollerState`.
-    :ivar pose: input of the measured `Pose` of the object, robot frame.
-    :ivar pressures: input of the (t,) gauge pressures of the tubes, with which the squeeze is
-        regulated; those of the robot file if None [Pa].
-    :ivar pressure_timeout: pressures older than this are not used [s].
-    :ivar estimate: input of the `EstimatedTravel` whose offsets the rollers have; None without
-        one.
-    :ivar stopped: status and reason of a halt that does not depend on inputs; None without one.
-    :ivar guard: bounds on the configuration; None for those of the robot file only.
-    :ivar limits: of the rollers and the members; those of the robot file to begin with.
-    :ivar slide_along_limits: rather than stop at limits of lengths and shapes.
-    :ivar max_acceleration: largest change of a roller's speed in a second; that of the robot file
-        to begin with. Halts do not obey it [m/s^2].
-    :ivar detector: detects rollers that fail; None for no detection.
-    :ivar squeeze: regulates how hard the robot squeezes; None keeps the angle of the grip (14).
-    :ivar grip: how the object is held, wherever it is: its pose is the measured one.
     :param robot: the robot.
-    :param grip: see there.
-    :param period: time from cycle to cycle [s].
-    :param timeout: inputs older than this stop the rollers [s].
+    :param settings: settings, see `apply`.
+    :raises GraspError: the robot has no such joint.
     """
 
-    def __init__(self, robot: Robot, grip: Grip, period: float, timeout: float) -> None:
+    def __init__(self, robot: Robot, settings: ServoSettings) -> None:
         self.robot = robot
-        self.grip = grip
-        self.period = period
-        self.timeout = timeout
-        self.twist: Input = None
-        self.rollers: Input = None
-        self.pose: Input = None
-        self.pressures: Input = None
-        self.pressure_timeout = PRESSURE_TIMEOUT
-        self.estimate: Input = None
-        self.stopped: tuple[Status, str] | None = None
-        self.guard: ShapeGuard | None = ShapeGuard(robot, ShapeBounds())
-        self.limits: Sequence[Limit] = default_limits(robot)
-        self.slide_along_limits = True
-        self.max_acceleration = robot.description.max_acceleration
-        self.detector: FailureDetector | None = None
-        self.squeeze: SqueezeControl | None = None
-        self._joint: str | None = None
-        self._failed: frozenset[str] = frozenset()
+        self._inputs = ServoInputs()
+        self._detector = FailureDetector(robot.roller_names, settings.failure_time)
+        self._squeeze: SqueezeControl | None = None
         self._history = CommandHistory(len(robot.roller_names))
-        self._regulated: float | None = None  # the time of the last cycle of the squeeze control
-        self._detected: float | None = None  # the time of the rollers that were compared last
+        self._regulated: float | None = None  # time of the last cycle of the squeeze control
+        self._detected: float | None = None  # time of the rollers compared last
         self._tracker = ConfigurationTracker(robot.home)
+        self._settings = settings
+        self.apply(settings)
         # SciPy loads its parts when they are first used: not in a cycle.
         for part in ('scipy.interpolate', 'scipy.optimize'):
             importlib.import_module(part)
 
     @property
-    def failed(self) -> frozenset[str]:
-        """Return the failed rollers, named or detected."""
-        return self._failed if self.detector is None else self._failed | self.detector.failed
-
-    @failed.setter
-    def failed(self, names: Collection[str]) -> None:
-        """
-        Set the named failed rollers; detected ones persist until `detector.reset`.
-
-        :param names: names of the rollers.
-        :raises GraspError: the robot has no such roller.
-        """
-        working_rollers(self.robot, frozenset(names))
-        self._failed = frozenset(names)
+    def settings(self) -> ServoSettings:
+        """Return the current settings."""
+        return self._settings
 
     @property
-    def joint(self) -> str | None:
-        """Return the name of the joint moved by twists; None for the object."""
-        return self._joint
+    def inputs(self) -> ServoInputs:
+        """Return the latest inputs."""
+        return self._inputs
 
-    @joint.setter
-    def joint(self, name: str | None) -> None:
-        """
-        Set the joint moved by twists; the rollers halt until the next twist.
+    @property
+    def detector(self) -> FailureDetector:
+        """Return the detector of failed rollers."""
+        return self._detector
 
-        :param name: of the joint, which moves without an object; None for the object.
-        :raises GraspError: the robot has no such joint.
+    @property
+    def squeeze(self) -> SqueezeControl | None:
+        """Return the squeeze control; None while the opening angle of the grip is kept."""
+        return self._squeeze
+
+    @property
+    def failed(self) -> frozenset[str]:
+        """Return the failed rollers, named or detected."""
+        return self._inputs.failed | self._detector.failed
+
+    def apply(self, settings: ServoSettings) -> None:
         """
-        if name == self._joint:
-            return
-        if name is not None:
-            check_joint(self.robot, name)
-        self._joint, self.twist = name, None
-        if self.squeeze is not None:
-            self.squeeze.acknowledge()
+        Replace the settings from the next cycle on.
+
+        Another joint discards the twist. Squeeze control without a fault and detected failures
+        continue; measurements by another failure time are discarded.
+
+        :param settings: new settings.
+        :raises GraspError: the robot has no such joint; nothing changes.
+        """
+        if settings.joint is not None:
+            check_joint(self.robot, settings.joint)
+        if settings.joint != self._settings.joint:
+            self._inputs = self._inputs._replace(twist=None)
+            if self._squeeze is not None:
+                self._squeeze.acknowledge()
+        if settings.failure_time != self._detector.failure_time:
+            self._detector.failure_time = settings.failure_time
+            self._detector.reset(())
+        if settings.squeeze is None:
+            self._squeeze = None
+        elif self._squeeze is None or self._squeeze.fault is not None:
+            self._squeeze = SqueezeControl(settings.squeeze)
+        else:
+            self._squeeze.settings = settings.squeeze
+        self._limits = (*default_limits(self.robot), *settings.limits)
+        self._guard: ShapeGuard | None = None
+        if settings.bounds is not None:
+            self._guard = ShapeGuard(self.robot, settings.bounds, settings.barriers)
+        self._settings = settings
+
+    def receive(self, **inputs: Any) -> None:
+        """
+        Replace inputs.
+
+        :param inputs: fields of `ServoInputs` by name.
+        :raises GraspError: the robot has no such failed roller; nothing changes.
+        """
+        if 'failed' in inputs:
+            inputs['failed'] = frozenset(inputs['failed'])
+            working_rollers(self.robot, inputs['failed'])
+        self._inputs = self._inputs._replace(**inputs)
 
     @single_threaded
     def decide(self, now: float) -> Decision:
@@ -158,24 +157,24 @@ class TwistServo:
 
         :param now: time on the clock of the inputs [s].
         """
-        self._history.discard_old(now, self.timeout + 2.0 * self.period)
-        self._detect()
-        twist, failed, squeeze = np.zeros(3), self.failed, self.squeeze
-        inputs: dict[str, Any] = {'twist': self.twist, 'joint_states': self.rollers}
-        if self._joint is None:
-            inputs['object_pose'] = self.pose
+        settings, received = self._settings, self._inputs
+        self._prepare(now)
+        twist, failed, squeeze = np.zeros(3), self.failed, self._squeeze
+        inputs: dict[str, Any] = {'twist': received.twist, 'joint_states': received.rollers}
+        if settings.joint is None:
+            inputs['object_pose'] = received.pose
         try:
-            if self.stopped is not None:
-                raise HaltError(*self.stopped)
-            given, rollers, *pose = require_fresh(now, self.timeout, **inputs)
+            if received.halt is not None:
+                raise HaltError(*received.halt)
+            given, rollers, *pose = require_fresh(now, settings.timeout, **inputs)
             twist = np.asarray(given.value)
             command = self._solve(twist, rollers, pose, now, failed)
-            told = '' if command.status is Status.OK else describe(command, self._joint is None)
+            told = '' if command.status is Status.OK else describe(command, settings.joint is None)
             message = '; '.join(filter(None, (told, squeeze and squeeze.note())))
         except IsotrussError as error:
             status, message = halt_for(error), str(error)
             if isinstance(error, InputError) and error.name != 'twist':  # which comes first
-                twist = np.asarray(self.twist.value)  # type: ignore[union-attr]
+                twist = np.asarray(received.twist.value)  # type: ignore[union-attr]
             if squeeze is not None and status is Status.HALT_NO_GRASP:
                 squeeze.lose()
             elif squeeze is not None:
@@ -197,28 +196,33 @@ class TwistServo:
 
     def command(self, velocities: Array, now: float) -> Array:
         """
-        Return given roller velocities (r,), limited, instead of those for a twist [m/s].
+        Return limited roller velocities (r,) for desired ones, instead of those for a twist [m/s].
 
-        They count for the prediction of the next commands and for the detection of failures.
+        They are part of the history for the prediction and the detection of failures.
 
-        :param velocities: (r,) that are asked for; zeros stop the rollers at once [m/s].
+        :param velocities: (r,) desired velocities; zeros stop the rollers at once [m/s].
         :param now: time on the clock of the inputs [s].
         """
-        self._history.discard_old(now, self.timeout + 2.0 * self.period)
-        self._detect()
+        self._prepare(now)
         last = np.zeros(len(velocities)) if self._history.last is None else self._history.last
         if velocities.any():
             velocities = limit_change(velocities, last, self._largest_change(now))
         self._history.record(now, velocities)
-        if self.squeeze is not None:
-            self.squeeze.acknowledge()
+        if self._squeeze is not None:
+            self._squeeze.acknowledge()
         return velocities
+
+    def _prepare(self, now: float) -> None:
+        """Discard old commands, and compare the others with the measured travel."""
+        self._history.discard_old(now, self._settings.timeout + 2.0 * self._settings.period)
+        self._detect()
 
     def _detect(self) -> None:
         """Compare the commanded roller travel with the measured one."""
-        if self.detector is None or not isinstance(self.rollers, StampedInput):
+        rollers = self._inputs.rollers
+        if not isinstance(rollers, StampedInput):
             return
-        state, time = self.rollers.value, self.rollers.time
+        state, time = rollers.value, rollers.time
         before = self._detected
         if before is not None and 0.0 <= time - before < DETECTION_PERIOD:
             return
@@ -226,8 +230,8 @@ class TwistServo:
         if before is not None and time > before:
             commanded = self._history.travel(before, time, commanded) / (time - before)
         self._detected = time
-        # Zeros that are corrected are no travel.
-        self.detector.update(state.positions - state.offsets, time, commanded)
+        # Corrections of the offsets are no travel.
+        self._detector.update(state.positions - state.offsets, time, commanded)
 
     def _solve(
         self,
@@ -243,41 +247,45 @@ class TwistServo:
         A command for the measured configuration, which is older, would have a first-order error.
         """
         config, grip, last = self._predict(rollers, pose, now, failed)
-        watch = None if self.guard is None else self.guard.watch(config, grip)
-        limits = self.limits if watch is None else (*self.limits, *watch.limits)
-        handling = LimitHandling(self.slide_along_limits, self.period)
+        watch = None if self._guard is None else self._guard.watch(config, grip)
+        period = self._settings.period
+        limits = self._limits if watch is None else (*self._limits, *watch.limits)
+        handling = LimitHandling(self._settings.slide_along_limits, period)
 
         def solve(grip: Grip, twist: Array, opening_rate: float = 0.0) -> RollerCommand:
             return solve_twist(config, grip, twist, failed, limits, handling, opening_rate)
 
         if grip is None:
             command = self._solve_joint(config, twist, failed, limits, handling)
-        elif self.squeeze is None:
+        elif self._squeeze is None:
             command = solve(grip, twist)
         else:
-            hold = self._follow(self.squeeze, config, grip, rollers, pose[0], now)
-            command = self._regulate(self.squeeze, hold, twist, solve)
+            hold = self._follow(self._squeeze, config, grip, rollers, pose[0], now)
+            command = self._regulate(self._squeeze, hold, twist, solve)
         asked = command
         if command.status < Status.HALT_NO_TWIST:
             change = self._largest_change(now)
             command = limit_acceleration(command, last, change, lambda: stack_rows(config, limits))
         if watch is not None:
-            command = watch.keep(command, last, self.period)
-        if grip is not None and self.squeeze is not None:
+            command = watch.keep(command, last, period)
+        if grip is not None and self._squeeze is not None:
             missing = asked.achieved_twist - command.achieved_twist
-            self.squeeze.advance(twist, asked, missing)
+            self._squeeze.advance(twist, asked, missing)
         return command
 
     @property
     def _touching(self) -> Grip:
         """Return the grip, with the contacts of the held object's model where there is one."""
-        belief = None if self.squeeze is None else self.squeeze.belief
-        return self.grip if belief is None else belief.grip
+        belief = None if self._squeeze is None else self._squeeze.belief
+        return self._settings.grip if belief is None else belief.grip
 
     def _largest_change(self, now: float) -> float:
         """Return the largest change of a roller's speed since the last command [m/s]."""
+        largest = self._settings.max_acceleration
+        if largest is None:
+            largest = self.robot.description.max_acceleration
         # Timers are early now and then; late cycles have held their command for longer.
-        return self.max_acceleration * max(self._history.elapsed(now, 0.0), self.period)
+        return largest * max(self._history.elapsed(now, 0.0), self._settings.period)
 
     def _solve_joint(
         self,
@@ -293,7 +301,7 @@ class TwistServo:
                 Status.HALT_INVALID_TWIST,
                 f'twist with {twist[2]:.4g} rad/s: a joint has no orientation; must be 0',
             )
-        velocities = {self._joint: twist[:2]}
+        velocities = {self._settings.joint: twist[:2]}
         found = solve_joint_velocity(config, velocities, failed, limits, handling)
         return replace(found, achieved_twist=np.append(found.achieved_twist, 0.0))
 
@@ -307,7 +315,7 @@ class TwistServo:
         """Return predicted robot and object at the midpoint of the cycle, and the last command."""
         still = np.array([name in failed for name in self.robot.roller_names])
         before, travel, last = self._history.expected_travel(
-            rollers, (pose or [rollers])[0].time, now, 0.5 * self.period, still
+            rollers, (pose or [rollers])[0].time, now, 0.5 * self._settings.period, still
         )
         measured, config = self._tracker.predict(rollers.value.positions, travel)
         if not pose:
@@ -325,10 +333,12 @@ class TwistServo:
             return
         self._regulated = now
         try:
-            if status not in AT_REST or self._joint is not None:
-                raise HaltError(status, 'where the object is is not known')
-            inputs: dict[str, Any] = {'joint_states': self.rollers, 'object_pose': self.pose}
-            rollers, pose = require_fresh(now, self.timeout, **inputs)
+            if status not in AT_REST or self._settings.joint is not None:
+                raise HaltError(status, 'the pose of the object is unknown')
+            received = self._inputs
+            inputs: dict[str, Any] = {'joint_states': received.rollers}
+            inputs['object_pose'] = received.pose
+            rollers, pose = require_fresh(now, self._settings.timeout, **inputs)
             config, grip, _ = self._predict(rollers, [pose], now, self.failed)
             self._regulated, known = before, squeeze.fault
             self._follow(squeeze, config, grip, rollers, pose, now)
@@ -348,15 +358,16 @@ class TwistServo:
         now: float,
     ) -> HoldStatus:
         """Propagate the belief of the held object to the midpoint of the cycle."""
-        estimate = self.estimate
+        settings, estimate = self._settings, self._inputs.estimate
         covariance = estimate.value.covariance if isinstance(estimate, StampedInput) else None
         squeeze.take_offsets(rollers.value.offsets, covariance)
-        squeeze.take_pressures(fresh_pressures(now, self.pressure_timeout, self.pressures))
+        pressures = self._inputs.pressures
+        squeeze.take_pressures(fresh_pressures(now, settings.pressure_timeout, pressures))
         # A loop that is late holds its commands for longer than its period.
         before, self._regulated = self._regulated, now
-        elapsed = 0.0 if before is None else min(now - before, self.timeout)
-        sample = pose.value, now + 0.5 * self.period - pose.time
-        return squeeze.follow(config, self.grip.moved_to(grip.body.pose), elapsed, sample)
+        elapsed = 0.0 if before is None else min(now - before, settings.timeout)
+        sample = pose.value, now + 0.5 * settings.period - pose.time
+        return squeeze.follow(config, settings.grip.moved_to(grip.body.pose), elapsed, sample)
 
     def _regulate(
         self,
@@ -369,4 +380,4 @@ class TwistServo:
         if squeeze.grasp is None or (hold is not HoldStatus.HELD and squeeze.fault is None):
             why = f'the object is not held: {hold.value}'
             raise HaltError(Status.HALT_NOT_HELD, '; '.join(filter(None, (why, squeeze.note()))))
-        return squeeze.solve(twist, self.period, partial(solve, squeeze.belief.grip))
+        return squeeze.solve(twist, self._settings.period, partial(solve, squeeze.belief.grip))

@@ -23,9 +23,6 @@ from isotruss_ros.core.numerics.tolerances import ROUNDING
 import numpy as np
 from numpy.typing import ArrayLike
 
-#: Largest number of substeps to locate slip in a change of configuration [-].
-MAX_SUBSTEPS = 64
-
 
 class ElasticObject:
     """
@@ -168,7 +165,7 @@ class ElasticObject:
                 before, done = found, share
                 continue
             part = 0.5 * part
-            if part < 1.0 / MAX_SUBSTEPS:
+            if part < 1.0 / 64.0:
                 self._body = self._body.moved_to(before.pose)
                 self._grasp, self.dropped = None, hold
                 return

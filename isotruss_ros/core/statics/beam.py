@@ -5,7 +5,7 @@
 Displacements of sections inside straight beams.
 
 EA, EI and GA are the section stiffness (Timoshenko; an infinite GA is an Euler-Bernoulli beam).
-What is inside of a beam is exact, so that a frame with loaded points anywhere needs no finer mesh.
+Displacements inside a beam are exact: a frame with loaded points anywhere needs no finer mesh.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ class Beams:
     z = (u, w, theta, N, V, M) of a section follow from those at the start, z(x) = exp(A x) z(0);
     loads are jumps of N, V and M (Pestel and Leckie, Matrix Methods in Elastomechanics, 1963).
 
-    :ivar length: (k,) [m].
-    :ivar series: (k, 4, 6, 6) terms A^n / n! of exp(A x); those beyond are zero.
+    :ivar length: (k,) lengths [m].
+    :ivar series: (k, 4, 6, 6) nonzero terms A^n / n! of exp(A x).
     :ivar by_ends: (k, 6, 6) z at the start by (ux, uy, theta) of start and end.
-    :param length: (k,) [m].
+    :param length: (k,) lengths [m].
     :param axial: (k,) EA [N].
     :param flexural: (k,) EI [N m^2].
     :param shear: (k,) GA [N], infinite for no shear deformation.
@@ -56,12 +56,12 @@ class Beams:
         """
         Return the displacements of points on the beams.
 
-        :param beam: (c,) which of the beams each point is on.
-        :param place: (c,) distance from its start [m].
+        :param beam: (c,) index of the beam of each point.
+        :param place: (c,) distance from the start of the beam [m].
         :return: the shape functions (c, 3, 6): along and across the beam, and the rotation of its
             sections, by (ux, uy, theta) at start and end; and the compliance (2, c, c)
-            along the beams, and across them, under unit forces at points while the ends are held
-            [m/N], zero between beams.
+            along and across the beams by unit forces at the points with fixed ends [m/N], zero
+            between beams.
         """
         series = self.series
         shapes = sum_series((series[:, :, :3] @ self.by_ends[:, None])[beam], place)
@@ -80,6 +80,6 @@ def sum_series(terms: Array, distance: Array) -> Array:
 
     :param terms: (k, 4, a, b) of `Beams.series`, or these times matrices.
     :param distance: (k,) x [m].
-    :return: (k, a, b).
+    :return: (k, a, b) sums.
     """
     return np.einsum('kn,knab->kab', distance[:, None] ** np.arange(4), terms)

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
-from isotruss_ros.core.statics.cut_frame import CutFrame
+from isotruss_ros.core.statics.cut_frame import CutFrame, keep_apart
 from isotruss_ros.core.statics.frame import end_forces, Frame, Tangent
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
@@ -32,7 +32,7 @@ SETTLED_MOTION, FOLLOWED_MOTION = 1e-9, 1e-4
 MAX_BENDS = 8
 #: Motions of places count that much less than those of nodes [-]: by the moments in tubes.
 PLACE_SHARE = 0.2
-#: Places are no nearer to the ends of their piece of tube than this [m].
+#: Cuts are no nearer to each other and to the ends of their piece of tube than this [m].
 SHORTEST_PART = 1e-3
 
 
@@ -127,7 +127,7 @@ class BentTubes:
         if not len(self.members):
             return frame, self.places, self.places
         pieces, within, ahead = self.structure.locate(self.members, self.places)
-        inside = np.clip(within, self.shortest, frame.length[pieces] - self.shortest)
+        inside = keep_apart(pieces, within, frame.length[pieces], self.shortest)
         return CutFrame(frame, pieces, inside), ahead, self.places + ahead * (inside - within)
 
     def bent_to(self, before: Displaced | None) -> BentTubes:

@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.statics.frame import Frame
 import numpy as np
@@ -54,3 +56,23 @@ class CutFrame(Frame):
         beyond = (last >= 0) & (whole[last] == piece)
         begin = np.where(beyond, places[last], 0.0)
         return np.where(beyond, behind[last], piece), within - begin
+
+
+def keep_apart(pieces: Indices, places: Array, length: Array, shortest: float) -> Array:
+    """
+    Return places on members that leave no part between them shorter than a length.
+
+    :param pieces: (c,) numbers of the members.
+    :param places: (c,) distances from the members' starts [m].
+    :param length: (c,) of the members [m].
+    :param shortest: length of the shortest part [m].
+    """
+    apart = np.clip(places, shortest, length - shortest)
+    order = np.lexsort((apart, pieces)).tolist()
+    pairs = [pair for pair in pairwise(order) if pieces[pair[0]] == pieces[pair[1]]]
+    for first, second in pairs:
+        apart[second] = max(apart[second], apart[first] + shortest)
+    apart = np.minimum(apart, length - shortest)
+    for first, second in reversed(pairs):
+        apart[first] = min(apart[first], apart[second] - shortest)
+    return apart

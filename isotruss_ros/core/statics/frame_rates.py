@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-How the frame of a robot changes with its rollers and pressures.
+Derivatives of the frame of a robot by roller travel and pressures.
 
-About the bent state nothing changes but rest lengths and sections of the tubes: nodes, bisections
-and supports are where they are.
+About the bent state only rest lengths and sections of the tubes change; nodes, bisections and
+supports are constant.
 """
 
 from __future__ import annotations
@@ -19,13 +19,14 @@ import numpy as np
 
 def section_rates(tubes: BentTubes, moved: Points, inflated: Array) -> Array:
     """
-    Return how tubes change with p parameters as places on them stay, (4, c, p).
+    Return the derivatives of tubes by p parameters at constant places on them, (4, c, p).
 
-    Rest length [m], EA [N], EI [N m^2] and GA [N] of the members of the cut frame; modules stay.
+    Rest length [m], EA [N], EI [N m^2] and GA [N] of the members of the cut frame; zero for
+    modules.
 
-    :param tubes: cut at the places.
-    :param moved: (N, p) of the nodes of the configuration, x + iy [m].
-    :param inflated: (t, p) of the gauge pressures of the tubes [Pa].
+    :param tubes: tubes cut at the places.
+    :param moved: (N, p) motion of the nodes of the configuration, x + iy [m].
+    :param inflated: (t, p) changes of the gauge pressures of the tubes [Pa].
     """
     structure, frame = tubes.structure, tubes.frame
     topology = structure.config.robot.topology

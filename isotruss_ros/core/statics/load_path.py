@@ -4,9 +4,8 @@
 """
 Equilibria of a frame under increasing loads, up to the limit load.
 
-At the limit load the stiffness is singular, and beyond it there is no stable equilibrium nearby:
-the number of negative pivots of the factored stiffness tells it, since Newton's method can pass a
-limit point without noticing.
+At the limit load the stiffness is singular, and beyond it no stable equilibrium is near. Newton's
+method can pass a limit point, so negative pivots of the factored stiffness are counted.
 """
 
 from __future__ import annotations
@@ -23,16 +22,14 @@ MAX_DISPLACEMENT_STEP = 0.01
 MAX_STEP_RATIO = 1.5
 #: Relative tolerance of a limit load [-].
 LIMIT_TOLERANCE = 1e-3
-#: Largest number of load steps [-].
-MAX_LOAD_STEPS = 400
 
 
 class LoadPath(NamedTuple):
     """
     Stable equilibria under increasing loads.
 
-    :ivar factors: (s,) shares of the given loads, rising from 0.
-    :ivar tangents: (s,) the frame there.
+    :ivar factors: (s,) increasing factors of the given loads, from 0.
+    :ivar tangents: (s,) linearised frames at these loads.
     :ivar limit: factor of the limit load; infinite if the path ends before.
     """
 
@@ -46,14 +43,14 @@ def follow_loads(frame: Frame, loads: Array, most: float, farthest: float = np.i
     Follow the equilibria of a frame from zero under increasing loads.
 
     :param frame: the frame.
-    :param loads: (n, 3) fx, fy [N], m [N m] on the nodes.
-    :param most: factor of the loads at which the path ends, if no limit comes before.
-    :param farthest: displacement of any node beyond which it ends [m].
+    :param loads: (n, 3) loads fx, fy [N], m [N m] on the nodes.
+    :param most: largest factor of the loads.
+    :param farthest: largest displacement of a node [m].
     :raises StructureError: the frame is a mechanism.
     """
     path = LoadPath([0.0], [frame.rest], np.inf)
     step = most
-    for _ in range(MAX_LOAD_STEPS):
+    for _ in range(400):
         factor, tangent = path.factors[-1], path.tangents[-1]
         if factor >= most or np.abs(tangent.displacements[:, :2]).max() > farthest:
             return path

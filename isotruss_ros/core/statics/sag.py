@@ -13,20 +13,20 @@ from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.statics.deform import deform
 import numpy as np
 
-#: Weights explain this share of the squared displacements, the largest of which is this long [m].
-#: Zeros that are wrong by 10 mm do so once in a hundred robots.
+#: Smallest explained share of the squared displacements [-], and smallest largest displacement
+#: [m], of an upright robot. Roller offsets of 10 mm exceed both once in a hundred robots.
 EXPLAINED, LEAST_SAG = 0.95, 5e-3
 
 
 class Sag(NamedTuple):
     """Fit of a uniform weight to displaced joints."""
 
-    weight: Array  #: (2,) of each module, robot frame [N]
-    explained: float  #: share of the squared displacements [-]
-    largest: float  #: displacement of a joint [m]
+    weight: Array  #: (2,) weight of each module, robot frame [N]
+    explained: float  #: explained share of the squared displacements [-]
+    largest: float  #: largest displacement of a joint [m]
 
     def __str__(self) -> str:
-        """Return the finding in words."""
+        """Return the fit in words."""
         x, y = self.weight.tolist()
         return (
             f'the joints hang by up to {1e3 * self.largest:.0f} mm as if each module weighed '
@@ -44,8 +44,8 @@ def find_sag(config: Configuration, joints: Mapping[str, tuple[float, float]]) -
     """
     Fit a uniform weight of all modules to measured joints; None with too few of them.
 
-    :param config: by the rollers, without loads.
-    :param joints: (x, y) by the name of the joint, robot frame [m].
+    :param config: unloaded configuration at the roller travel.
+    :param joints: measured (x, y) by the name of the joint, robot frame [m].
     :raises StructureError: see `deform`.
     """
     if 2 * len(joints) <= len(config.roller_positions):

@@ -4,7 +4,7 @@
 """
 Section stiffness of the inflated tube: interface of its models, and the default theory.
 
-A length is that of a whole member, pinch to pinch; a gauge pressure is that of its tube.
+Lengths are those of whole members, pinch to pinch; gauge pressures are those of their tubes.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 #: Assumed E t and G t of the fabric [N/m], of the order of thin coated cloth.
 MEMBRANE_MODULUS = 6.0e4
 MEMBRANE_SHEAR_MODULUS = 1.0e4
-#: c of k_end = c p R, from the pillow of `InflatableBeam`: theory.
+#: Theoretical c of k_end = c p R, from the pillow of `InflatableBeam` [-].
 END_SOFTENING = 2.0 * np.pi / (4.0 - np.pi)
 #: Shear coefficient of a thin circular tube [-].
 SHEAR_COEFFICIENT = 0.5
@@ -36,7 +36,7 @@ class SectionStiffness(NamedTuple):
 
     :ivar axial: (k,) EA [N].
     :ivar flexural: (k,) EI [N m^2].
-    :ivar shear: (k,) GA [N], infinite where nothing shears.
+    :ivar shear: (k,) GA [N], infinite without shear.
     """
 
     axial: Array
@@ -67,9 +67,9 @@ class TubeStiffness(Protocol):
         """
         Return the section stiffness of whole members.
 
-        :param length: (k,) pinch to pinch [m].
-        :param pressure: (k,) or one for all, gauge [Pa].
-        :raises StructureError: no stiffness belongs to this length and pressure.
+        :param length: (k,) lengths, pinch to pinch [m].
+        :param pressure: (k,) gauge pressures, or one for all [Pa].
+        :raises StructureError: no stiffness exists at this length and pressure.
         """
 
     @classmethod
@@ -77,8 +77,8 @@ class TubeStiffness(Protocol):
         """
         Return the model of a robot file.
 
-        :param block: `stiffness` of the file without the name of the model; of checked form.
-        :param description: all that the file says.
+        :param block: block `stiffness` of the file without the name of the model, already checked.
+        :param description: description of the robot.
         """
 
 
@@ -87,21 +87,21 @@ class InflatableBeam:
     """
     Theoretical inflatable beam of Le Van and Wielgosz, with pinched ends.
 
-    EI and GA are theirs (Thin-Walled Structures 43 (2005) 1166-1187 and 45 (2007) 221-236). The
-    pressure pulls with P = p pi R^2, EI = (E + P/S0) I0 and GA = P + kappa G S0, S0 = 2 pi R t,
-    I0 = pi R^3 t.
+    EI and GA are those of their theory (Thin-Walled Structures 43 (2005) 1166-1187 and 45 (2007)
+    221-236). The pressure pulls with P = p pi R^2, EI = (E + P/S0) I0 and GA = P + kappa G S0, S0
+    = 2 pi R t, I0 = pi R^3 t.
 
     EA is an assumption: the wall and both ends in series, k_axial^-1 = L/(E t 2 pi R) + 2/(c p R).
-    A pinched end changes its shape and stretches no fabric, so that only the pressure makes it
-    stiff. The default c is that of a pillow: two inextensible sheets pi R/2 wide that leave the
-    pinch line and run into the tube tangentially, R from the axis. Under an end force F (pull)
-    both are arcs of radius rho = R + F/(pi R p) over an angle alpha, cos alpha = 1 - R/rho. The
-    end lengthens by rho (sin alpha - alpha) + const.; its slope at F = 0 gives c = 2 pi/(4 - pi).
+    A pinched end changes its shape without stretching the fabric, so only the pressure resists.
+    The default c is that of a pillow: two inextensible sheets of width pi R/2 from the pinch line
+    tangentially into the tube, R from the axis. Under an end force F (pull) both are arcs of
+    radius rho = R + F/(pi R p) over an angle alpha, cos alpha = 1 - R/rho. The end lengthens by
+    rho (sin alpha - alpha) + const.; its slope at F = 0 gives c = 2 pi/(4 - pi).
 
     :param radius: R [m].
     :param membrane_modulus: E t [N/m].
     :param membrane_shear_modulus: G t [N/m].
-    :param end_softening: c.
+    :param end_softening: c [-].
     """
 
     radius: float
@@ -115,7 +115,7 @@ class InflatableBeam:
         return Fabric(self.membrane_modulus, self.membrane_shear_modulus)
 
     def section_stiffness(self, length: ArrayLike, pressure: ArrayLike) -> SectionStiffness:
-        """Return EA, by the length, and EI and GA; see `TubeStiffness.section_stiffness`."""
+        """Return EA by the length, EI and GA; see `TubeStiffness.section_stiffness`."""
         length, pressure = broadcast_members(length, pressure)
         R = self.radius
         force = pressure * np.pi * R**2
@@ -139,9 +139,9 @@ def broadcast_members(length: ArrayLike, pressure: ArrayLike) -> tuple[Array, Ar
     """
     Return lengths and gauge pressures as arrays (k,).
 
-    :param length: (k,) [m].
-    :param pressure: (k,) or one for all [Pa].
-    :raises StructureError: a value is not a positive number; names the first.
+    :param length: (k,) lengths [m].
+    :param pressure: (k,) gauge pressures, or one for all [Pa].
+    :raises StructureError: a value is not a positive number.
     """
     length = np.atleast_1d(np.asarray(length, dtype=float))
     pressure = np.asarray(pressure, dtype=float)
@@ -162,13 +162,12 @@ def tube_pressures(
     """
     Return the gauge pressure of each tube, in the order of the robot file.
 
-    :param description: of the robot.
-    :param pressure: gauge [Pa]: a number for all tubes, (t,) numbers in the order of the robot
-        file, or a mapping from names of tubes, in which tubes may be missing; what is not given
-        is as in the robot file.
-    :return: (t,) [Pa].
+    :param description: description of the robot.
+    :param pressure: gauge pressure [Pa]: one for all tubes, (t,) in the order of the robot file,
+        or a mapping from names of tubes; default: those of the robot file.
+    :return: (t,) gauge pressures [Pa].
     :raises StructureError: no such tube, another number of pressures than tubes, or a pressure
-        that is not a positive number.
+        that is not a positive number from 1e-3 to 1e7 Pa.
     """
     found = dict(description.pressures)
     if pressure is None:
@@ -195,13 +194,16 @@ def tube_pressures(
         (found[tube],) = finite_array([value], 1, what, StructureError).tolist()
         if found[tube] <= 0.0:
             raise StructureError(f'{what}: {value!r}: must be a positive number')
+        # A range for what is computed with it, wider than that of any cloth.
+        if not 1e-3 <= found[tube] <= 1e7:
+            raise StructureError(f'{what}: {value!r}: must be from 1e-3 to 1e7')
     return tuple(found.values())
 
 
 def as_floats(block: Mapping[str, Any]) -> dict[str, float]:
     """
-    Return numbers as floats, since integers of YAML overflow differently.
+    Return a block with numbers as floats, since integers of YAML overflow differently.
 
-    :param block: of a robot file.
+    :param block: block of a robot file.
     """
     return {key: float(value) for key, value in block.items()}

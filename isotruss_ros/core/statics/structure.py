@@ -5,9 +5,9 @@
 Frame of the robot: nodes and members of each module (Fig. 1b), tubes, bisection (3).
 
 A module's triangle ABC is rigid; the tube goes from C through the guide ring E and from B through
-D. The rings sit on arms that turn about B and C and are coupled by (3): they guide the tube
-across, and it runs through them along. Constraints come with multipliers, so that the matrix of
-(4) is symmetric.
+D. The rings are on arms that rotate about B and C, coupled by (3): they guide the tube
+across its axis and leave it free along. Constraints have multipliers, so the matrix of (4) is
+symmetric.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ class Structure:
     Nodes are numbered joints first, then B, C, D, E of module after module. Members: AB, AC, BC,
     the tube pieces BD and CE, and the long tube pieces DE'; m of each.
 
-    :param config: where the robot is.
-    :param pressures: see `tube_pressures` [Pa].
-    :ivar tube: how stiff the tube is.
+    :param config: configuration of the robot.
+    :param pressures: gauge pressures [Pa], see `tube_pressures`.
+    :ivar tube: stiffness of the tube.
     :ivar pressures: (t,) gauge pressure of each tube, in the order of the robot file [Pa].
-    :ivar pieces: (3, m) numbers of the tube's pieces among the members of the frame: BD and CE of
+    :ivar pieces: (3, m) indices of the tube's pieces among the members of the frame: BD and CE of
         each module, DE' of each member.
-    :ivar owners: (3, m) the members of the robot that these are part of.
-    :raises StructureError: no stiffness belongs to a member's length and pressure.
+    :ivar owners: (3, m) indices of the robot's members with these pieces.
+    :raises StructureError: no stiffness exists at a member's length and pressure.
     """
 
     def __init__(self, config: Configuration, pressures: tuple[float, ...]) -> None:
@@ -75,10 +75,10 @@ class Structure:
         """
         Return the pieces of tube at points, and the positions on these.
 
-        :param members: (c,) numbers of the members.
+        :param members: (c,) indices of the members.
         :param places: (c,) distances from the members' starts [m].
-        :return: (c,) numbers of the pieces in the frame; (c,) distances from their starts [m]; and
-            (c,) 1 where they run along their member, -1 where backward.
+        :return: (c,) indices of the pieces in the frame; (c,) distances from their starts [m]; and
+            (c,) 1 for pieces along their member, -1 for backward ones.
         """
         robot, left = self.config.robot, self.config.member_lengths[members] - places
         ring = robot.description.module.guide_ring_distance
@@ -123,16 +123,16 @@ class FrameLayout(NamedTuple):
     """
     Data of the frame that are independent of the configuration.
 
-    :ivar tube: how stiff the tube is.
+    :ivar tube: stiffness of the tube.
     :ivar node_names: joints first, then B, C, D, E of module after module.
-    :ivar places: number of each node by its name.
-    :ivar b: (m,) numbers of the nodes B; C, D and E follow.
-    :ivar members: see `Structure`, without their stiffness.
-    :ivar held: (n, 3) which of ux, uy, theta are held by supports.
-    :ivar bisection: rows of (3), without their entries' values.
-    :ivar pattern: of the frame.
-    :ivar pieces: (3, m) members that are pieces of tube, see `Structure`.
-    :ivar owners: (3, m) the members of the robot that these are part of.
+    :ivar places: index of each node by its name.
+    :ivar b: (m,) indices of the nodes B; C, D and E follow.
+    :ivar members: members of `Structure`, without stiffness.
+    :ivar held: (n, 3) mask of ux, uy, theta fixed by supports.
+    :ivar bisection: rows of (3) without values.
+    :ivar pattern: sparsity pattern of the frame.
+    :ivar pieces: (3, m) indices of the tube's pieces, see `Structure`.
+    :ivar owners: (3, m) indices of the robot's members with these pieces.
     """
 
     tube: TubeSections
@@ -203,12 +203,12 @@ def structure_of(config: Configuration, pressure: Pressure | None = None) -> Str
     """
     Return the frame of a robot in one configuration; the last few are cached.
 
-    :param config: where the robot is.
-    :param pressure: gauge [Pa], see `tube_pressures`; that of the robot file if None.
-    :raises StructureError: see `Structure`, and for a pressure that is not usable.
+    :param config: configuration of the robot.
+    :param pressure: gauge pressure [Pa], see `tube_pressures`; None: that of the robot file.
+    :raises StructureError: see `Structure`, or an invalid pressure.
     """
     return _structure(config, tube_pressures(config.robot.description, pressure))
 
 
-#: Of Configuration and tube pressures.
+#: Cache of `structure_of` by configuration and tube pressures.
 _structure = functools.lru_cache(maxsize=8)(Structure)

@@ -4,9 +4,9 @@
 """
 Stiffness models of the inflated tube, for the block `stiffness` of robot files.
 
-Each turns lengths and gauge pressures into the section stiffness EA, EI, GA of Timoshenko beams. A
-length is that of a whole member, pinch to pinch: its pieces inherit the section stiffness of the
-member, so that cutting it changes nothing at its ends. See docs/tube_stiffness.md.
+A model maps lengths and gauge pressures to the section stiffness EA, EI, GA of Timoshenko beams.
+Lengths are those of whole members, pinch to pinch: pieces inherit the section stiffness of their
+member, so the end stiffness does not depend on cuts. See docs/tube_stiffness.md.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from isotruss_ros.core.statics.section import (
 import numpy as np
 from numpy.typing import ArrayLike
 
-#: Relative half step of finite differences by length and pressure [-]: the error is about its
+#: Relative half step of finite differences by length and pressure [-], with an error of about its
 #: square plus rounding over it.
 DIFFERENCE_STEP = 1e-5
 
@@ -46,14 +46,14 @@ class Section:
     """
     Given EA, EI and GA for any length, at one pressure.
 
-    At another pressure EI and GA differ by what its pull P = p pi R^2 adds to them in the theory
-    of `InflatableBeam`: P R^2 / 2 and P.
+    At another pressure EI and GA differ by the terms P R^2 / 2 and P of its pull P = p pi R^2, as
+    in `InflatableBeam`.
 
     :param axial_rigidity: EA [N].
     :param flexural_rigidity: EI [N m^2].
     :param shear_rigidity: GA [N].
     :param radius: R [m].
-    :param pressure: at which the three numbers hold, gauge [Pa].
+    :param pressure: gauge pressure of the three numbers [Pa].
     """
 
     axial_rigidity: float
@@ -67,7 +67,7 @@ class Section:
         """
         Return the three numbers for each length; see `TubeStiffness.section_stiffness`.
 
-        :raises StructureError: at so low a pressure the three numbers leave nothing.
+        :raises StructureError: EI or GA is not positive at a low pressure.
         """
         length, pressure = broadcast_members(length, pressure)
         pull = (pressure - self.pressure) * np.pi * self.radius**2
@@ -88,7 +88,7 @@ class Section:
         """
         Return the three numbers of a robot file; see `TubeStiffness.of_block`.
 
-        Without a pressure of their own they hold at that of the file, one for all tubes.
+        Without a pressure of their own they are those at the pressure of the file.
         """
         at = {'pressure': next(iter(description.pressures.values()))}
         return cls(**as_floats(at | dict(block)), radius=0.5 * description.tube_diameter)
@@ -99,12 +99,12 @@ class PowerLaw:
     """
     Measured end stiffnesses of a member, as power laws of pressure and length.
 
-    :param axial: P / delta x of a member from pinch to pinch, the other end held [N/m].
+    :param axial: P / delta x of a member from pinch to pinch, the other end fixed [N/m].
     :param transverse: V / delta y of one end of a tube from guide ring to guide ring, the
-        rotations of both ends held [N/m].
+        rotations of both ends fixed [N/m].
     :param rotary: M / delta theta of one end of a tube from guide ring to guide ring, its
-        translations and the other end held [N m/rad].
-    :param guide_ring_distance: g, from each pinch point to its guide ring [m].
+        translations and the other end fixed [N m/rad].
+    :param guide_ring_distance: distance g of each pinch point from its guide ring [m].
     """
 
     axial: Law
@@ -144,10 +144,10 @@ class PowerLaw:
         k_axial = EA/L, k_transverse = 12 EI / (l^3 (1 + phi)) and
         k_rotary = (4 + phi) EI / (l (1 + phi)), where phi = 12 EI / (GA l^2).
 
-        :param length: (k,) of whole members, pinch to pinch [m].
-        :param pressure: (k,) or one for all, gauge [Pa].
-        :raises StructureError: a member does not hold its guide rings, a law gives no stiffness,
-            or no beam has such stiffnesses; names length and pressure.
+        :param length: (k,) lengths of whole members, pinch to pinch [m].
+        :param pressure: (k,) gauge pressures, or one for all [Pa].
+        :raises StructureError: a member is shorter than its guide rings, a law has no stiffness,
+            or no beam has these stiffnesses; names length and pressure.
         """
         length, pressure = broadcast_members(length, pressure)
         axial, transverse, rotary = self._end_stiffnesses(length, pressure)
@@ -182,7 +182,7 @@ class TubeSections:
     Sections of tubes scaled by a measured factor, with derivatives.
 
     :ivar model: the model.
-    :ivar scale: stiffness against that of the model, positive [-].
+    :ivar scale: stiffness relative to the model, positive [-].
     """
 
     model: TubeStiffness
@@ -202,11 +202,11 @@ class TubeSections:
         """
         Return the derivatives of 1 / EA, 1 / EI and 1 / GA of whole members, (3, k) each.
 
-        They are central differences, so that a model needs none of its own.
+        Central differences: a model needs no derivatives.
 
-        :param length: (k,) pinch to pinch [m].
-        :param pressure: (k,) gauge [Pa].
-        :return: per length [1/m], and per gauge pressure [1/Pa].
+        :param length: (k,) lengths, pinch to pinch [m].
+        :param pressure: (k,) gauge pressures [Pa].
+        :return: derivatives by length [1/m], and by gauge pressure [1/Pa].
         """
         shares = (
             DIFFERENCE_STEP * np.array([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]])[:, :, None]
@@ -232,7 +232,7 @@ def tube_stiffness(description: RobotDescription) -> TubeSections:
     """
     Return the stiffness model of a robot file.
 
-    :param description: of the robot; its block `stiffness` was checked when the file was read.
+    :param description: description of the robot, with a checked block `stiffness`.
     """
     block, scale = dict(description.stiffness), description.stiffness_scale
     model = MODELS[block.pop('model')].of_block(block, description)

@@ -22,8 +22,8 @@ def to_grip_message(record: GripRecord, robot: Robot, when: float) -> HeldGripMe
     """
     Return the message of a held grip.
 
-    :param record: of the grip.
-    :param robot: that holds the object.
+    :param record: record of the grip.
+    :param robot: robot that holds the object.
     :param when: time for which it holds [s].
     """
     contacts = record.contacts
@@ -44,8 +44,8 @@ def read_grip(message: HeldGripMessage, robot: Robot) -> GripRecord:
     """
     Return the record of a held grip.
 
-    :param message: of the topic `manipulation/grip`.
-    :param robot: that holds the object.
+    :param message: message of the topic `manipulation/grip`.
+    :param robot: robot that holds the object.
     :raises MessageError: another frame, contacts that are not the robot's, or lists that do not
         fit together or are not finite.
     """

@@ -42,8 +42,8 @@ def make_header(when: float, frame: str = '') -> Header:
     """
     Return a header.
 
-    :param when: its stamp, zero for negative times [s].
-    :param frame: its frame.
+    :param when: time of the stamp, zero for negative times [s].
+    :param frame: name of the frame.
     """
     seconds, nanoseconds = divmod(max(0, round(1e9 * when)), 1_000_000_000)
     return Header(stamp=Time(sec=seconds, nanosec=nanoseconds), frame_id=frame)

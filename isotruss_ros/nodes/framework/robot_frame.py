@@ -56,7 +56,7 @@ class RobotFrame:
         Return the robot's frame with the transforms received by a node, if tf2 is installed.
 
         :param node: subscriber of `/tf` and `/tf_static`.
-        :param robot: see above.
+        :param robot: the robot.
         """
         if Buffer is None:
             return cls(robot)

@@ -19,6 +19,7 @@ from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.estimation.roller_parts import RollerParts
 from isotruss_ros.core.inputs import (
     Input,
+    InputFault,
     keep_latest,
     RejectedInput,
     require_fresh,
@@ -49,6 +50,7 @@ class Inputs:
     Each message passes a `Gate` and becomes a StampedInput (stamped by the node's clock without a
     header), or a RejectedInput with the reason.
 
+    :ivar holder: object with the inputs as attributes.
     :param node: subscribing node.
     :param robot: robot with the rollers, tubes and frame of the messages.
     :param holder: object with the inputs as attributes; its `timeout` is the largest age of an
@@ -59,7 +61,7 @@ class Inputs:
     def __init__(
         self, node: StoppableNode, robot: Robot, holder: Any, setting: str = 'command_timeout'
     ) -> None:
-        self._node, self._robot, self._holder = node, robot, holder
+        self._node, self._robot, self.holder = node, robot, holder
         self._setting = setting
         self._gates: dict[str, Gate] = {}
         #: Descriptions of the attributes.
@@ -69,6 +71,28 @@ class Inputs:
         self._pressures: dict[str, Input] = {}
         #: Last rejected pressure with its time [s].
         self._bad_pressure: tuple[RejectedInput | None, float] = None, -math.inf
+
+    @property
+    def timeouts(self) -> Any:
+        """Return the object with the largest ages of inputs."""
+        return self.holder
+
+    def latest(self, name: str) -> Input:
+        """
+        Return the latest value of an input.
+
+        :param name: name of the attribute of the holder.
+        """
+        return getattr(self.holder, name)
+
+    def store(self, name: str, given: Input) -> None:
+        """
+        Replace an input.
+
+        :param name: name of the attribute of the holder.
+        :param given: the new value.
+        """
+        setattr(self.holder, name, given)
 
     def keep(
         self,
@@ -97,20 +121,19 @@ class Inputs:
         :param oldest: largest age [s]; None: that of the holder.
         """
         words = words or topic.replace('_', ' ').replace('/', ' ')
-        holder = self._holder
 
         def receive(received: StampedInput | RejectedInput) -> None:
             valid = isinstance(received, StampedInput)
-            erased = stops and not valid and received.fault == 'INVALID'
-            kept = None if erased else getattr(holder, name)
-            setattr(holder, name, keep_latest(kept, received, self._node.now()))
+            erased = stops and not valid and received.fault is InputFault.INVALID
+            kept = None if erased else self.latest(name)
+            self.store(name, keep_latest(kept, received, self._node.now()))
             if valid and take is not None:
                 take(received)  # type: ignore[arg-type]
 
         def timeout() -> tuple[str, float]:
             if name == 'pressures':
-                return 'pressure_timeout', holder.pressure_timeout
-            return ('', oldest) if oldest else (self._setting, holder.timeout)
+                return 'pressure_timeout', self.timeouts.pressure_timeout
+            return ('', oldest) if oldest else (self._setting, self.timeouts.timeout)
 
         self._words[name] = words
         label, every = words.replace(' ', '_'), take is not None
@@ -131,7 +154,7 @@ class Inputs:
         if isinstance(received, StampedInput):
             self._parts.take(received.value, received.time, self._node.now())
             received = self._parts.merged()
-        estimate = getattr(self._holder, 'estimate', None)
+        estimate = self.latest('estimate') if 'estimate' in self._gates else None
         if isinstance(estimate, StampedInput):
             self._offsets = estimate.value.offsets
         if isinstance(received, StampedInput):
@@ -232,17 +255,17 @@ class Inputs:
         self._pressures.clear()
         for name, gate in self._gates.items():
             gate.clear()
-            known = getattr(self._holder, name) is not None
-            setattr(self._holder, name, None)
+            known = self.latest(name) is not None
+            self.store(name, None)
             if name == 'pressures' and known:  # not replaced by the pressures of the robot file
                 why = 'tube pressures: none since the clock jumped or stopped'
-                setattr(self._holder, name, RejectedInput(why))
+                self.store(name, RejectedInput(why))
 
     def describe_ages(self) -> dict[str, object]:
         """Return the ages of the inputs [s], or the reasons of missing ones."""
         ages = {}
         for name, words in self._words.items():
-            given = getattr(self._holder, name)
+            given = self.latest(name)
             if isinstance(given, StampedInput):
                 age = f'{self._node.now() - given.time:.4f}'
             else:

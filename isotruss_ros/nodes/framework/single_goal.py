@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 import enum
 import math
 import time
@@ -28,12 +28,6 @@ class Ending(enum.Enum):
     SUCCEEDED = 'succeed'
     CANCELED = 'canceled'
     ABORTED = 'abort'
-
-
-#: Final states by names of outcomes; other outcomes are aborted.
-ENDINGS = {'CANCELLED': Ending.CANCELED, 'PREEMPTED': Ending.ABORTED} | dict.fromkeys(
-    ('FOUND', 'REACHED', 'SUCCEEDED'), Ending.SUCCEEDED
-)
 
 
 class BusyError(IsotrussError):
@@ -139,18 +133,26 @@ class SingleGoal:
         self._ended[_key(self._handle)].set_result((ending, self._stamp(result)))
         self._set_active(None)
 
-    def report_end(self, outcome: enum.Enum, result: Any, idle: str, prefix: str = '') -> None:
+    def report_end(
+        self,
+        outcome: enum.Enum,
+        endings: Mapping[Any, Ending],
+        result: Any,
+        idle: str,
+        prefix: str = '',
+    ) -> None:
         """
         End the active goal, and report its result in the diagnostics and the log.
 
         :param outcome: reason of the end.
+        :param endings: final states by expected outcomes; other outcomes are aborted.
         :param result: result message with the reason.
         :param idle: text of the node's activity from now on.
         :param prefix: prefix of the report.
         """
-        self.end(ENDINGS.get(outcome.name, Ending.ABORTED), result)
+        self.end(endings.get(outcome, Ending.ABORTED), result)
         text = f'{prefix}{outcome.name.lower().replace("_", " ")}: {result.message}'
-        good, logger = outcome.name in ENDINGS, self._node.get_logger()
+        good, logger = outcome in endings, self._node.get_logger()
         level = DiagnosticStatus.OK if good else DiagnosticStatus.WARN
         self._node.diagnostics.set_status(level, f'{idle}; last goal {text}')
         if good:

@@ -41,6 +41,7 @@ from isotruss_ros.nodes.grasp.grasp_report import (
     GraspCode,
     GraspQuery,
     GraspReport,
+    INPUT_CODES,
 )
 import numpy as np
 
@@ -105,7 +106,7 @@ class GraspMonitor:
             pressures = fresh_pressures(now, self.pressure_timeout, self.pressures)
             body = self.query.body.moved_to(pose.value)
         except InputError as error:
-            return GraspReport(GraspCode[error.code], str(error), now)
+            return GraspReport(INPUT_CODES[error.name, error.fault], str(error), now)
         except GraspError as error:
             return GraspReport(GraspCode.INVALID_REQUEST, str(error), now)
         query = self.query._replace(
@@ -140,7 +141,7 @@ class GraspMonitor:
                 return replace(_analyze(query, self.robot.configuration), time=now)
             (rollers,) = require_fresh(now, self.timeout, joint_states=self.rollers)
         except InputError as error:
-            return GraspReport(GraspCode[error.code], str(error), now)
+            return GraspReport(INPUT_CODES[error.name, error.fault], str(error), now)
         query = query._replace(roller_positions=tuple(rollers.value.positions.tolist()))
         return replace(_analyze(query, self._tracker.configuration), time=rollers.time)
 

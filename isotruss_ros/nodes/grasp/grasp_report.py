@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.holding.settled_grasp import SettledGrasp
+from isotruss_ros.core.inputs import InputFault
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
 
@@ -40,6 +41,21 @@ class GraspCode(enum.IntEnum):
     def __str__(self) -> str:
         """Return the name as words."""
         return self.name.lower().replace('_', ' ')
+
+
+#: Codes by names and faults of inputs.
+INPUT_CODES = {
+    ('joint_states', InputFault.MISSING): GraspCode.NO_JOINT_STATES,
+    ('joint_states', InputFault.STALE): GraspCode.STALE_JOINT_STATES,
+    ('joint_states', InputFault.INVALID): GraspCode.INVALID_JOINT_STATES,
+    ('object_pose', InputFault.MISSING): GraspCode.NO_OBJECT_POSE,
+    ('object_pose', InputFault.STALE): GraspCode.STALE_OBJECT_POSE,
+    ('object_pose', InputFault.INVALID): GraspCode.INVALID_OBJECT_POSE,
+    ('external_wrench', InputFault.STALE): GraspCode.STALE_EXTERNAL_WRENCH,
+    ('external_wrench', InputFault.INVALID): GraspCode.INVALID_EXTERNAL_WRENCH,
+    ('tube_pressures', InputFault.STALE): GraspCode.STALE_TUBE_PRESSURES,
+    ('tube_pressures', InputFault.INVALID): GraspCode.INVALID_TUBE_PRESSURES,
+}
 
 
 class GraspQuery(NamedTuple):

@@ -99,12 +99,13 @@ def describe_reachable_twists(servo: TwistServo) -> str:
 
     :param servo: servo with the inputs.
     """
-    rollers, pose = servo.rollers, servo.pose
+    rollers, pose = servo.inputs.rollers, servo.inputs.pose
     if not isinstance(rollers, StampedInput) or not isinstance(pose, StampedInput):
         return 'unknown without joint states and object pose'
     try:
         config = servo.robot.configuration(rollers.value.positions)
-        twists = reachable_twists(config, servo.grip.moved_to(pose.value), servo.failed)
+        grip = servo.settings.grip.moved_to(pose.value)
+        twists = reachable_twists(config, grip, servo.failed)
     except IsotrussError as error:
         return f'unknown: {error}'
     listed = ', '.join(f'({vx:.3g}, {vy:.3g}, {omega:.3g})' for vx, vy, omega in twists)

@@ -10,17 +10,21 @@ from isotruss_ros.core import Status, TwistServo
 from isotruss_ros.core.inputs import RejectedInput, StampedInput
 from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint
 from isotruss_ros.core.model.topology import check_roller_names
+from isotruss_ros.core.servo.servo_settings import ServoSettings
 from isotruss_ros.nodes.conversions.messages import check_frame, read_twist
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.commands import RollerCommands
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import ParameterError, Spec, Value
-from isotruss_ros.nodes.framework.sensors import Inputs
 from isotruss_ros.nodes.framework.topics import NEWEST, take_waiting
 from isotruss_ros.nodes.manipulation.emergency_stop import EmergencyStop
 from isotruss_ros.nodes.manipulation.failed_rollers import describe_reachable_twists, FailedRollers
-from isotruss_ros.nodes.manipulation.servo_settings import apply_settings, make_grip, StatusReport
+from isotruss_ros.nodes.manipulation.servo_settings import (
+    make_settings,
+    ServoSubscriptions,
+    StatusReport,
+)
 from isotruss_ros.nodes.manipulation.servo_settings import SPECS as SERVO_SPECS
 from isotruss_ros.nodes.manipulation.trajectory_following import TrajectoryFollowing
 from rclpy.parameter import Parameter
@@ -69,16 +73,10 @@ class Manipulation(ManagedNode):
         values = self.values
         self._described = common.read_described(values)
         self._report = StatusReport(self, self.robot)
-        self._servo = TwistServo(
-            self.robot,
-            make_grip(self.robot, values, self._described),
-            period=1.0 / values.rate,
-            timeout=values.command_timeout,
-        )
-        self.prepare(self._servo)
+        self._servo = TwistServo(self.robot, self._make_settings())
         self._trajectory = TrajectoryFollowing(self, self._servo)
         self._commands = RollerCommands(self, len(self.robot.roller_names))
-        inputs = self.inputs = Inputs(self, self.robot, self._servo)
+        inputs = self.inputs = ServoSubscriptions(self, self.robot, self._servo)
         stamped = values.use_stamped_twist
         kind, read = (TwistStamped, self._read_stamped_twist) if stamped else (Twist, read_twist)
         self._twists = inputs.keep(kind, 'cmd_vel', read, 'twist', 'twist', stops=True)
@@ -87,12 +85,18 @@ class Manipulation(ManagedNode):
         inputs.keep_tube_pressures(lambda: self.values.ambient_pressure)
         self.create_timer(TYPE_CHECK_PERIOD, self._check_twist_type)
 
-    def prepare(self, servo: TwistServo) -> None:
+    def prepare(self, settings: ServoSettings) -> ServoSettings:
         """
-        Add user-defined limits and barriers, in a subclass; changes of parameters keep them.
+        Return the settings of the servo; a subclass adds limits and barriers.
 
-        :param servo: servo of the node, new at each configuration.
+        :param settings: settings of the parameters, after each of their changes.
         """
+        return settings
+
+    def _make_settings(self) -> ServoSettings:
+        """Return the settings of the servo from the parameters."""
+        joint = self.values.joint if self.values.mode == 'joint' else None
+        return self.prepare(make_settings(self.robot, self.values, self._described, joint))
 
     def activate(self) -> None:
         """Start the cycle."""
@@ -114,10 +118,10 @@ class Manipulation(ManagedNode):
 
     def details(self) -> dict[str, object]:
         """Return the motion in progress, the grip and failed rollers."""
-        servo = self._servo
+        servo, settings = self._servo, self._servo.settings
         details: dict[str, object] = {
-            'moves': 'the object' if servo.joint is None else f'joint {servo.joint}',
-            'grip': ', '.join(servo.grip.members),
+            'moves': 'the object' if settings.joint is None else f'joint {settings.joint}',
+            'grip': ', '.join(settings.grip.members),
         }
         if self._trajectory.busy:
             details['moves'] = 'the rollers along a trajectory'
@@ -154,9 +158,9 @@ class Manipulation(ManagedNode):
         """Halt at once; after a release only a later twist moves the object."""
         if self._servo is None:
             return
-        self._servo.stopped = self._find_halt()
+        self._servo.receive(halt=self._find_halt())
         self._discard_twist()
-        if self._servo.stopped is not None:
+        if self._servo.inputs.halt is not None:
             self._trajectory.abort('emergency stop')
             if self.active:
                 self._commands.stop()
@@ -164,7 +168,7 @@ class Manipulation(ManagedNode):
     def _discard_twist(self) -> None:
         """Drop the last twist and queued ones: only a later one may move the object."""
         take_waiting([], self._twists, NEWEST.depth)
-        self._servo.twist = None
+        self._servo.receive(twist=None)
 
     def _clear_inputs(self) -> None:
         """Discard the inputs: their ages are unknown after a jump of the clock."""
@@ -181,7 +185,7 @@ class Manipulation(ManagedNode):
         if self._servo is not None:
             by_parameter = set(self.values.failed_rollers) - {''}
             named = self._failed_rollers.select_named(self.robot)
-            self._servo.failed = named | by_parameter
+            self._servo.receive(failed=named | by_parameter)
 
     def _check(self, new: dict[str, Value]) -> None:
         """Check the parameters of grip, rollers and mode."""
@@ -196,20 +200,14 @@ class Manipulation(ManagedNode):
 
     def _apply(self) -> None:
         """Apply the parameters from the next cycle on."""
-        apply_settings(self._servo, self.values, self._described)
+        settings, before = self._make_settings(), self._servo.settings.joint
+        self._servo.apply(settings)
         self._failed_rollers.follow(self._servo.detector, self.robot)
-        self._apply_mode()
+        if settings.joint != before:
+            self._trajectory.abort('the mode of twists was changed')
+            if self.active:
+                self._commands.stop()
         self._apply_failures()
-
-    def _apply_mode(self) -> None:
-        """Apply the mode; after a change halt until the next twist."""
-        joint = self.values.joint if self.values.mode == 'joint' else None
-        if joint == self._servo.joint:
-            return
-        self._servo.joint = joint
-        self._trajectory.abort('the mode of twists was changed')
-        if self.active:
-            self._commands.stop()
 
     def _set_joint_mode(
         self, request: SetBool.Request, response: SetBool.Response
@@ -228,8 +226,9 @@ class Manipulation(ManagedNode):
 
     def _check_twist_type(self) -> None:
         """Reject twists of a publisher of the other type, which are never received."""
-        twist, servo = self._servo.twist, self._servo
-        if isinstance(twist, StampedInput) and self.now() - twist.time < servo.timeout:
+        servo, twist = self._servo, self._servo.inputs.twist
+        timeout = servo.settings.timeout
+        if isinstance(twist, StampedInput) and self.now() - twist.time < timeout:
             return
         stamped = self.values.use_stamped_twist
         wrong, right = ('Twist', 'TwistStamped') if stamped else ('TwistStamped', 'Twist')
@@ -239,14 +238,15 @@ class Manipulation(ManagedNode):
             f'set use_stamped_twist to {str(not stamped).lower()}'
         )
         if any(publisher.topic_type == f'geometry_msgs/msg/{wrong}' for publisher in found):
-            servo.twist = rejected
+            servo.receive(twist=rejected)
         elif twist == rejected:
-            servo.twist = None
+            servo.receive(twist=None)
 
     def _step(self, now: float, clock: tuple[Status, str] | None = None) -> None:
-        stopped = self._servo.stopped = self._find_halt() or clock
-        if stopped is not None:
-            self._trajectory.abort(stopped[1])
+        halt = self._find_halt() or clock
+        self._servo.receive(halt=halt)
+        if halt is not None:
+            self._trajectory.abort(halt[1])
         decision = self._trajectory.decide(now)
         self._commands.publish(decision.command.roller_velocities)
         self._report.publish(decision, now)

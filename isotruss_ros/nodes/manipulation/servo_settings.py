@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Settings of the twist servo from parameters, and reports of its decisions."""
+"""Settings and inputs of the twist servo, and reports of its decisions."""
 
 from __future__ import annotations
 
@@ -10,26 +10,20 @@ import math
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_msgs.msg import HeldGrip, ManipulationStatus
-from isotruss_ros.core import (
-    ConvexObject,
-    Disc,
-    Grip,
-    Robot,
-    ShapeGuard,
-    Status,
-    TwistServo,
-)
+from isotruss_ros.core import ConvexObject, Disc, Grip, Robot, Status
 from isotruss_ros.core.holding.grip_record import GripRecord
 from isotruss_ros.core.holding.held_grip import HeldGrip as HeldEquilibrium
-from isotruss_ros.core.safety.roller_failure import FAILURE_TIME, FailureDetector
+from isotruss_ros.core.inputs import Input
+from isotruss_ros.core.safety.roller_failure import FAILURE_TIME
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 from isotruss_ros.core.servo.decision import Decision
-from isotruss_ros.core.servo.squeeze_control import SqueezeControl, SqueezeSettings
+from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
 from isotruss_ros.nodes.conversions.grip_messages import to_grip_message
 from isotruss_ros.nodes.conversions.messages import make_header, to_twist_message
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import Parameters, Spec
+from isotruss_ros.nodes.framework.sensors import Inputs
 from isotruss_ros.nodes.framework.topics import RELIABLE
 
 #: Statuses without a warning.
@@ -115,7 +109,7 @@ SPECS = (
 )
 
 
-def make_grip(robot: Robot, values: Parameters, described: ConvexObject | None) -> Grip:
+def _make_grip(robot: Robot, values: Parameters, described: ConvexObject | None) -> Grip:
     """
     Return the grip of the parameters, with the object at any pose.
 
@@ -130,45 +124,62 @@ def make_grip(robot: Robot, values: Parameters, described: ConvexObject | None) 
     return Grip(members, body, values.friction if body.friction is None else body.friction)
 
 
-def apply_settings(servo: TwistServo, values: Parameters, described: ConvexObject | None) -> None:
+def make_settings(
+    robot: Robot, values: Parameters, described: ConvexObject | None, joint: str | None
+) -> ServoSettings:
     """
-    Apply gains, bounds and limits to a servo, from its next cycle on.
+    Return the settings of the parameters.
 
-    :param servo: servo of the node.
+    :param robot: the robot.
     :param values: parameters of the node.
     :param described: described object; None for a disc.
+    :param joint: joint that twists move; None for the object.
     """
-    servo.grip = make_grip(servo.robot, values, described)
-    servo.period = 1.0 / values.rate
-    servo.timeout = values.command_timeout
-    servo.slide_along_limits = values.slide_along_limits
-    bounds = ShapeBounds(values.min_rigidity, values.min_clearance, values.min_object_clearance)
-    servo.guard = ShapeGuard(servo.robot, bounds, servo.guard.own)
-    time = values.failure_time or math.inf  # 0 means never
-    if servo.detector is None:
-        servo.detector = FailureDetector(servo.robot.roller_names, time)
-    elif servo.detector.failure_time != time:
-        # Detected failures persist; measurements by the previous time are dropped.
-        servo.detector.failure_time = time
-        servo.detector.reset(())
-    _apply_squeeze(servo, values)
-
-
-def _apply_squeeze(servo: TwistServo, values: Parameters) -> None:
-    """Regulate the squeeze from the next cycle on, or keep the opening angle of the grip."""
-    servo.pressure_timeout = values.pressure_timeout
-    if values.squeeze_force == 0.0:
-        servo.squeeze = None
-        return
-    settings = SqueezeSettings(
-        values.squeeze_force,
-        frequency=values.frequency or None,
-        load=values.expected_load,
-        zeros=values.zero_deviation,
+    squeeze = None
+    if values.squeeze_force != 0.0:
+        squeeze = SqueezeSettings(
+            values.squeeze_force,
+            frequency=values.frequency or None,
+            load=values.expected_load,
+            zeros=values.zero_deviation,
+        )
+    return ServoSettings(
+        _make_grip(robot, values, described),
+        period=1.0 / values.rate,
+        timeout=values.command_timeout,
+        joint=joint,
+        squeeze=squeeze,
+        bounds=ShapeBounds(values.min_rigidity, values.min_clearance, values.min_object_clearance),
+        slide_along_limits=values.slide_along_limits,
+        failure_time=values.failure_time or math.inf,  # 0 means never
+        pressure_timeout=values.pressure_timeout,
     )
-    if servo.squeeze is None or servo.squeeze.fault is not None:
-        servo.squeeze = SqueezeControl(settings)
-    servo.squeeze.settings = settings
+
+
+class ServoSubscriptions(Inputs):
+    """`Inputs` whose holder is a `TwistServo`, which receives them by a method."""
+
+    @property
+    def timeouts(self) -> ServoSettings:
+        """Return the settings with the largest ages of inputs."""
+        return self.holder.settings
+
+    def latest(self, name: str) -> Input:
+        """
+        Return the latest value of an input.
+
+        :param name: field of the inputs of the servo.
+        """
+        return getattr(self.holder.inputs, name)
+
+    def store(self, name: str, given: Input) -> None:
+        """
+        Replace an input of the servo.
+
+        :param name: field of the inputs of the servo.
+        :param given: the new value.
+        """
+        self.holder.receive(**{name: given})
 
 
 class StatusReport:

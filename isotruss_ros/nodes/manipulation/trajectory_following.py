@@ -52,7 +52,7 @@ class TrajectoryFollowing:
 
     def __init__(self, node: ManagedNode, servo: TwistServo) -> None:
         self._node, self._servo = node, servo
-        self._follower = RollerTrajectoryServo(servo.robot, servo.timeout)
+        self._follower = RollerTrajectoryServo(servo.robot, servo.settings.timeout)
         self._outcome: tuple[Status, str] | None = None
         self._goals = [self._offer(kind, name) for kind, name in _offered_actions()]
 
@@ -79,13 +79,13 @@ class TrajectoryFollowing:
         """
         if self.busy:
             # A twist of this time would move the object right after the end of the trajectory.
-            self._servo.twist = None
+            self._servo.receive(twist=None)
             for goal in self._goals:
-                if (loss := goal.find_loss(self._servo.timeout)) is not None:
+                if (loss := goal.find_loss(self._servo.settings.timeout)) is not None:
                     self.abort(loss)
         if not self.busy:
             return self._add_outcome(self._servo.decide(now))
-        self._follower.rollers, self._follower.timeout = self._servo.rollers, self._servo.timeout
+        self._update_follower()
         step = self._follower.decide(now)
         if step.failure:
             code = Result.GOAL_TOLERANCE_VIOLATED if step.at_goal else ABORTED_CODE
@@ -132,15 +132,21 @@ class TrajectoryFollowing:
         if not self.abort(f'{why}: publish the trajectory again'):
             self._node.get_logger().warning(f'{why}: if it was a trajectory, publish it again')
 
+    def _update_follower(self) -> None:
+        """Give the follower the joint states of the servo and their largest age."""
+        self._follower.rollers = self._servo.inputs.rollers
+        self._follower.timeout = self._servo.settings.timeout
+
     def _read(self, goal: Any) -> RollerGoal:
         """Return the arguments of a goal; raise for an invalid one."""
         servo, follower, now = self._servo, self._follower, self._node.now()
-        if servo.stopped is not None:
-            raise MessageError(servo.stopped[1])
-        follower.rollers, follower.timeout = servo.rollers, servo.timeout
-        (rollers,) = require_fresh(now, servo.timeout, joint_states=servo.rollers)
+        if servo.inputs.halt is not None:
+            raise MessageError(servo.inputs.halt[1])
+        self._update_follower()
+        timeout = servo.settings.timeout
+        (rollers,) = require_fresh(now, timeout, joint_states=servo.inputs.rollers)
         here = rollers.value.positions
-        asked = read_roller_goal(goal, servo.robot, here, now, servo.timeout)
+        asked = read_roller_goal(goal, servo.robot, here, now, timeout)
         follower.check_start(asked.trajectory, now)
         return asked
 
@@ -190,7 +196,7 @@ class TrajectoryFollowing:
     def _publish_feedback(self) -> None:
         """Publish desired and measured states of the rollers to the client of the goal."""
         goal = next((goal for goal in self._goals if goal.active), None)
-        wanted, measured = self._follower.wanted, self._servo.rollers
+        wanted, measured = self._follower.wanted, self._servo.inputs.rollers
         if goal is None or wanted is None or not isinstance(measured, StampedInput):
             return
         robot, when, now = self._servo.robot, self._follower.time, self._node.now()

@@ -20,7 +20,7 @@ from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.sensors import Inputs
-from isotruss_ros.nodes.framework.single_goal import BusyError, SingleGoal
+from isotruss_ros.nodes.framework.single_goal import BusyError, Ending, SingleGoal
 from isotruss_ros.nodes.pick_and_place.action_steps import (
     CancelledError,
     StepError,
@@ -33,6 +33,12 @@ from isotruss_ros.nodes.pick_and_place.sequence_goals import check_move, check_p
 SPECS = (*common.OBJECT_SPECS, common.COMMAND_TIMEOUT)
 #: Period of the ticks of a sequence [s].
 TICK_PERIOD = 0.02
+
+#: Final states of goals by outcomes; other outcomes are aborted.
+ENDINGS = {
+    StepOutcome.SUCCEEDED: Ending.SUCCEEDED,
+    StepOutcome.CANCELLED: Ending.CANCELED,
+}
 
 
 class PickAndPlace(ManagedNode):
@@ -170,7 +176,7 @@ class PickAndPlace(ManagedNode):
         if isinstance(ended, MoveObject.Result):
             left = self._sequences.distance_left(goal.request.path)
             ended.position_error, ended.angle_error = left
-        goal.report_end(outcome, ended, 'no goal', f'{goal.kind.__name__}: ')
+        goal.report_end(outcome, ENDINGS, ended, 'no goal', f'{goal.kind.__name__}: ')
 
 
 def _find_outcome(error: IsotrussError) -> StepOutcome:

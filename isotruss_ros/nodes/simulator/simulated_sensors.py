@@ -58,7 +58,7 @@ class SensorChannel:
     """
     The measurements of one sensor: sampled, noisy, late, or lost.
 
-    :param seed: of noise and dropouts, not negative.
+    :param seed: seed of noise and dropouts, not negative.
     """
 
     def __init__(self, seed: tuple[int, ...]) -> None:
@@ -83,7 +83,7 @@ class SensorChannel:
         :param time: now [s].
         :param read: returns the true values (k, n); called only to measure.
         :param rate: measurements in a second, at most one a call; 0 for one in every call [Hz].
-        :param delay: from a measurement to its arrival [s].
+        :param delay: time from a measurement to its arrival [s].
         :param dropouts: share of the rows that are lost, 0 to 1.
         :param noise: standard deviation, one for all or by value of a row [unit of the values].
         :return: time [s] and values (k, n) of each, the oldest first; lost rows are nan, and one

@@ -179,23 +179,24 @@ class Viewer(StoppableNode):
         self._stopped = message.data
 
     def _step(self) -> None:
-        controls, now = self._controls, time.monotonic()
+        # Progress counts on the clock of the robot, which a busy simulator slows down.
+        controls, now, robot_time = self._controls, time.monotonic(), self.now()
         stopped = self._stopped or self.picture.is_stopped(now)
         if controls.control.stopped and not stopped:
             self._report_goal('')  # requests from before the stop are void
         controls.control.latch(stopped)
-        for name, value in controls.take(now):
+        for name, value in controls.take(robot_time):
             self._carry_out(name, value)
         control, pose = controls.control, self._dragged_pose(now)
         position = None if pose is None else pose[:2]
         if pose is not None and control.drag is not None and control.drag.turns:
             position = place_on_circle(pose.angle, control.drag.target[0])
-        if control.drag is not None and control.drag.is_stuck(now):
+        if control.drag is not None and control.drag.is_stuck(robot_time):
             self._give_up(position, now)
         moves = control.drag is not None and not control.drag.turns
         self.picture.goal = control.drag.target if moves else None
         controls.update(pose)
-        self._publish_twist(position, now)
+        self._publish_twist(position, robot_time)
         self._publish_wrench()
         self._view.update(now)
 
@@ -261,13 +262,11 @@ class Viewer(StoppableNode):
         elif name == PLACE:
             self._goals.send(PLACE)
         elif name == PLANT:
-            self._restart.restart_simulator(value)  # type: ignore[arg-type]
+            self._restart.restart_simulator(self._squeeze, value)  # type: ignore[arg-type]
         elif name == SHAPE:
             self._change_object(value)  # type: ignore[arg-type]
         elif name == RESET:
-            self._restart.restart_simulator()
-            # It also acknowledges a slip or loss, as the manipulation requires.
-            self._send_parameters('manipulation', {'squeeze_force': self._squeeze})
+            self._restart.restart_simulator(self._squeeze)
         else:
             parameter, nodes = SETTINGS[name]
             if name == 'squeeze':
@@ -280,7 +279,7 @@ class Viewer(StoppableNode):
     def _change_object(self, kind: str) -> None:
         description = OBJECTS[kind]
         self.picture.shape = read_object(description).shape if description else None
-        self._restart.change_object(kind, description)
+        self._restart.change_object(self._squeeze, kind, description)
 
     def _report_refusal(self, words: str) -> None:
         self.picture.goal_report = words

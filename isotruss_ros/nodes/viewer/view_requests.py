@@ -12,7 +12,8 @@ from isotruss_msgs.action import PickObject, PlaceObject
 from isotruss_ros.nodes.conversions.messages import request_parameters
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
-from rcl_interfaces.srv import SetParameters
+from rcl_interfaces.msg import Parameter
+from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.action import ActionClient
 from rclpy.node import Node
 from rclpy.task import Future
@@ -22,9 +23,11 @@ STAGES = {
     'pick': ('planning', 'approaching', 'closing', 'confirming'),
     'place': ('planning', 'opening', 'backing off', 'confirming'),
 }
-SIMULATOR = 'simulator'
+SIMULATOR, MANIPULATION = 'simulator', 'manipulation'
+#: Parameters of the simulator: whether its object is free, and what holds it otherwise.
+IS_FREE, *GRIP = ('object_is_free', 'grip', 'grip_module')
 #: Nodes besides it with a parameter `object`, which they read when they are configured.
-OTHERS = ('grasp_analysis', 'manipulation', 'path_follower', 'grasp_planner', 'pick_and_place')
+OTHERS = ('grasp_analysis', MANIPULATION, 'path_follower', 'grasp_planner', 'pick_and_place')
 
 #: Generator of calls, which receives the responses.
 Calls = Generator[Callable[[], Future], Any, None]
@@ -95,43 +98,49 @@ class NodeRestart:
 
     def __init__(self, node: Node, report: Callable[[str], None]) -> None:
         self._report = report
-        self._change, self._set = (
+        self._change, self._set, self._get = (
             {name: node.create_client(kind, f'{name}/{service}') for name in (SIMULATOR, *OTHERS)}
             for kind, service in (
                 (ChangeState, 'change_state'),
                 (SetParameters, 'set_parameters'),
+                (GetParameters, 'get_parameters'),
             )
         )
+        self._squeeze = 0.0
         self._calls = self._restart('', [], {})
 
-    def restart_simulator(self, plant: str = '') -> None:
+    def restart_simulator(self, squeeze: float, plant: str = '') -> None:
         """
-        Reconfigure the simulator; the robot starts at home.
+        Reconfigure the simulator; the robot starts at home, in the grip of the simulator.
 
         A restart in progress is abandoned; so in `change_object`.
 
+        :param squeeze: parameter `squeeze_force` of the manipulation afterwards [N].
         :param plant: value of its parameter `plant`; unchanged if empty.
         """
         name = f'plant {plant}' if plant else 'reset'
-        self._begin(name, [SIMULATOR], {'plant': plant} if plant else {})
+        self._begin(name, squeeze, [SIMULATOR], {'plant': plant} if plant else {})
 
-    def change_object(self, kind: str, description: str) -> None:
+    def change_object(self, squeeze: float, kind: str, description: str) -> None:
         """
         Configure all nodes that are there anew, with another object: the robot begins at home.
 
+        :param squeeze: see `restart_simulator`.
         :param kind: the object, in a word.
         :param description: value of their parameter `object`.
         """
         others = [name for name in OTHERS if self._change[name].service_is_ready()]
-        self._begin(f'object {kind}', [SIMULATOR, *others], {'object': description})
+        self._begin(f'object {kind}', squeeze, [SIMULATOR, *others], {'object': description})
 
-    def _begin(self, what: str, names: list[str], values: dict[str, str]) -> None:
+    def _begin(self, what: str, squeeze: float, names: list[str], values: dict[str, str]) -> None:
         if not (
             self._change[SIMULATOR].service_is_ready() and self._set[SIMULATOR].service_is_ready()
         ):
             self._report(f'{what}: there is no simulator')
             return
         self._calls.close()
+        self._squeeze = squeeze
+        self._report(f'{what}: sent')
         self._calls = self._restart(what, names, values)
         make_calls(self._calls)
 
@@ -154,7 +163,24 @@ class NodeRestart:
                 if not answer.success:
                     self._report(f'{what} cannot be {done}: see the log of {name}')
                     return
-        self._report(f'{what}: active')
+        rejected = ''
+        if self._set[MANIPULATION].service_is_ready():
+            rejected = yield from self._restore_grip()
+        self._report(f'{what}: {rejected or "active"}')
+
+    def _restore_grip(self) -> Generator[Callable[[], Future], Any, str]:
+        """Give the manipulation the grip of the simulator, which a pick replaces."""
+        names = [IS_FREE, *GRIP]
+        answer = yield partial(self._get[SIMULATOR].call_async, GetParameters.Request(names=names))
+        is_free, *grip = answer.values
+        request = request_parameters({'squeeze_force': self._squeeze})
+        if not is_free.bool_value:
+            request.parameters += [
+                Parameter(name=name, value=value) for name, value in zip(GRIP, grip, strict=True)
+            ]
+        # Changed parameters also acknowledge a slip or loss, as the manipulation requires.
+        answer = yield partial(self._set[MANIPULATION].call_async, request)
+        return '; '.join(result.reason for result in answer.results if not result.successful)
 
     def _transition(self, name: str, which: int) -> Callable[[], Future]:
         request = ChangeState.Request(transition=Transition(id=which))

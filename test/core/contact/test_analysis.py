@@ -29,7 +29,7 @@ def gripped():
 
 
 @pytest.mark.parametrize('flattening', [True, False])
-def test_result_is_as_the_contract_says(gripped, flattening):
+def test_result_has_the_documented_fields(gripped, flattening):
     config, cylinder = gripped
     analysis = analyze_grasp(config, cylinder, paper_model=not flattening)
     k = len(analysis.gaps)
@@ -54,7 +54,7 @@ def test_result_is_as_the_contract_says(gripped, flattening):
     assert analysis.gaps == pytest.approx(distance - reach, abs=1e-9)
 
 
-def test_measured_pressures_act_as_those_of_a_robot_file(gripped):
+def test_measured_pressures_agree_with_a_robot_file_of_these_pressures(gripped):
     _, cylinder = gripped
     document = robots.preset_document('nine_member')
     document['tube']['pressure'] = {'south': 30e3, 'east': 25e3, 'north': 20e3}
@@ -70,7 +70,7 @@ def test_measured_pressures_act_as_those_of_a_robot_file(gripped):
 
 @robots.examples(40)
 @given(generators, strategies.floats(0.0, 1.5))
-def test_parts_fit_together(rng, friction):
+def test_wrench_forces_and_regions_are_consistent(rng, friction):
     config, cylinder = random_pressed(rng)
     size = 20.0 * 10.0 ** rng.uniform(-2.0, 0.0)
     external = rng.normal(size=3) * [size, size, size * cylinder.shape.diameter]
@@ -97,7 +97,7 @@ def test_parts_fit_together(rng, friction):
 
 @robots.examples(30)
 @given(generators)
-def test_stiffness_is_what_a_robot_with_nodes_there_answers(rng):
+def test_contact_stiffness_agrees_with_a_frame_with_nodes_at_the_contacts(rng):
     config, cylinder = random_pressed(rng)
     analysis = analyze_grasp(config, cylinder, spacing=0.01, paper_model=True)
     stiffness = analysis.stiffness
@@ -125,7 +125,7 @@ def test_stiffness_is_what_a_robot_with_nodes_there_answers(rng):
         assert stiffness[:2, axis] == pytest.approx(-held[:2], rel=1e-5, abs=slack)
 
 
-def test_nothing_touched_has_no_stiffness():
+def test_stiffness_is_zero_without_contact():
     config = load_robot('nine_member').home
     analysis = analyze_grasp(config, ConvexObject.disc((0.5, 30.0), 0.2))
     assert analysis.stiffness.tolist() == np.zeros((3, 3)).tolist()
@@ -142,7 +142,7 @@ def test_nothing_touched_has_no_stiffness():
         assert pulled.closure_residual == pytest.approx(1.0)
 
 
-def test_both_methods_say_the_same(gripped):
+def test_exact_and_relaxed_contact_agree(gripped):
     config, cylinder = gripped
     exact = analyze_grasp(config, cylinder, external_wrench=(0, -2, 0))
     relaxed = analyze_grasp(config, cylinder, external_wrench=(0, -2, 0), method='relaxation')
@@ -157,7 +157,7 @@ def test_both_methods_say_the_same(gripped):
 
 
 @pytest.mark.parametrize('degrees', [26.0, 60.0])
-def test_a_wedge_of_a_robot_needs_the_tangent_of_half_its_angle(degrees):
+def test_required_friction_of_a_wedge_is_the_tangent_of_half_its_angle(degrees):
     half = np.radians(0.5 * degrees)
     document = robots.example()
     document['joints'] = {
@@ -200,7 +200,7 @@ def test_a_wedge_of_a_robot_needs_the_tangent_of_half_its_angle(degrees):
         ({'external_wrench': (0.0, math.inf, 0.0)}, 'wrench'),
     ],
 )
-def test_arguments_that_make_no_sense_are_refused(gripped, options, message):
+def test_invalid_arguments_are_refused(gripped, options, message):
     config, cylinder = gripped
     with pytest.raises(GraspError, match=message):
         analyze_grasp(config, cylinder, **options)
@@ -208,7 +208,7 @@ def test_arguments_that_make_no_sense_are_refused(gripped, options, message):
 
 
 @pytest.mark.parametrize('spacing', [0.001, 0.1])
-def test_spacings_at_the_limits_are_answered(gripped, spacing):
+def test_spacings_at_their_limits_are_solved(gripped, spacing):
     config, cylinder = gripped
     coarse = analyze_grasp(config, cylinder, spacing=spacing)
     fine = analyze_grasp(config, cylinder, spacing=0.002)

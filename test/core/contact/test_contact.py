@@ -56,7 +56,7 @@ def check_complementarity(compliance, gaps, forces, active):
 
 @robots.examples(100)
 @given(generators, strategies.integers(1, 40))
-def test_forces_are_those_of_nonnegative_least_squares(rng, count):
+def test_contact_forces_agree_with_nonnegative_least_squares(rng, count):
     compliance, gaps, guess = random_problem(rng, count)
     # |R f + R^-T g|^2 with W = R^T R is f W f + 2 f g and a constant.
     root = np.linalg.cholesky(compliance).T
@@ -152,7 +152,7 @@ def test_candidates_are_on_every_member_within_reach_and_once(robot, rng):
 
 @robots.examples(12)
 @given(robots.robots(), generators)
-def test_compliance_is_that_of_a_robot_in_which_candidates_are_nodes(robot, rng):
+def test_compliance_agrees_with_a_frame_with_nodes_at_the_candidates(robot, rng):
     config = robots.random_state(robot, rng)
     center = config.points[rng.integers(len(config.points))] + 0.1 * complex(*rng.normal(size=2))
     found = find_contact_points(structure_of(config), circle(center, 0.4), 0.02)
@@ -211,7 +211,7 @@ def test_grasps_of_robots_are_complementary(rng):
         assert warm.gaps == pytest.approx(state.gaps, abs=1e-7)
 
 
-def test_relaxation_finds_what_touches_by_the_force_at_another_point():
+def test_relaxation_finds_contacts_caused_by_forces_at_other_points():
     places = np.array([0.0, 0.05])
     line, alike = places.astype(complex), np.zeros(2, dtype=int)
     see_saw = 1e-3 * np.array([[1.0, -0.5], [-0.5, 1.0]])
@@ -241,7 +241,7 @@ SIZES = [1e-3, 1e-2, 0.05, 0.102, 0.2, 0.4, 1.0, 3.0, 9.8]
 
 @pytest.mark.parametrize('diameter', SIZES)
 @pytest.mark.parametrize('preset', robots.PRESETS)
-def test_objects_of_any_size_in_bad_places_are_answered(preset, diameter):
+def test_objects_of_any_size_at_any_place_are_solved_or_refused(preset, diameter):
     robot = load_robot(preset)
     nodes = dict(zip(robot.node_names, robot.home.points, strict=True))
     module = robot.module_names[0]

@@ -67,7 +67,7 @@ def test_polygons_of_many_sides_converge_to_the_disc():
 
 
 @pytest.mark.parametrize('shape', [BOX, Ellipse((0.15, 0.1))])
-def test_what_slides_along_tubes_that_flatten_is_not_relaxed(shape):
+def test_relaxation_refuses_flattening_tubes(shape):
     with pytest.raises(GraspError, match='for discs only'):
         analyze_grasp(HOME, held_alike(shape), method='relaxation')
 
@@ -77,7 +77,7 @@ def test_what_slides_along_tubes_that_flatten_is_not_relaxed(shape):
 
 @robots.examples(25)
 @given(SEEDS, strategies.booleans())
-def test_gaps_are_distances_and_where_there_is_one_is_no_force(seed, flattening):
+def test_gaps_and_forces_are_complementary(seed, flattening):
     generator = np.random.default_rng(seed)
     shape = random_shape(generator, 0.15)
     held = pressed_into(HOME, MODULE, shape, generator.uniform(-3.0, 3.0), 0.02)
@@ -109,7 +109,7 @@ def test_gaps_are_distances_and_where_there_is_one_is_no_force(seed, flattening)
 
 
 @pytest.mark.parametrize('angle', [-2.2, 0.4, 1.8])
-def test_the_wrench_at_a_sharp_corner_does_not_depend_on_where_the_points_are(angle):
+def test_wrench_at_a_sharp_corner_is_independent_of_point_positions(angle):
     held = pressed_into(HOME, MODULE, BOX, angle, 0.02)
     fine, *others = (
         analyze_grasp(HOME, held, spacing=spacing) for spacing in (0.002, 0.0035, 0.005, 0.007)
@@ -120,7 +120,7 @@ def test_the_wrench_at_a_sharp_corner_does_not_depend_on_where_the_points_are(an
 
 @robots.examples(10)
 @given(SEEDS)
-def test_wrenches_follow_the_frame_that_the_object_is_given_in(seed):
+def test_wrenches_are_equivariant_under_the_frame_of_the_object(seed):
     generator = np.random.default_rng(seed)
     shape = random_shape(generator, 0.15)
     angle = generator.uniform(-3.0, 3.0)
@@ -143,7 +143,7 @@ def test_wrenches_follow_the_frame_that_the_object_is_given_in(seed):
     )
 
 
-def test_the_objects_own_friction_counts_where_none_is_given():
+def test_friction_defaults_to_that_of_the_object():
     held = pressed_into(HOME, MODULE, BOX, 0.4, 0.02)
     slippery = ConvexObject(held.shape, held.pose, friction=0.1)
     half, tenth = (analyze_grasp(HOME, held, friction).closure_margin for friction in (0.5, 0.1))
@@ -155,7 +155,7 @@ def test_the_objects_own_friction_counts_where_none_is_given():
 
 @robots.examples(30)
 @given(SEEDS, strategies.floats(-0.003, 0.04), strategies.booleans())
-def test_any_shape_at_any_depth_has_an_answer(seed, depth, flattening):
+def test_any_shape_at_any_depth_is_solved(seed, depth, flattening):
     generator = np.random.default_rng(seed)
     shape = random_shape(generator, generator.uniform(0.05, 0.3))
     module = HOME.robot.module_names[generator.integers(9)]
@@ -180,14 +180,14 @@ def press_polygon(seed):
 
 # Full steps alone cycle between two to four sets of points.
 @pytest.mark.parametrize('seed', [117, 538, 1223, 1367, 1684, 1961])
-def test_contacts_settle_where_full_steps_cycle(seed):
+def test_contacts_converge_by_damping_if_full_steps_cycle(seed):
     analysis = analyze_grasp(HOME, press_polygon(seed))
     assert sum(analysis.contact_forces.values()) > 0.0
 
 
 @robots.examples(30)
 @given(SEEDS)
-def test_contacts_of_polygons_wider_than_the_tube_settle_in_any_size(seed):
+def test_contacts_of_polygons_wider_than_the_tube_converge_at_any_size(seed):
     held = press_polygon(seed)
     if held.arm > TUBE_RADIUS:
         assert analyze_grasp(HOME, held).gaps.min() >= -GAP_TOLERANCE
@@ -214,7 +214,7 @@ def test_no_section_is_flat_where_contact_is_narrow():
 
 @pytest.mark.parametrize('seed', range(5))
 @pytest.mark.parametrize('kind', [Disc, Ellipse, Polygon])
-def test_tubes_face_the_object_from_the_side_on_which_they_are(kind, seed):
+def test_normals_point_from_the_object_to_the_side_of_the_tube(kind, seed):
     rng = np.random.default_rng(seed)
     body = ConvexObject(
         random_shape_of(kind, rng), (*rng.uniform(-1.0, 1.0, 2), rng.uniform(0.0, 6.0))

@@ -39,7 +39,7 @@ def config(request):
     return ROBOT.configuration(request.param * np.linspace(-1.0, 1.0, len(ROBOT.roller_names)))
 
 
-def test_nothing_moves_where_nothing_touches(config):
+def test_shape_is_undeformed_without_contact(config):
     analysis = grasp(config, -0.01)
     lines, straight = deformed_lines(analysis), member_lines(config)
     assert lines[:, 0] == pytest.approx(straight[:, 0])
@@ -52,7 +52,7 @@ def test_nothing_moves_where_nothing_touches(config):
 
 
 @pytest.mark.parametrize('share', [0.02, 0.37, 0.98])
-def test_lines_bend_as_members_give(config, share):
+def test_drawn_lines_agree_with_member_displacements(config, share):
     # However small the force.
     number, force = 2, 0.05 * np.exp(0.7j)
     place, structure = share * config.member_lengths[number], structure_of(config, 2e4)
@@ -72,7 +72,7 @@ def test_lines_bend_as_members_give(config, share):
             assert point - before == pytest.approx(moved, rel=1e-5, abs=1e-11)
 
 
-def test_arrows_end_on_the_object_and_add_up_to_what_acts_on_it(config):
+def test_force_arrows_end_on_the_object_and_sum_to_its_wrench(config):
     center = tangent_center(config, 'north/Z', DIAMETER, 0.01)
     cylinder = ConvexObject.disc(center, DIAMETER)
     analysis = analyze_grasp(config, cylinder, friction=0.0)

@@ -26,7 +26,7 @@ def kernel(count, spacing, fabric=FABRIC, **options):
 @pytest.mark.parametrize(
     ('modes', 'spacing'), [(2, 0.005), (100, 0.005), (8, 0.001), (8, 0.0025), (8, 0.1)]
 )
-def test_an_even_load_from_one_side_meets_four_thirds_of_pi_p(fabric, modes, spacing):
+def test_uniform_one_sided_load_has_the_stiffness_of_four_thirds_pi_p(fabric, modes, spacing):
     # Sum over n >= 2 of 1 / (pi p (n^2 - 1)) is 3 / (4 pi p).
     half = int(0.8 / spacing) + 1
     matrix = kernel(2 * half + 1, spacing, fabric=fabric, modes=modes)
@@ -67,7 +67,7 @@ def test_compliance_is_symmetric_positive_definite_and_of_each_member_alone(rng,
     assert found.compliance(place[:0], member[:0], tube[:0], spacing).shape == (0, 0)
 
 
-def test_the_kernel_of_a_robot_is_that_of_its_file():
+def test_flattening_kernel_agrees_with_the_robot_file():
     found = flattening_of(load_robot('nine_member'))
     alone = flattening(RADIUS, [PRESSURE] * 3, FABRIC)
     assert found.radius == RADIUS
@@ -75,6 +75,6 @@ def test_the_kernel_of_a_robot_is_that_of_its_file():
     assert found.rest == pytest.approx(alone.rest)
 
 
-def test_a_measured_factor_scales_all_of_the_compliance():
+def test_local_stiffness_scales_the_flattening_compliance():
     stiffer = kernel(40, 0.005, local_stiffness=1.7)
     assert stiffer == pytest.approx(kernel(40, 0.005) / 1.7, rel=1e-9)

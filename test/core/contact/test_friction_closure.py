@@ -72,7 +72,7 @@ def reach_along(tangents, forces, load, friction, direction, levers=1.0):
 
 @robots.examples(150)
 @given(generators, counts, coefficients)
-def test_forces_are_those_of_bounded_least_squares(rng, count, friction):
+def test_friction_forces_agree_with_bounded_least_squares(rng, count, friction):
     tangents, forces, load = random_contacts(rng, count)
     closure = balance_by_friction(tangents, forces, load, friction)
     assert (np.abs(closure.friction_forces) <= friction * forces * (1.0 + 1e-12)).all()
@@ -92,7 +92,7 @@ def test_forces_are_those_of_bounded_least_squares(rng, count, friction):
 
 @robots.examples(60)
 @given(generators, strategies.integers(3, 15), strategies.floats(0.05, 1.5))
-def test_margin_is_the_shortest_way_out_of_all_directions(rng, count, friction):
+def test_closure_margin_is_the_minimum_over_all_directions(rng, count, friction):
     tangents, forces, _ = random_contacts(rng, count)
     forces += 0.1
     shares = rng.uniform(-friction, friction, count)
@@ -120,7 +120,7 @@ def test_margin_is_the_shortest_way_out_of_all_directions(rng, count, friction):
     assert min(reached) == pytest.approx(margin, rel=1e-5, abs=1e-6)
 
 
-def test_no_contact_balances_nothing_but_nothing():
+def test_without_contacts_only_the_zero_wrench_is_balanced():
     none = balance_by_friction(np.zeros((0, 2)), np.zeros(0), np.zeros(3), 0.5)
     assert none.residual == none.required_friction == none.margin == 0.0
     assert none.friction_forces.shape == (0,)
@@ -153,7 +153,7 @@ def test_one_contact_balances_its_own_friction_only():
 
 
 @pytest.mark.filterwarnings('error')
-def test_a_load_beyond_all_friction_is_not_balanced():
+def test_load_beyond_all_friction_has_no_closure():
     closure = balance_by_friction(tangents_at(np.arange(5.0)), np.ones(5), np.full(3, 1e300), 0.5)
     assert not closure.closed
     assert np.isfinite(closure.friction_forces).all()
@@ -161,7 +161,7 @@ def test_a_load_beyond_all_friction_is_not_balanced():
 
 @robots.examples(60)
 @given(generators, strategies.integers(2, 15), strategies.floats(0.05, 1.0))
-def test_of_all_forces_that_balance_the_smallest_shares_are_found(rng, count, friction):
+def test_balance_has_the_smallest_friction_shares(rng, count, friction):
     tangents, forces, _ = random_contacts(rng, count)
     forces += 0.1
     segments = wrenches(tangents, forces)
@@ -176,7 +176,7 @@ def test_of_all_forces_that_balance_the_smallest_shares_are_found(rng, count, fr
 
 
 @pytest.mark.parametrize('apart', [1e-3, 1e-4, 1e-5])
-def test_tangents_that_are_nearly_parallel_balance_what_they_can(apart):
+def test_nearly_parallel_tangents_have_the_least_squares_balance(apart):
     # Their difference alone turns the load: small against the forces, and yet within friction.
     tangents, forces = tangents_at(np.array([0.0, apart])), np.array([10.0, 10.0])
     load = wrenches(tangents, forces).T @ [0.4, -0.4]
@@ -186,7 +186,7 @@ def test_tangents_that_are_nearly_parallel_balance_what_they_can(apart):
     assert closure.residual <= closure.tolerance
 
 
-def test_hundreds_of_contacts_are_answered():
+def test_hundreds_of_contacts_are_solved():
     # All pairs of contacts, and the sum over all for each of them, would take gigabytes.
     angles = np.random.default_rng(0).uniform(0.0, 2.0 * np.pi, 800)
     forces, load = np.ones(800), np.array([100.0, 200.0, -50.0])
@@ -206,7 +206,7 @@ def test_hundreds_of_contacts_are_answered():
     coefficients,
     strategies.sampled_from([1e-6, 1.0, 1e6]),
 )
-def test_required_friction_with_levers_is_that_of_a_linear_program(rng, count, friction, scale):
+def test_required_friction_with_levers_agrees_with_a_linear_program(rng, count, friction, scale):
     tangents, forces, _ = random_contacts(rng, count)
     levers = rng.uniform(-0.5, 2.0, count)
     load = wrenches(tangents, forces, levers).T @ rng.uniform(-1.0, 1.0, count)
@@ -226,7 +226,7 @@ def test_required_friction_with_levers_is_that_of_a_linear_program(rng, count, f
 
 
 @pytest.mark.parametrize(('apart', 'closed'), [(1e-7, True), (1e-5, False)])
-def test_opposite_contacts_close_where_their_forces_are_alike_to_a_millionth(apart, closed):
+def test_opposite_contacts_have_closure_up_to_a_relative_tolerance_of_1e_6(apart, closed):
     tangents, forces = tangents_at(np.array([0.0, np.pi])), np.array([10.0, 10.0 * (1.0 + apart)])
     load = np.array([forces[1] - forces[0], 0.0, 0.0])
     found = balance_by_friction(tangents, forces, load, 0.5)

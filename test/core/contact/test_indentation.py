@@ -26,7 +26,7 @@ ROBOT = load_robot('nine_member')
 
 
 @pytest.mark.parametrize('diameter', [0.0254, 0.1, 0.3, 0.7])
-def test_between_its_depths_the_table_is_the_contact(diameter):
+def test_interpolated_dents_agree_with_the_contact(diameter):
     radius = 0.5 * diameter
     table = skin_indentation(ROBOT, 0, radius)
     for share in (0.005, 0.02, 0.1, 0.4, 0.75):
@@ -37,7 +37,7 @@ def test_between_its_depths_the_table_is_the_contact(diameter):
 
 @robots.examples(60)
 @given(robots.generators(), strategies.integers(1, 6), strategies.integers(2, 30))
-def test_dents_are_those_of_the_librarys_spline(rng, count, size):
+def test_dents_agree_with_the_cubic_spline_of_scipy(rng, count, size):
     """Of up to six contacts, pulling ones and those beyond the table among them."""
     tables, splines, lasts = [], [], []
     for _ in range(count):
@@ -62,7 +62,7 @@ def test_dents_are_those_of_the_librarys_spline(rng, count, size):
         )
 
 
-def test_softer_tubes_dent_as_under_more_force():
+def test_dents_of_softer_tubes_are_those_of_larger_forces():
     tables = [skin_indentation(ROBOT, tube, 0.15) for tube in (0, 1)]
     forces = np.array([10.0, 20.0])
     depth, slope = Indentation(tables, scale=0.5)(forces)
@@ -72,7 +72,7 @@ def test_softer_tubes_dent_as_under_more_force():
 
 
 @pytest.mark.parametrize('cut', [0, 1, 2])
-def test_how_many_points_a_face_has_does_not_count(cut):
+def test_dents_are_independent_of_the_number_of_points_on_a_face(cut):
     # Faces fall away from the point, each more steeply than the one before.
     places = np.array([-0.3, -0.2, -0.02, 0.0, 0.03, 0.2, 0.3])
     heights = np.array([0.5, 0.2, 0.005, 0.0, 0.004, 0.1, 0.3])
@@ -88,7 +88,7 @@ def test_how_many_points_a_face_has_does_not_count(cut):
     assert forces[0] == pytest.approx(forces[1], rel=1e-9)
 
 
-def test_a_profile_dents_as_its_mirror_image():
+def test_dent_of_a_mirrored_profile_is_equal():
     places = np.array([-0.3, -0.02, 0.0, 0.04, 0.3])
     heights = np.array([0.5, 0.02, 0.0, 0.004, 0.3])
     reach = np.array([0.05, 0.03])
@@ -99,7 +99,7 @@ def test_a_profile_dents_as_its_mirror_image():
     assert forces[0] == pytest.approx(forces[1], rel=1e-9)
 
 
-def test_each_tube_dents_by_its_own_pressure():
+def test_dent_depends_on_the_pressure_of_its_tube():
     names = list(ROBOT.description.pressures)
     pressures = tuple(2e4 + 1e4 * np.arange(len(names)))
     whole, shape = (np.inf, np.inf), Ellipse((0.2, 0.1))
@@ -113,7 +113,7 @@ def test_each_tube_dents_by_its_own_pressure():
 
 
 @pytest.mark.parametrize('radius', [0.03, 0.15])
-def test_a_tube_that_does_not_bend_is_dented_as_the_table_says(radius):
+def test_indentation_of_a_rigid_tube_agrees_with_the_table(radius):
     stiff = tubes.bare(0.8, 1e12, 1e12, 1e12)
     tube = 0.5 * ROBOT.description.tube_diameter
     table, kernel = skin_indentation(ROBOT, 0, radius), flattening_of(ROBOT, None)
@@ -127,7 +127,7 @@ def test_a_tube_that_does_not_bend_is_dented_as_the_table_says(radius):
 
 @pytest.mark.parametrize('force', [0.3, 5.0, 40.0, 1e3, -5.0])
 @pytest.mark.parametrize('shape', ['disc', 'corner'])
-def test_the_pressure_rate_is_that_of_the_depth(shape, force):
+def test_pressure_derivative_agrees_with_finite_differences(shape, force):
     def table(pressure):
         given = (pressure,) * len(ROBOT.description.pressures)
         if shape == 'disc':

@@ -47,7 +47,7 @@ def pressed(seed):
 @example(1910)  # here two spacings are enough for themselves
 @example(2126)
 @example(2189)
-def test_the_answer_is_the_same_from_grasps_near_and_far(seed):
+def test_solution_is_independent_of_the_initial_guess(seed):
     config, cylinder = pressed(seed)
     cold = analyze_grasp(config, cylinder)
     x, y = cylinder.pose[:2]
@@ -83,7 +83,7 @@ def test_all_figures_are_converged_at_the_default_spacing(seed):
         assert touching >= REGION_POINTS - 2 or step == pytest.approx(SPACING / DIVISIONS[-1])
 
 
-def test_an_object_that_is_not_touched_has_points_and_no_forces():
+def test_object_without_contact_has_points_without_forces():
     center = tangent_center(ROBOT.home, 'north/Z', 0.3, -0.001)
     analysis = analyze_grasp(ROBOT.home, ConvexObject.disc(center, 0.3))
     assert len(analysis.gaps) > 2
@@ -91,7 +91,7 @@ def test_an_object_that_is_not_touched_has_points_and_no_forces():
     assert analysis.gaps.min() > 0.0
 
 
-def test_a_small_object_that_the_search_alone_touches_is_refused():
+def test_small_object_missed_by_the_final_points_is_refused():
     travel = [0.00236432, 0.09009274, -0.07116808, 0.08972989, -0.03763371, -0.01533471]
     config = ROBOT.configuration(travel)
     small = ConvexObject.disc((1.4295648734228052, -0.19796723469443755), 0.06603594342697769)
@@ -115,7 +115,7 @@ def test_points_of_a_corner_are_as_close_as_a_budget_allows():
         assert points(int(share * count)).spacing == pytest.approx(SPACING / division)
 
 
-def test_a_contact_that_is_known_is_solved_once():
+def test_known_contact_is_solved_once():
     config, cylinder = pressed(1)
     structure, calls = structure_of(config), []
 

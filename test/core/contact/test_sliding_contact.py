@@ -34,7 +34,7 @@ CORNERS = [(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)]
         (Ellipse((0.1, 0.05)), 1.8, 1.0),
     ],
 )
-def test_normals_lean_little_but_on_arcs_that_points_can_tell(shape, angle, least):
+def test_normals_are_limited_except_on_resolved_arcs(shape, angle, least):
     held, fold = pressed_into(HOME, 'south/P', shape, angle, 0.02), np.deg2rad(12.0)
     surface, structure = surface_of(held), structure_of(HOME)
     kernel = flattening_of(HOME.robot, structure.pressures)
@@ -63,7 +63,7 @@ def test_normals_lean_little_but_on_arcs_that_points_can_tell(shape, angle, leas
     assert (turned.forces * np.cos(leans))[faces] == pytest.approx(sizes[faces], rel=1e-9)
 
 
-def test_normals_lean_up_to_75_degrees_against_the_tubes():
+def test_normals_incline_by_at_most_75_degrees():
     rng = np.random.default_rng(0)
     bent, side = np.exp(1j * rng.uniform(0.0, 6.0, 200)), rng.choice([-1.0, 1.0], 200)
     leans = np.deg2rad(rng.uniform(-100.0, 100.0, 200))

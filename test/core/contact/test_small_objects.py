@@ -59,6 +59,6 @@ def test_objects_beyond_the_end_of_a_tube_are_refused_with_the_member(share, dep
         analyze_grasp(HOME, body)
 
 
-def test_an_object_that_is_nowhere_in_a_tube_is_not_refused():
+def test_object_without_penetration_is_accepted():
     body = placed(Disc(0.07), -0.001, 0.5)
     assert not analyze_grasp(HOME, body).contact_forces

@@ -41,7 +41,7 @@ def clamped(shear):
 @pytest.mark.parametrize('shear', [1.9e3, np.inf])
 @pytest.mark.parametrize('share', [0.5, 0.3, 0.8])
 @pytest.mark.parametrize('angle', [0.0, 0.4, -0.4])
-def test_a_clamped_tube_under_one_force(shear, share, angle):
+def test_clamped_tube_under_one_force_agrees_with_beam_theory(shear, share, angle):
     structure, force = clamped(shear), 20.0
     found = find_contact_points(structure, circle(share * LENGTH - 0.15j, 0.151), 0.005)
     at = int(np.abs(found.points - share * LENGTH).argmin())
@@ -72,7 +72,7 @@ def test_a_clamped_tube_under_one_force(shear, share, angle):
     assert tension[at] == pytest.approx(max(expected, 0.0), rel=1e-6)
 
 
-def test_more_compression_than_pull_is_beyond_all_bounds():
+def test_utilisation_is_infinite_if_compression_exceeds_the_pull():
     structure = clamped(1.9e3)
     found = find_contact_points(structure, circle(0.3 * LENGTH - 0.15j, 0.151), 0.005)
     forces = np.zeros(len(found.points))
@@ -86,7 +86,7 @@ def test_more_compression_than_pull_is_beyond_all_bounds():
 
 @robots.examples(15)
 @given(robots.robots(), robots.generators(), strategies.floats(0.05, 0.5))
-def test_moments_are_those_of_a_robot_in_which_loads_are_on_nodes(robot, rng, diameter):
+def test_section_moments_agree_with_a_frame_loaded_at_nodes(robot, rng, diameter):
     config = robots.random_state(robot, rng)
     gauge = rng.uniform(2e4, 6e4, len(robot.description.pressures))
     structure = structure_of(config, gauge)
@@ -119,7 +119,7 @@ def test_moments_are_those_of_a_robot_in_which_loads_are_on_nodes(robot, rng, di
     assert (tension >= 0.0).all()
 
 
-def test_pressure_is_that_of_the_gas_and_of_the_walls_tension_around_the_object():
+def test_contact_pressure_is_gas_pressure_plus_wall_tension_over_curvature():
     robot = load_robot('nine_member')
     gauge = {'south': 30e3, 'east': 25e3, 'north': 20e3}
     center = tangent_center(robot.home, 'south/P', 0.3, 0.01)
@@ -140,7 +140,7 @@ def test_pressure_is_that_of_the_gas_and_of_the_walls_tension_around_the_object(
 
 
 @pytest.mark.parametrize('flattening', [False, True])
-def test_points_at_the_ends_of_members_stand_for_half_a_spacing_to_both_sides(flattening):
+def test_points_at_member_ends_represent_half_a_spacing_on_both_sides(flattening):
     # All of one member is touched, of another its first points.
     member = np.array([0, 0, 0, 1, 1, 1, 1, 1, 2])
     place = 0.01 * np.array([3, 4, 5, 0, 1, 2, 3, 4, 7])

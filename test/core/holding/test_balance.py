@@ -50,7 +50,7 @@ def goal_of(**parts):
         ({'inclinations': 0.4}, 2),
     ],
 )
-def test_steps_are_no_longer_than_they_may(parts, steps):
+def test_newton_steps_are_bounded(parts, steps):
     tried = []
     goal = goal_of(**parts)
     found = solve_balance(linear(goal, np.eye(PLACES.size), tried), ARM)
@@ -58,7 +58,7 @@ def test_steps_are_no_longer_than_they_may(parts, steps):
     assert np.array(tried) == pytest.approx(np.linspace(0.0, 1.0, steps + 1)[:, None] * goal)
 
 
-def test_what_has_no_solution_or_a_folded_one_gives_none():
+def test_equations_without_an_unfolded_solution_return_none():
     singular = np.diag([1.0, 1.0, 1.0, 1.0, 0.0, 1.0, 1.0])
     infinite = np.full((PLACES.size, PLACES.size), np.nan)
     for matrix in (singular, infinite):

@@ -27,14 +27,14 @@ def statics():
     return build_statics(CONFIG, DISC, MODEL.contacts, TubeModel(paper_model=True))
 
 
-def test_without_a_past_the_place_along_the_bisector_is_the_given_one(statics):
+def test_attached_pose_along_the_bisector_is_the_given_one(statics):
     state = statics.solve(start_at(statics, DISC), UNLOADED, rest(statics, DISC))
     along = 1j * (state.normals[0] - state.normals[1])
     assert abs(state.center - DISC.center) > 1e-3
     assert ((state.center - DISC.center) * along.conjugate()).real == pytest.approx(0.0, abs=1e-9)
 
 
-def test_rolling_from_where_it_is_stays_there_and_follows_the_tube(statics):
+def test_rolling_conditions_hold_at_rest_and_follow_the_tube(statics):
     state = statics.solve(
         start_at(statics, DISC), UNLOADED, rest(statics, DISC.moved_to((*DISC.pose[:2], 0.3)))
     )

@@ -30,7 +30,7 @@ WRONG = {
     st.booleans(),
 )
 @robots.examples(150)
-def test_held_is_force_closure_with_nothing_else_wrong(robot, rng, kind, count, flat):
+def test_held_implies_force_closure(robot, rng, kind, count, flat):
     config, grip = random_grips.random_convex_grip(robot, rng, kind, count, flat)
     if grip is None:
         return

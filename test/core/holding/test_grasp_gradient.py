@@ -5,19 +5,26 @@
 
 from dataclasses import replace
 from itertools import islice
+from typing import NamedTuple
 
 from carries import GRASPS, make_robot, place
 from grips import gripped
 from held_grips import numbers
 from isotruss_ros.core import (
     ConvexObject,
+    Disc,
+    Ellipse,
     grasp_gradient,
     Grip,
     load_robot,
+    place_between,
+    Polygon,
+    Robot,
     settle_grasp,
     tangent_center,
 )
 from isotruss_ros.core.contact.dents import Indentation
+from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_gradient import held_gradient
@@ -25,9 +32,130 @@ from isotruss_ros.core.holding.held_grip import NotHeldError
 from isotruss_ros.core.holding.loaded_frame import held_joints
 from isotruss_ros.core.holding.roll_grip import roll_contacts
 from isotruss_ros.core.holding.settle_grasp import assess_equilibrium
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.kinematics.depths import member_depths
 import numpy as np
 import pytest
-from random_grasps import largest_error, RandomGrasp, SHARES
+from robots import random_state
+
+FILE = load_robot('nine_member').description
+#: Laws of the order of the theory, at 34.5 kPa and 0.86 m from ring to ring.
+LAWS = {
+    'model': 'power_law',
+    'axial': {'C': 8.0, 'a': 0.6, 'b': -0.2},
+    'transverse': {'C': 0.5, 'a': 0.6, 'b': -1.2},
+    'rotary': {'C': 0.3, 'a': 0.6, 'b': 0.9},
+}
+SECTION = {
+    'model': 'section',
+    'axial_rigidity': 4e3,
+    'flexural_rigidity': 25.0,
+    'shear_rigidity': 1.9e3,
+}
+ROBOTS = [
+    Robot(FILE),
+    Robot(replace(FILE, stiffness=SECTION, stiffness_scale=1.2)),
+    Robot(replace(FILE, stiffness=LAWS)),
+]
+SPREAD = 2.0 * np.pi / 5.0 * np.arange(5)
+BOX = np.array([(-1.0, -0.8), (1.0, -0.8), (1.0, 0.8), (-1.0, 0.8)])
+#: At a module, apart, and three around the object.
+MEMBERS = (
+    ('north/P-Z', 'north/Z-R'),
+    ('south/P-Q', 'north/R-P'),
+    ('south/P-Q', 'south/Q-X', 'south/X-P'),
+)
+#: Steps of the differences, as shares of a step each.
+SHARES = (1.0, -1.0, 2.0, -2.0, 4.0, -4.0)
+
+
+class Chosen(NamedTuple):
+    """What an optimiser chooses of a grasp."""
+
+    config: Configuration
+    body: ConvexObject
+    wrench: np.ndarray
+    pressures: np.ndarray
+    friction: float = 0.5
+    scale: float = 1.0
+
+    def changed(self, change, parameters):
+        """Return the same with other parameters."""
+        config, body, wrench, pressures, friction, scale = self
+        return Chosen(
+            config.moved_to(config.roller_positions + change[parameters.rollers]),
+            body.moved_to(np.add(body.pose, change[parameters.place])),
+            wrench + change[parameters.wrench],
+            pressures + change[parameters.pressures],
+            friction + change[parameters.friction],
+            scale + change[parameters.stiffness],
+        )
+
+
+class RandomGrasp:
+    """A random grasp: of discs, polygons and ellipses, by tubes of all models."""
+
+    def __init__(self, number):
+        self.rng = rng = np.random.default_rng(number)
+        robot = ROBOTS[number % 3]
+        self.members = MEMBERS[number // 3 % 3]
+        config = random_state(robot, rng, 0.01)
+        angle = rng.uniform(-3.0, 3.0)
+        if number % 4 == 3:
+            angle = np.pi / 3.0 + 0.01 * rng.normal()  # a face on a side
+        size, depth = rng.uniform(0.1, 0.25), rng.uniform(0.01, 0.03)
+        corners = np.exp(1j * (rng.uniform(0.0, 0.9, 5) + SPREAD))
+        narrow = rng.uniform(0.6, 0.95)
+        grip, own = None, numbers(self.members)
+        # Of three members it is to press on all.
+        while grip is None or member_depths(config, grip.body)[own].min() < 0.003:
+            size *= 1.01
+            shape = (
+                Disc(2.0 * size),
+                Ellipse((size, narrow * size)),
+                Polygon(size * corners.view(float).reshape(-1, 2)),
+                Polygon(size * BOX, corner_radius=0.02),
+            )[number % 4]
+            try:
+                grip = place_between(config, self.members, shape, angle, depth)
+            except GraspError:
+                continue  # too small for these members
+        wrench = rng.uniform(-0.5, 0.5, 3) * (1.0, 1.0, 0.1)
+        self.chosen = Chosen(config, grip.body, wrench, rng.uniform(25e3, 45e3, 3))
+        self.paper_model = number % 5 == 0
+
+    def step(self, parameters, sizes):
+        """Return how parameters change, (p,), in a random direction, by the sizes of that."""
+        step = np.zeros(parameters.size)
+        for name, size in sizes.items():
+            place = getattr(parameters, name)
+            step[place] = size * self.rng.choice([-1.0, 1.0], np.shape(step[place]))
+        return step
+
+
+def largest_error(exact, reached, step):
+    """
+    Return the largest error of a gradient, as a share of the sum of what all parameters do.
+
+    None where differences of other steps differ, as they do where something changes on the way.
+
+    :param exact: rows (n, p) by name.
+    :param reached: values (n,) by name, after steps by `SHARES`.
+    :param step: (p,).
+    """
+    worst = 0.0
+    for name, rows in exact.items():
+        near, far, farthest = (
+            (ahead[name] - behind[name]) / (2.0 * share)
+            for ahead, behind, share in zip(reached[::2], reached[1::2], SHARES[::2], strict=True)
+        )
+        size = max((np.abs(rows) @ np.abs(step)).max(), 1e-7)
+        best, other = (4.0 * near - far) / 3.0, (4.0 * far - farthest) / 3.0
+        if np.abs(best - other).max() > 5e-7 * size:
+            return None
+        worst = max(worst, np.abs(rows @ step - best).max() / size)
+    return worst
+
 
 PRESSURES = {'pressures': 50.0}
 OTHERS = {'rollers': 5e-5, 'place': 5e-5, 'friction': 1e-3, 'wrench': 5e-3, 'stiffness': 1e-3}
@@ -97,8 +225,8 @@ def error(number, sizes):
     return largest_error(exact, reached, step)
 
 
-@pytest.mark.parametrize('wanted', [30, pytest.param(500, marks=pytest.mark.nightly)])
-def test_gradients_are_those_of_central_differences(wanted):
+@pytest.mark.parametrize('wanted', [15, pytest.param(500, marks=pytest.mark.nightly)])
+def test_gradients_agree_with_central_differences(wanted):
     # Other pressures take new tables of dents, which take a while.
     cases = ((n, PRESSURES if n % 8 == 1 else OTHERS) for n in range(4 * wanted))
     found = (error(*case) for case in cases)
@@ -107,7 +235,7 @@ def test_gradients_are_those_of_central_differences(wanted):
     assert max(compared) < 1e-6
 
 
-def test_the_members_that_decide_are_named():
+def test_critical_members_are_named():
     case = RandomGrasp(1)
     grasp = settle(case, case.chosen)
     gradient = grasp_gradient(grasp)
@@ -115,7 +243,7 @@ def test_the_members_that_decide_are_named():
     assert gradient.most_used == (max(grasp.utilisation, key=grasp.utilisation.get),)
 
 
-def test_the_member_that_gives_way_is_the_one_that_is_about_to_slip():
+def test_member_that_gives_way_is_nearest_to_slip():
     grasp = settle_grasp(*gripped(35.0, squeeze=0.08), external_wrench=(0.3, 0.0, 0.05))
     scarce = 1.001 * grasp.required_friction
     about_to = assess_equilibrium(grasp.pose, grasp.equilibrium, scarce)
@@ -126,7 +254,7 @@ def test_the_member_that_gives_way_is_the_one_that_is_about_to_slip():
     assert more == pytest.approx(about_to.slip_margin, rel=2e-3)
 
 
-def test_all_members_that_give_way_at_once_are_named():
+def test_all_members_at_equal_slip_margin_are_named():
     config = load_robot('nine_member').home
     body = ConvexObject.disc(tangent_center(config, 'north/Z', 0.3, 0.02), 0.3, friction=0.8)
     gradient = grasp_gradient(settle_grasp(config, body))
@@ -142,7 +270,7 @@ def test_all_members_that_give_way_at_once_are_named():
         assert change == pytest.approx((pull * sideways).min(), rel=2e-3)
 
 
-def test_friction_and_the_place_across_the_bisector_change_nothing():
+def test_equilibrium_is_independent_of_friction_and_position_across_the_bisector():
     grasp = settle_grasp(*gripped(35.0, squeeze=0.08))
     gradient = grasp_gradient(grasp)
     one, other = grasp.equilibrium.state.normals
@@ -183,7 +311,7 @@ def move(grip, values):
 
 
 @pytest.mark.parametrize('name', GRASPS)
-def test_the_gradient_is_that_of_differences(name):
+def test_held_gradient_agrees_with_finite_differences(name):
     grip = grip_of(name)
     found, columns = held_gradient(grip), []
     here = np.concatenate(
@@ -206,6 +334,6 @@ def test_the_gradient_is_that_of_differences(name):
 
 
 @pytest.mark.parametrize('name', ['disc 0.2 m', 'box'])
-def test_the_places_are_those_of_the_held_joints(name):
+def test_joint_positions_agree_with_held_joints(name):
     grip = grip_of(name)
     assert held_gradient(grip).places.reshape(-1, 2) == pytest.approx(held_joints(grip), abs=1e-12)

@@ -88,7 +88,7 @@ def test_a_member_slips_by_the_sums_over_its_contacts():
         ([0, 1, 2], [1.0, 0.05, 2.0], None, None),
     ],
 )
-def test_ends_of_faces_and_third_members_pull_below_zero(owners, forces, end, pulling):
+def test_negative_forces_of_face_ends_and_third_members_are_tension(owners, forces, end, pulling):
     numbers = np.array(owners)
     grip = SimpleNamespace(
         contacts=PressedContacts(numbers, numbers, np.full((len(owners), 2), np.inf)),
@@ -99,7 +99,7 @@ def test_ends_of_faces_and_third_members_pull_below_zero(owners, forces, end, pu
     assert HeldGrip.pulling.fget(grip) == pulling
 
 
-def test_faces_are_tried_with_both_ends_first_then_with_one_of_each():
+def test_contact_hypotheses_begin_with_both_ends_of_faces():
     cuts = np.tile([[np.inf, 0.1], [0.1, np.inf]], (2, 1))
     contacts = PressedContacts(np.array([3, 3, 5, 5]), np.arange(4), cuts)
     tried = [set(chosen.corners.tolist()) for chosen in _choices(contacts)]
@@ -115,7 +115,7 @@ def test_angles_of_contacts_are_those_of_the_normals_in_the_objects_frame():
     assert np.exp(1j * grip.angles) == pytest.approx(own)
 
 
-def test_an_object_that_has_settled_on_a_face_stays_where_it_is():
+def test_settling_on_a_face_is_idempotent():
     grip = held(BOX, 0.0)
     assert len(grip.contacts.owners) == 3
     assert grip.body.pose.angle > 0.01

@@ -62,7 +62,7 @@ def turned_disc(angle):
 
 
 @pytest.mark.parametrize(('shape', 'angle', 'members', 'count'), CASES)
-def test_the_jacobian_is_that_of_differences(shape, angle, members, count):
+def test_jacobian_agrees_with_finite_differences(shape, angle, members, count):
     grip = held(shape, angle, members, external_wrench=np.array([0.3, -0.2, 0.1]))
     assert len(grip.anchors) == count
     statics, rng = grip.statics, np.random.default_rng(0)
@@ -118,7 +118,7 @@ def test_forces_on_the_object_balance_the_wrench(shape, angle, members, count):
     assert_balanced(grip, wrench)
 
 
-def test_a_face_comes_to_lie_on_a_member_and_lifts_at_its_other_end_and_back():
+def test_face_ends_close_and_open_as_the_object_rolls():
     grip, configs = held(SHARP, 0.65, CORNER), [HOME]
     ahead = [(3, 1), (3, 1, 2), (3, 2)]
     for turn, corners in ((-0.01, ahead), (0.01, ahead[::-1])):
@@ -201,7 +201,7 @@ def test_sharp_corners_of_short_faces_follow_each_other_in_one_step():
     assert_balanced(grip, np.zeros(3))
 
 
-def test_a_face_that_would_not_press_does_not_lie_down(monkeypatch):
+def test_face_end_in_tension_stays_open(monkeypatch):
     _, grip = rolled_over_corners()
     tried = []
 
@@ -213,7 +213,7 @@ def test_a_face_that_would_not_press_does_not_lie_down(monkeypatch):
     assert tried
 
 
-def test_both_ends_of_a_face_press_and_rub_alike():
+def test_both_ends_of_a_face_use_equal_shares_of_friction():
     grip = held(BOX, 0.0)
     owners, state = grip.contacts.owners, grip.state
     assert np.bincount(owners).tolist() == [1, 2]
@@ -227,7 +227,7 @@ def test_both_ends_of_a_face_press_and_rub_alike():
 
 
 @pytest.mark.parametrize(('shape', 'angle', 'members', 'count'), CASES)
-def test_an_object_that_rolls_there_and_back_is_where_it_was(shape, angle, members, count):
+def test_rolling_is_reversible(shape, angle, members, count):
     begun = held(shape, angle, members)
     grip = begun
     way = np.array([0.01, -0.02, 0.01, 0.015, -0.01, 0.02])
@@ -246,7 +246,7 @@ def test_an_object_that_rolls_there_and_back_is_where_it_was(shape, angle, membe
 
 
 @pytest.mark.parametrize(('shape', 'angle', 'members', 'count'), CASES)
-def test_the_response_is_that_of_small_wrenches(shape, angle, members, count):
+def test_response_agrees_with_small_wrenches(shape, angle, members, count):
     grip = held(shape, angle, members)
     response = grip.response
     assert response.stable
@@ -281,7 +281,7 @@ def changed_forces(grip, moving):
 @pytest.mark.parametrize(
     ('shape', 'angle', 'members'), [*(case[:3] for case in CASES), (Disc(0.5), 0.0, LOOP)]
 )
-def test_the_squeeze_falls_as_that_of_members_that_move_apart(shape, angle, members):
+def test_squeeze_stiffness_agrees_with_opening_members(shape, angle, members):
     grip = held(shape, angle, members)
     owners, normals = grip.contacts.owners, grip.state.normals
     if len(members) > 2:
@@ -297,7 +297,7 @@ def test_the_squeeze_falls_as_that_of_members_that_move_apart(shape, angle, memb
 
 
 @pytest.mark.parametrize('kind', ['slips', 'lets go'])
-def test_at_the_slip_margin_a_member_slips_or_lets_go(kind):
+def test_member_slips_or_opens_at_the_slip_margin(kind):
     shape, friction = (BOX, 0.8) if kind == 'slips' else (Disc(0.4), 5.0)
     grip = held(shape, 1.0 if kind == 'slips' else 0.4)
     assert grip.hold(friction) is HoldStatus.HELD
@@ -320,7 +320,7 @@ def test_at_the_slip_margin_a_member_slips_or_lets_go(kind):
 
 @pytest.mark.parametrize('shape', [Disc(0.4), Ellipse((0.25, 0.2))])
 @pytest.mark.parametrize('share', [0.7, 1.3])
-def test_other_pressures_change_tubes_and_dents_as_attaching_anew(shape, share):
+def test_with_pressures_agrees_with_attaching_at_these_pressures(shape, share):
     filed = held(shape, 0.0)
     assert with_pressures(filed, None) is filed
     pressures = tuple(share * each for each in NINE.description.pressures.values())
@@ -353,7 +353,7 @@ def gap_of_third(diameter):
     return body, -float(member_depths(HOME, body)[numbers(LOOP[2:])[0]])
 
 
-def test_a_third_member_joins_where_the_bent_structure_touches():
+def test_third_member_comes_into_contact_by_bending():
     near, far = (
         gap_of_third(brentq(lambda size, gap=gap: gap_of_third(size)[1] - gap, 0.4, 0.8))[0]
         for gap in (1e-3, 0.02)
@@ -376,7 +376,7 @@ def test_a_third_member_joins_where_the_bent_structure_touches():
 
 
 @pytest.mark.parametrize('angle', [0.3, -0.4])
-def test_a_third_member_is_dented_by_the_corner_that_it_meets(angle):
+def test_dent_of_a_third_member_is_that_of_its_corner(angle):
     def place(size):
         shape = regular_polygon(7, size)
         return place_between(HOME, LOOP[:2], shape, angle=angle, indentation=0.012).body
@@ -394,7 +394,7 @@ def test_a_third_member_is_dented_by_the_corner_that_it_meets(angle):
 
 @pytest.mark.parametrize(('flattening', 'bound'), [(True, 0.09), (False, 0.004)])
 @pytest.mark.parametrize('shape', [Disc(0.65), Ellipse((0.33, 0.32)), TRIANGLE])
-def test_without_friction_members_press_as_in_the_analysis(shape, flattening, bound):
+def test_frictionless_forces_agree_with_analyze_grasp(shape, flattening, bound):
     body = place_between(HOME, LOOP, shape, indentation=0.014).body
     grip = attach_grip(HOME, body, numbers(LOOP), tubes=TubeModel(paper_model=not flattening))
     assert np.abs(grip.friction_forces).max() < 1e-6
@@ -403,7 +403,7 @@ def test_without_friction_members_press_as_in_the_analysis(shape, flattening, bo
     assert grip.normal_forces == pytest.approx(expected, rel=bound)
 
 
-def test_a_face_between_three_members_settles_the_angle_without_friction():
+def test_face_between_three_members_determines_the_angle_without_friction():
     grip = place_between(HOME, LOOP, TRIANGLE, indentation=0.012)
     settled = settle_grasp(HOME, grip.body, 0.5)
     assert settled.hold is HoldStatus.HELD
@@ -429,7 +429,7 @@ def test_a_face_dents_less_than_a_corner_and_a_disc_as_in_its_own_table():
     assert [table(10.0)[0], table(30.0)[0]] == pytest.approx(depths, rel=0.02)
 
 
-def test_what_is_not_held_says_why():
+def test_hold_status_names_the_violated_condition():
     grip = place_between(HOME, APART, BOX, angle=0.2, indentation=0.01)
     slips = settle_grasp(HOME, grip.body, 0.3)
     assert slips.hold is HoldStatus.SLIPS

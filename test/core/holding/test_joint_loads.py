@@ -19,7 +19,7 @@ def disc(angle):
 
 
 @pytest.mark.parametrize('grasp', [disc(30.0), disc(45.0)])
-def test_tubes_bear_what_a_frame_under_the_same_loads_does(grasp):
+def test_utilisation_agrees_with_a_frame_under_the_same_loads(grasp):
     structure, state, statics = structure_of(grasp.config), grasp.state, grasp.statics
     frame = tubes.robot_with_nodes(structure, grasp.contacts.members, state.feet)
     push = (state.normal_forces + 1j * state.friction_forces) * state.normals

@@ -38,7 +38,7 @@ def deform_by(members, places, plane, couples, paper_model=False):
 
 @on_grasps
 @pytest.mark.parametrize('paper_model', [False, True])
-def test_a_held_object_bends_the_structure_as_its_forces_do(shape, depth, paper_model):
+def test_structure_of_a_held_object_agrees_with_deform(shape, depth, paper_model):
     grip = attach_grip(ROBOT.home, placed(shape, depth), tubes=TubeModel(paper_model=paper_model))
     loads = grip.state.loads
     plane = (loads[:, 0] + 1j * loads[:, 1]) * grip.statics.bent.axis
@@ -52,7 +52,7 @@ def test_a_held_object_bends_the_structure_as_its_forces_do(shape, depth, paper_
 
 
 @on_grasps
-def test_contact_forces_bend_the_structure_as_loads_on_its_tubes_do(shape, depth):
+def test_structure_under_contact_forces_agrees_with_tube_loads_of_deform(shape, depth):
     analysis = analyze_grasp(ROBOT.home, placed(shape, depth))
     points, contact, *_ = analysis.solved
     # Points without a force, too: they are nodes as well, and finer beams err by less.
@@ -66,7 +66,7 @@ def test_contact_forces_bend_the_structure_as_loads_on_its_tubes_do(shape, depth
 
 
 @on_grasps
-def test_the_share_of_nonlinearity_is_that_of_the_forces(shape, depth):
+def test_nonlinearity_is_the_relative_difference_of_forces(shape, depth):
     body = placed(shape, depth)
     analysis = analyze_grasp(ROBOT.home, body)
     bent = attach_grip(ROBOT.home, body)

@@ -54,13 +54,13 @@ def test_a_face_lies_on_a_tube_where_both_of_its_ends_are_in_it(length, side, wa
         assert found.cuts == pytest.approx(np.array(cuts))
 
 
-def test_a_face_that_is_shorter_than_a_tubes_radius_is_one_corner():
+def test_face_shorter_than_the_tube_radius_is_one_contact():
     found = find_pressed(HOME, lain_on(0.98 * RADIUS, 0.01), np.array([NUMBER]))
     assert found.corners.tolist() == [0]
 
 
 @pytest.mark.parametrize('side', [1.0, -1.0])
-def test_small_objects_are_on_the_side_of_a_member_on_which_they_are(side):
+def test_small_objects_keep_their_side_of_a_member(side):
     start, axis = member_line()
     center = start + (0.4 - 0.08j * side) * axis
     place = (center.real, center.imag)

@@ -64,7 +64,9 @@ def test_a_narrow_wedge_holds_and_statics_gives_the_friction():
     ('squeeze', 'flattening', 'share'),
     [(0.02, False, 3e-3), (0.08, False, 3e-3), (0.1, False, 3e-3), (0.004, True, 0.02)],
 )
-def test_where_friction_has_nothing_to_do_it_is_the_analysis(degrees, squeeze, flattening, share):
+def test_settled_grasp_without_friction_agrees_with_analyze_grasp(
+    degrees, squeeze, flattening, share
+):
     config, cylinder = gripped(degrees, squeeze=squeeze)
     analysis = analyze_grasp(config, cylinder, FRICTION, paper_model=not flattening)
     wrench = -analysis.normal_wrench
@@ -82,7 +84,7 @@ def test_where_friction_has_nothing_to_do_it_is_the_analysis(degrees, squeeze, f
         assert np.diag(ratio) == pytest.approx(1.0, abs=0.1)
 
 
-def test_a_given_pose_across_the_bisector_does_not_matter():
+def test_equilibrium_is_independent_of_the_given_pose_across_the_bisector():
     quiet = settle_grasp(CONFIG, CYLINDER, FRICTION)
     state = attach_grip(CONFIG, CYLINDER).state
     across = complex(state.normals[0] - state.normals[1])
@@ -93,7 +95,7 @@ def test_a_given_pose_across_the_bisector_does_not_matter():
 
 
 @pytest.mark.parametrize('friction', [0.0, 0.3, 0.55])
-def test_a_wide_wedge_needs_more_friction_than_there_is(friction):
+def test_wide_wedge_requires_more_friction_than_given(friction):
     cylinder = ConvexObject.disc(tangent_center(HOME, 'north/Z', 0.3, 0.01), 0.3)
     settled = settle_grasp(HOME, cylinder, friction)
     assert settled.hold is HoldStatus.SLIPS
@@ -103,7 +105,7 @@ def test_a_wide_wedge_needs_more_friction_than_there_is(friction):
 
 
 @pytest.mark.parametrize('center', [(9.0, 9.0), (0.5, 0.2)])
-def test_what_two_members_do_not_touch_is_not_held(center):
+def test_object_with_one_contact_is_not_held(center):
     settled = settle_grasp(HOME, ConvexObject.disc(center, 0.1), FRICTION, (0.0, -5.0, 0.0))
     assert settled.hold is HoldStatus.NO_CONTACT
     assert settled.pose == (*center, 0.0)
@@ -133,9 +135,9 @@ def grasps(count):
             yield config, ConvexObject.disc(tuple(center), diameter), rng.uniform(0.2, 1.5), wrench
 
 
-def test_random_grasps_are_balanced_or_say_what_has_no_solution():
+def test_random_grasps_are_balanced_or_name_the_violated_condition():
     outcomes = Counter()
-    for config, cylinder, friction, wrench in grasps(400):
+    for config, cylinder, friction, wrench in grasps(160):
         settled = settle_grasp(config, cylinder, friction, wrench)
         outcomes[settled.hold] += 1
         if not settled.normal_forces:
@@ -158,7 +160,7 @@ def test_random_grasps_are_balanced_or_say_what_has_no_solution():
         if settled.held:
             assert ratio.max() <= friction
             assert settled.slip_margin >= 0.0
-    assert min(outcomes[HoldStatus.HELD], outcomes[HoldStatus.SLIPS]) > 40
+    assert min(outcomes[HoldStatus.HELD], outcomes[HoldStatus.SLIPS]) > 15
 
 
 def test_measured_pressures_stiffen_the_tubes():
@@ -172,7 +174,7 @@ def test_measured_pressures_stiffen_the_tubes():
         assert 1.02 * force < harder.normal_forces[name] < 2.0 * force
 
 
-def test_a_search_that_begins_with_the_grasp_before_finds_the_same(monkeypatch):
+def test_warm_start_has_the_same_equilibrium(monkeypatch):
     """Along paths, and where object, load or members jump; only then it begins from the pose."""
     robot, rng, begun = HOME.robot, np.random.default_rng(0), Counter()
     start = attach_grip_module.start_at
@@ -213,7 +215,7 @@ def test_a_search_that_begins_with_the_grasp_before_finds_the_same(monkeypatch):
     assert begun[True, 1] > 10
 
 
-def test_a_search_for_a_box_begins_with_the_grasp_before(monkeypatch):
+def test_search_for_a_box_uses_the_warm_start(monkeypatch):
     body, members = held(BOX, 0.2).body, APART
     before = settle_grasp(HOME, body, 1.0, members=members)
     config = HOME.moved_to(HOME.roller_positions + 1e-4)
@@ -225,7 +227,7 @@ def test_a_search_for_a_box_begins_with_the_grasp_before(monkeypatch):
 
 
 @pytest.mark.parametrize('change', [0.0, 1e-4, -1e-3, [0.0] * 5 + [2.5, 2.5] + [0.0] * 4])
-def test_a_rolling_grasp_ends_where_it_does_wherever_it_is_expected(change):
+def test_rolled_equilibrium_is_independent_of_the_prediction(change):
     """From a last one, too, from which there is no way: then the search begins where it was."""
     grasp = attach_grip(CONFIG, CYLINDER)
     travel = np.full(6, 1e-4)

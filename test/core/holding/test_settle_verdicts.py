@@ -64,7 +64,7 @@ def test_an_equilibrium_holds_within_all_bounds(given, hold, words):
     assert (reason == '') == (hold is HoldStatus.HELD)
 
 
-def test_an_angle_is_displaced_by_less_than_half_a_turn():
+def test_displacement_of_the_angle_is_below_half_a_turn():
     members = ('south/P-Q', 'north/R-P')
     grip = place_between(HOME, members, BOX, angle=0.0, indentation=0.01)
     body, found = grip.body, settle_grasp(HOME, grip.body, 5.0, members=members)

@@ -27,15 +27,15 @@ def left_after(settled, direction):
     return pulled.slip_margin / settled.slip_margin
 
 
-def test_the_slip_direction_has_size_one(settled):
+def test_slip_direction_is_a_unit_vector(settled):
     assert np.linalg.norm(settled.slip_direction) == pytest.approx(1.0)
 
 
-def test_a_wrench_along_the_slip_direction_uses_up_the_slip_margin(settled):
+def test_slip_margin_vanishes_under_its_wrench_along_the_slip_direction(settled):
     assert left_after(settled, settled.slip_direction) == pytest.approx(1.0 - SHARE, rel=0.05)
 
 
-def test_no_other_direction_uses_up_more_of_the_slip_margin(settled):
+def test_slip_direction_minimises_the_margin(settled):
     least = left_after(settled, settled.slip_direction)
     others = np.random.default_rng(0).normal(size=(5, 3))
     for other in others / np.linalg.norm(others, axis=1, keepdims=True):

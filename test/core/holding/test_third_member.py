@@ -26,7 +26,7 @@ from robots import member_ends
         (('south/P-Q', 'north/R-P'), 0.4, 'east/Q-R'),
     ],
 )
-def test_a_member_that_does_not_hold_moves_with_the_structure(members, diameter, other):
+def test_gap_of_another_member_follows_the_structure(members, diameter, other):
     grip = held(Disc(diameter), 0.0, members, 0.012)
     number = int(numbers([other])[0])
     start, end = member_ends(HOME, other)
@@ -52,7 +52,7 @@ def test_a_member_that_does_not_hold_moves_with_the_structure(members, diameter,
 
 
 @pytest.mark.parametrize('force', [None, -0.1])
-def test_a_third_member_that_would_not_press_stays_away(force, monkeypatch):
+def test_third_member_without_compression_is_left_out(force, monkeypatch):
     grip = held(Disc(0.65), 0.0, LOOP[:2], 0.012)
     assert len(_join(grip).members) == 3
     rolled = roll_grip_module.roll_contacts

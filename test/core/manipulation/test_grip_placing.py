@@ -3,7 +3,6 @@
 
 """Where an object touches given members, or both of those at a module."""
 
-from grips import disc_grip
 from hypothesis import assume, given, strategies
 from isotruss_ros.core import (
     Disc,
@@ -32,13 +31,6 @@ def gaps(config, grip):
         off = ((start - contacts.points[k]) * contacts.normals[k].conjugate()).real
         found.append(off - 0.5 * config.robot.description.tube_diameter)
     return np.array(found)
-
-
-@pytest.mark.parametrize('module', NINE.module_names)
-def test_placed_disc_agrees_with_the_tangent_center(module):
-    wanted = disc_grip(NINE.home, module)
-    grip = place_between(NINE.home, wanted.members, Disc(0.3))
-    assert grip.center == pytest.approx(wanted.center, abs=1e-9)
 
 
 @robots.examples(30)

@@ -10,6 +10,7 @@ from isotruss_ros.core import load_robot, RollingGrip, solve_twist, Status, Twis
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 from isotruss_ros.core.manipulation.limits import default_limits, Rows
+from isotruss_ros.core.servo.servo_settings import ServoSettings
 import numpy as np
 import pytest
 
@@ -62,13 +63,15 @@ def test_a_scaled_twist_names_the_limit(slide):
 
 
 def test_a_loop_keeps_the_limit_that_it_is_given():
-    servo = TwistServo(ROBOT, GRIP, 0.01, timeout=1.0)
-    servo.max_acceleration = np.inf
-    servo.limits = (*servo.limits, SupplyLimit(SPEED))
-    servo.twist = StampedInput(TWIST, 0.0)
+    limits = (SupplyLimit(SPEED),)
+    settings = ServoSettings(GRIP, 0.01, timeout=1.0, limits=limits, max_acceleration=np.inf)
+    servo = TwistServo(ROBOT, settings)
+    servo.receive(twist=StampedInput(TWIST, 0.0))
     zeros = np.zeros(len(ROBOT.roller_names))
-    servo.rollers = StampedInput(RollerState(zeros, zeros), 0.0)
-    servo.pose = StampedInput(RollingGrip.attach(ROBOT.home, GRIP).pose, 0.0)
+    servo.receive(
+        rollers=StampedInput(RollerState(zeros, zeros), 0.0),
+        pose=StampedInput(RollingGrip.attach(ROBOT.home, GRIP).pose, 0.0),
+    )
     decision = servo.decide(0.0)
     assert decision.command.status is Status.SLOWED_BARRIER
     assert fastest_two(decision.command.roller_velocities) <= SPEED * (1.0 + 1e-6)

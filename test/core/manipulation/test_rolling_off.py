@@ -5,15 +5,7 @@
 
 import itertools
 
-from held_grips import (
-    APART,
-    balance_exists,
-    FAILED,
-    inclination,
-    inclined_grip,
-    NINE,
-    wedged_grip,
-)
+from held_grips import APART, inclined_grip, NEAR, NINE, OFF, PENTAGON, sides
 from hypothesis import assume, given, strategies
 from isotruss_ros.core import (
     Configuration,
@@ -36,6 +28,47 @@ import random_grips
 from random_grips import contacts_of
 import robots
 from scipy.linalg import null_space
+from scipy.optimize import linprog
+
+#: Without these rollers a face that lies on a member keeps the object from turning alone.
+FAILED = ('south/Q', 'east/R')
+
+
+def inclination(rolling):
+    """Return how far the face is from lying on the first member [rad]."""
+    ends = robots.member_ends(rolling.config, APART[0])
+    normal = random_grips.toward(rolling.grip.body.middle, *ends)
+    return float(np.angle(normal / (PENTAGON.normals[0] * rolling.grip.body.turn)))
+
+
+def wedged_grip(shift, half):
+    """
+    Return a quadrilateral with a face on each member.
+
+    :param shift: of the middles of the faces along the members from next to its origin [m].
+    :param half: of the length of each face [m].
+    """
+    starts, axes, normals = sides()
+    feet = normals * (((starts - NEAR) * normals.conj()).real - OFF) + shift * axes
+    corners = np.concatenate([feet - half * axes, feet + half * axes])
+    corners = corners[np.argsort(np.angle(corners))]
+    shape = Polygon(corners.view(float).reshape(-1, 2))
+    return Grip(APART, ConvexObject(shape, Pose(NEAR.real, NEAR.imag, 0.0)))
+
+
+def balance_exists(contacts, kept, friction):
+    """Tell by a linear program whether contacts have forces in their cones that balance."""
+    wrenches, pressing = [], []
+    for k in kept:
+        for sign in (1.0, -1.0):
+            force = -contacts.normals[k] * (1.0 + sign * 1j * friction)
+            moment = (contacts.points[k].conjugate() * force).imag
+            wrenches.append([force.real, force.imag, moment])
+            pressing.append(1.0)
+    equal = np.vstack([np.array(wrenches).T, pressing])
+    found = linprog(np.zeros(len(pressing)), A_eq=equal, b_eq=[0.0, 0.0, 0.0, 1.0])
+    return found.status == 0
+
 
 GRIP = inclined_grip(0.0, 1.0)
 

@@ -174,9 +174,9 @@ module.guide_ring_distance: 0.6 -> guide_ring_distance: 0.6 | south/P-Q | must b
 module.rod_length: 1.5 -> does not fit its corner | rod_length 1.5 | smaller module
 tube.diameter: 10.2 -> tube.diameter: 10.2: | from 0.02 to 0.5; in cm it would be 0.102 m
 tube.diameter: 102 -> tube.diameter: 102: | in mm it would be 0.102 m
-tube.pressure: 34.5 -> tube.pressure: 34.5: | in kPa it would be 3.45e+04 Pa
-tube.pressure: 5 -> tube.pressure: 5: | in psi it would be 3.447e+04 Pa
-tube.pressure: {south: 0.345} -> tube.pressure.south: 0.345: | in bar it would be 3.45e+04 Pa
+tube.pressure: 34.5 -> tube.pressure: 34.5: | in kPa it would be 34500 Pa
+tube.pressure: 5 -> tube.pressure: 5: | in psi it would be 34470 Pa
+tube.pressure: {south: 0.345} -> tube.pressure.south: 0.345: | in bar it would be 34500 Pa
 rollers.max_speed: 100 -> rollers.max_speed: 100: | in mm/s it would be 0.1 m/s
 module.mass: 1000 -> module.mass: 1000: | in g it would be 1 kg
 module.axial_rigidity: 5000 -> module.axial_rigidity: 5000: | in kN it would be 5e+06 N

@@ -183,7 +183,7 @@ def test_a_corner_far_from_the_minimum_keeps_its_digits(n):
 
 def test_the_closest_search_is_used_beyond_the_tolerance(monkeypatch):
     program = corner_program(np.random.default_rng(41), 4, 1.0, 30.0, 3)
-    monkeypatch.setattr(qp, 'TOLERANCE', -1.0)
+    monkeypatch.setattr(qp, 'ROUNDING', -1.0)
     assert solve_qp(program) == pytest.approx(np.zeros(4), abs=1e-10)
     monkeypatch.setattr(qp, 'LOOSE_TOLERANCE', -1.0)
     assert solve_qp(program) is None

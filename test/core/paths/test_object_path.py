@@ -29,33 +29,6 @@ def circle(count, radius=0.2, angle=2.0 * math.pi):
     )
 
 
-def test_straight_path_has_the_desired_speed():
-    path = ObjectPath([(1.0, 2.0, 0.3), (1.3, 2.4, 0.3)], SPEED, TURN_RATE)
-    assert path.length == pytest.approx(0.5)
-    assert path.duration == pytest.approx(0.5 / SPEED)
-    assert path.pose(4.0) == pytest.approx([1.0 + 0.6 * 0.2, 2.0 + 0.8 * 0.2, 0.3])
-    assert twist(path, 4.0) == pytest.approx([0.6 * SPEED, 0.8 * SPEED, 0.0])
-
-
-def test_duration_is_the_larger_of_translation_and_rotation():
-    # 0.1 m in 2 s at full speed, 2 rad in 5 s at the full rate.
-    path = ObjectPath([(0.0, 0.0, 0.0), (0.1, 0.0, 2.0)], SPEED, TURN_RATE)
-    assert path.duration == pytest.approx(5.0)
-    assert twist(path, 1.0) == pytest.approx([0.02, 0.0, TURN_RATE])
-    in_place = ObjectPath([(0.0, 0.0, 0.0), (0.0, 0.0, -1.0)], SPEED, TURN_RATE)
-    assert in_place.duration == pytest.approx(2.5)
-    assert in_place.length == 0.0
-    assert twist(in_place, 1.0) == pytest.approx([0.0, 0.0, -TURN_RATE])
-
-
-def test_corner_is_passed_at_its_time():
-    path = ObjectPath([(0, 0, 0), (0.1, 0, 0), (0.1, 0.05, 0)], SPEED, TURN_RATE)
-    assert path.times == pytest.approx([0.0, 2.0, 3.0])
-    assert twist(path, 2.0 - 1e-5) == pytest.approx([SPEED, 0.0, 0.0])
-    assert twist(path, 2.0) == pytest.approx([0.0, SPEED, 0.0])
-    assert path.pose(2.0) == pytest.approx([0.1, 0.0, 0.0])
-
-
 @pytest.mark.parametrize('smooth', [False, True])
 def test_rests_at_its_ends(smooth):
     path = ObjectPath(circle(12), SPEED, TURN_RATE, smooth)

@@ -20,6 +20,7 @@ from isotruss_ros.core import (
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.inputs import (
     InputError,
+    InputFault,
     RejectedInput,
     RollerState,
     StampedInput,
@@ -400,11 +401,11 @@ def broken(run, how):
 
 
 DOUBTS = {
-    'missing': 'NO',
-    'refused': 'INVALID',
-    1.01 * TIMEOUT: 'STALE',
-    1e9: 'STALE',
-    -1.01 * TIMEOUT: 'INVALID',
+    'missing': InputFault.MISSING,
+    'refused': InputFault.INVALID,
+    1.01 * TIMEOUT: InputFault.STALE,
+    1e9: InputFault.STALE,
+    -1.01 * TIMEOUT: InputFault.INVALID,
 }
 
 
@@ -425,7 +426,7 @@ def test_ends_at_rest_without_joint_states(how):
     # It does not begin either.
     with pytest.raises(InputError, match=words) as refused:
         run.servo.begin(PATH, run.now)
-    assert refused.value.code == f'{DOUBTS[how]}_JOINT_STATES'
+    assert (refused.value.name, refused.value.fault) == ('joint_states', DOUBTS[how])
     # It does not go on by itself.
     run.measure()
     step = run.servo.decide(run.now)

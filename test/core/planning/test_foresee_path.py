@@ -79,7 +79,7 @@ def test_a_path_beyond_the_reach_of_the_robot_ends_there():
 
 
 @needs_mujoco
-@pytest.mark.parametrize('turn', some_now([0.3, -0.3]))
+@pytest.mark.parametrize('turn', some_now([0.3, -0.3], 0))
 def test_what_is_foreseen_is_what_mujoco_carries(turn):
     """The servo stands where the model foresees that the margin ends, or arrives."""
     carry = Carry('brick')

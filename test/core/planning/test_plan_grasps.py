@@ -93,7 +93,7 @@ def test_grasps_hold_by_their_roller_positions_alone(plans):
         total = analysis.normal_forces.sum()
         assert analysis.closure_margin >= NEEDS.min_margin - 1e-6 * total
         assert grasp.closure_margin == pytest.approx(analysis.closure_margin, abs=1e-6 * total)
-        # The larger of the forces on the object held fast and free.
+        # The larger of the forces on the fixed and the free object.
         assert grasp.total_force >= total * (1.0 - 1e-6)
         most = max(analysis.contact_forces.values())
         assert grasp.max_contact_force >= most * (1.0 - 1e-6)

@@ -94,6 +94,20 @@ def test_what_was_picked_up_stays_where_it_is_let_go(body, members, moved):
     assert gaps.min() > 0.01
 
 
+def test_a_release_that_turns_the_object_by_more_than_allowed_is_no_path():
+    body = ConvexObject(BOX, (0.716, 0.5, 0.2))
+    grasp = grasped(body, None)
+    config = HOME.robot.configuration(grasp.path[-1])
+    free = plan_release(config, body, grasp.grip.members, CLEARANCE)
+    turned = abs(free.turned)
+    assert (free.violation, turned > 0.0) == (None, True)
+    names, most = grasp.grip.members, 0.5 * turned
+    violation = plan_release(config, body, names, CLEARANCE, max_turn=most).violation
+    assert (violation.requirement, violation.bound) == ('turned', most)
+    assert violation.value == pytest.approx(turned)
+    assert plan_release(config, body, names, CLEARANCE, max_turn=2.0 * turned).violation is None
+
+
 def test_a_squeeze_that_is_right_does_not_overshoot_while_the_object_is_brought_back():
     rollers = [-0.1916, 0.0704, 0.1637, 0.1456, 0.2097, -0.3699]  # it was carried to there
     held = ConvexObject.disc((0.6002, 0.4007), 0.2)

@@ -127,7 +127,7 @@ def test_rigidity_changes_by_no_more_than_its_bound(robot, rng):
     assert barrier.change(one, one) == 0.0
     # The singular values of a matrix change by its Frobenius norm at most (Weyl, Mirsky).
     entries = (one.gradients - two.gradients) * measure.weights
-    assert barrier.change(one, two) == pytest.approx(np.linalg.norm(entries), abs=1e-15)
+    assert barrier.change(one, two) == pytest.approx(np.linalg.norm(entries), rel=1e-14)
 
 
 @pytest.mark.parametrize('kind', KINDS)

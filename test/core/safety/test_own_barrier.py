@@ -4,7 +4,7 @@
 """A barrier of one's own: the object stays above a height."""
 
 from grips import disc_grip
-from isotruss_ros.core import load_robot, RollingGrip, ShapeGuard, Status, TwistServo
+from isotruss_ros.core import load_robot, RollingGrip, Status, TwistServo
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.safety.barrier_law import (
@@ -13,6 +13,7 @@ from isotruss_ros.core.safety.barrier_law import (
     BarrierLaw,
     NO_ACTIVE_VALUES,
 )
+from isotruss_ros.core.servo.servo_settings import ServoSettings
 import numpy as np
 import pytest
 
@@ -58,15 +59,24 @@ class HeightBarrier:
 def drive(barriers, steps=200):
     """Command an object downward at 50 Hz; return its lowest points [m], and the last command."""
     held = RollingGrip.attach(ROBOT.home, disc_grip(ROBOT.home, 'north/Z'))
-    servo = TwistServo(ROBOT, held.grip, PERIOD, timeout=1.0)
-    servo.max_acceleration, servo.slide_along_limits = np.inf, False
-    servo.guard = ShapeGuard(ROBOT, barriers=barriers)
+    settings = ServoSettings(
+        held.grip,
+        PERIOD,
+        timeout=1.0,
+        barriers=tuple(barriers),
+        slide_along_limits=False,
+        max_acceleration=np.inf,
+    )
+    servo = TwistServo(ROBOT, settings)
     heights, velocities = [], np.zeros(len(ROBOT.roller_names))
     for step in range(steps):
         now = step * PERIOD
         state = RollerState(held.config.roller_positions, velocities)
-        servo.twist = StampedInput(np.array([0.0, -0.5, 0.0]), now)
-        servo.rollers, servo.pose = StampedInput(state, now), StampedInput(held.pose, now)
+        servo.receive(
+            twist=StampedInput(np.array([0.0, -0.5, 0.0]), now),
+            rollers=StampedInput(state, now),
+            pose=StampedInput(held.pose, now),
+        )
         command = servo.decide(now).command
         velocities = command.roller_velocities
         held = held.moved_to(held.config.moved_to(state.positions + PERIOD * velocities))

@@ -3,6 +3,7 @@
 
 """The robot stays within good shapes, from sample to sample, and can always leave bad ones."""
 
+from comparison import walks
 from grips import disc_grip, rolled
 from hypothesis import assume, given, strategies
 from isotruss_ros.core import (
@@ -16,11 +17,11 @@ from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.safety.barrier_law import BarrierLaw
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
+from isotruss_ros.core.servo.servo_settings import DEFAULT_BOUNDS, ServoSettings
 from nightly import some_now
 import numpy as np
 import pytest
 import robots
-import walks
 
 BARRIERS = {Status.SLOWED_RIGIDITY, Status.SLOWED_SELF_COLLISION, Status.SLOWED_OBJECT}
 PERIOD = 0.01
@@ -29,23 +30,23 @@ PERIOD = 0.01
 class Pushed:
     """A robot whose object is pushed along one twist."""
 
-    def __init__(self, held, guard=None, slide=False, period=PERIOD):
+    def __init__(self, held, bounds=DEFAULT_BOUNDS, slide=False, period=PERIOD):
         robot = held.config.robot
         self.period, self.held = period, held
         self.velocities = np.zeros(len(robot.roller_names))
-        self.servo = TwistServo(robot, held.grip, period, 1.0)
-        self.servo.slide_along_limits = slide
+        settings = ServoSettings(held.grip, period, 1.0, bounds=bounds, slide_along_limits=slide)
+        self.servo = TwistServo(robot, settings)
         self.now = 0.0
-        if guard is not None:
-            self.servo.guard = guard
 
     def step(self, twist):
         """Go on for one cycle, and return the command."""
         self.now += self.period
         state = RollerState(self.held.config.roller_positions, self.velocities)
-        self.servo.twist = StampedInput(np.asarray(twist), self.now)
-        self.servo.rollers = StampedInput(state, self.now)
-        self.servo.pose = StampedInput(self.held.pose, self.now)
+        self.servo.receive(
+            twist=StampedInput(np.asarray(twist), self.now),
+            rollers=StampedInput(state, self.now),
+            pose=StampedInput(self.held.pose, self.now),
+        )
         command = self.servo.decide(self.now).command
         self.velocities = command.roller_velocities
         self.held = rolled(self.held, self.period * self.velocities)
@@ -86,6 +87,8 @@ def test_comes_to_a_bound_slower_and_slower_along_the_twist(seed):
                 assert there >= least - 1e-4
         before = after
         slowed += bool(command.limiting) and command.scale < 1.0
+        if slowed > 200:
+            break
     assert slowed
     assert before.min() > 0.0
 
@@ -107,9 +110,9 @@ def test_statuses_and_names_say_what_is_in_the_way():
 
 def test_weak_shapes_are_named_and_not_entered():
     robot = walks.ROBOT
-    held, guard = held_at(robot.home, 'north/Z', 0.3), ShapeGuard(robot, ShapeBounds(0.9))
+    held, bounds = held_at(robot.home, 'north/Z', 0.3), ShapeBounds(0.9)
     for angle in np.linspace(0.0, 2.0 * np.pi, 9):
-        weak = Pushed(held, guard)
+        weak = Pushed(held, bounds)
         for _ in range(300):
             command = weak.step([0.1 * np.cos(angle), 0.1 * np.sin(angle), 0.0])
             assert weak.margins[0] + walks.BOUNDS.min_rigidity > 0.9
@@ -127,7 +130,7 @@ def test_leaving_is_always_allowed(seed):
     own = np.array(walks.LEAST)
     found = walks.margins(held) + own
     bounds = ShapeBounds(min(0.95, found[0] + 0.05), found[1] + 0.01, found[2] + 0.02)
-    robot = Pushed(held, ShapeGuard(walks.ROBOT, bounds))
+    robot = Pushed(held, bounds)
     least = (
         np.array([bounds.min_rigidity, bounds.min_clearance, bounds.min_object_clearance]) - own
     )
@@ -203,9 +206,7 @@ def test_rollers_do_not_swing_in_slow_loops(seed, size, period, guarded):
     held = walks.begin(rng, walks.GRIPS[seed % len(walks.GRIPS)])
     twist = rng.standard_normal(3)
     twist *= size / np.linalg.norm(twist)
-    robot = Pushed(held, period=period)
-    if not guarded:
-        robot.servo.guard = None
+    robot = Pushed(held, ShapeBounds() if guarded else None, period=period)
     turns, rolled = 0, 0.0
     for _ in range(round(6.0 / period)):
         before = robot.velocities

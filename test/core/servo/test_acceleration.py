@@ -14,6 +14,7 @@ from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.acceleration import limit_acceleration
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.limits import default_limits, stack_rows
+from isotruss_ros.core.servo.servo_settings import ServoSettings
 from nightly import some_now
 import numpy as np
 import pytest
@@ -29,22 +30,26 @@ CHANGE = ACCELERATION * PERIOD
 class Driven:
     """A robot under the twist servo; its sensors are prompt and exact."""
 
-    def __init__(self, module, robot=ROBOT):
+    def __init__(self, module, robot=ROBOT, **settings):
         self.held = RollingGrip.attach(robot.home, disc_grip(robot.home, module, 0.3))
-        self.servo = TwistServo(robot, self.held.grip, PERIOD, timeout=0.2)
+        settings = ServoSettings(self.held.grip, PERIOD, timeout=0.2, **settings)
+        self.servo = TwistServo(robot, settings)
         self.now, self.velocities, self.change = 0.0, np.zeros(N), 0.0
 
-    def step(self, twist):
+    def step(self, twist, period=PERIOD):
         """Go on for one cycle; return the command."""
-        self.now += PERIOD
+        self.servo.apply(replace(self.servo.settings, period=period))
+        self.now += period
         state = RollerState(self.held.config.roller_positions, self.velocities)
-        self.servo.twist = StampedInput(np.asarray(twist), self.now)
-        self.servo.rollers = StampedInput(state, self.now)
-        self.servo.pose = StampedInput(self.held.pose, self.now)
+        self.servo.receive(
+            twist=StampedInput(np.asarray(twist), self.now),
+            rollers=StampedInput(state, self.now),
+            pose=StampedInput(self.held.pose, self.now),
+        )
         command = self.servo.decide(self.now).command
         self.change = np.abs(command.roller_velocities - self.velocities).max()
         self.velocities = command.roller_velocities
-        self.held = rolled(self.held, PERIOD * self.velocities)
+        self.held = rolled(self.held, period * self.velocities)
         return command
 
 
@@ -58,9 +63,11 @@ CASES = [('north/Z', 110.0), ('north/R', 30.0), ('east/Q', 200.0)]
 @pytest.mark.parametrize('slide', [False, True])
 @pytest.mark.parametrize(('module', 'first'), some_now(CASES, 1))
 def test_speeds_do_not_jump_when_the_heading_turns_at_a_limit(module, first, slide):
-    robot, turned = Driven(module), 0
-    robot.servo.slide_along_limits = slide
-    for _ in range(3000):
+    robot, turned = Driven(module, slide_along_limits=slide), 0
+    for _ in range(600):  # in longer cycles to where the limit is near
+        if robot.step(heading(first), 5.0 * PERIOD).scale < 0.5:
+            break
+    for _ in range(1000):
         command = robot.step(heading(first + 2.0 * turned))
         assert command.status < Status.HALT_NO_TWIST
         assert robot.change <= CHANGE * (1.0 + 1e-6)
@@ -71,7 +78,7 @@ def test_speeds_do_not_jump_when_the_heading_turns_at_a_limit(module, first, sli
 
 
 def test_the_twist_servo_slides_along_limits_by_default():
-    assert TwistServo(ROBOT, Driven('north/R').held.grip, PERIOD, 0.2).slide_along_limits
+    assert Driven('north/R').servo.settings.slide_along_limits
 
 
 def test_status_is_accelerating_until_the_twist_is_carried_out():
@@ -98,13 +105,12 @@ def test_a_halt_is_immediate():
     for _ in range(10):
         robot.step(heading(30.0))
     assert robot.velocities.any()
-    robot.servo.stopped = (Status.HALT_EMERGENCY_STOP, 'stopped')
+    robot.servo.receive(halt=(Status.HALT_EMERGENCY_STOP, 'stopped'))
     assert not robot.step(heading(30.0)).roller_velocities.any()
 
 
 def test_joints_reverse_within_the_acceleration():
-    robot = Driven('north/R')
-    robot.servo.joint = 'Z'
+    robot = Driven('north/R', joint='Z')
     for direction in (1.0, -1.0):
         for _ in range(20):
             command = robot.step(direction * heading(30.0))
@@ -124,14 +130,16 @@ def test_other_commands_keep_the_acceleration_but_for_zero():
 
 
 def test_a_robot_of_little_acceleration_stops_before_its_limits():
-    slow = Robot(replace(ROBOT.description, max_acceleration=0.05))
+    near = ROBOT.home.member_lengths.max() + 0.05
+    slow = Robot(replace(ROBOT.description, max_acceleration=0.05, max_length=near))
     robot, file = Driven('north/R', slow), slow.description
-    for _ in range(2500):
+    for _ in range(500):
         robot.step(heading(30.0))
         assert robot.change <= 0.05 * PERIOD * (1.0 + 1e-6)
         lengths = robot.held.config.member_lengths
         assert file.min_length <= lengths.min()
         assert lengths.max() <= file.max_length
+    assert lengths.max() > file.max_length - 5e-3
 
 
 @examples(50)

@@ -15,7 +15,8 @@ from isotruss_ros.core import (
     TwistServo,
 )
 from isotruss_ros.core.inputs import RollerState, StampedInput
-from isotruss_ros.core.servo.squeeze_control import SqueezeControl, SqueezeSettings
+from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
+from isotruss_ros.core.servo.squeeze_control import SqueezeControl
 import numpy as np
 import pytest
 
@@ -53,35 +54,24 @@ def test_a_direction_that_limits_bend_ends_the_reference():
     assert control.reference == pytest.approx(control.belief.regulated_pose)
 
 
-def squeezing_servo(velocities=REST):
-    """Return a servo that regulates the squeeze of the disc, with good inputs at NOW."""
-    servo = TwistServo(ROBOT, GRIP, period=PERIOD, timeout=TIMEOUT)
-    servo.max_acceleration = np.inf
-    servo.guard = None
-    servo.twist = StampedInput((0.01, 0.02, 0.0), NOW)
-    servo.rollers = StampedInput(RollerState(REST, np.array(velocities)), NOW)
-    servo.pose = StampedInput(GRIP.body.pose, NOW)
-    return servo
-
-
-class Halving:
-    """A guard without limits that leaves half of every command."""
-
-    limits = ()
-
-    def watch(self, config, grip):
-        return self
-
-    def keep(self, command, velocities, duration):
-        return command.slowed(0.5, Status.SLOWED_OBJECT, ())
-
-
-def test_the_reference_moves_by_what_the_guard_leaves_of_a_twist():
-    servo, references = squeezing_servo(), []
-    servo.squeeze, servo.guard = SqueezeControl(SqueezeSettings(10.0)), Halving()
+def test_the_reference_moves_by_what_acceleration_admits_of_a_twist():
+    settings = ServoSettings(
+        GRIP,
+        period=PERIOD,
+        timeout=TIMEOUT,
+        squeeze=SqueezeSettings(10.0),
+        bounds=None,
+        max_acceleration=0.2,
+    )
+    servo, twist = TwistServo(ROBOT, settings), (0.01, 0.02, 0.0)
+    references, achieved = [], []
     for now in (NOW, NOW + PERIOD):
-        command = servo.decide(now).command
+        servo.receive(
+            twist=StampedInput(twist, now),
+            rollers=StampedInput(RollerState(REST, REST), now),
+            pose=StampedInput(GRIP.body.pose, now),
+        )
+        achieved.append(servo.decide(now).command.achieved_twist)
         references.append(servo.squeeze.reference)
-    assert command.scale == 0.5
-    moved = references[1] - references[0]
-    assert moved == pytest.approx(0.5 * PERIOD * np.array(servo.twist.value))
+    assert np.abs(achieved[0]).max() < 0.2 * max(twist)
+    assert references[1] - references[0] == pytest.approx(PERIOD * achieved[0], abs=1e-9)

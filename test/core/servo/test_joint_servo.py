@@ -3,6 +3,8 @@
 
 """The servo in the mode in which twists move a joint, without an object."""
 
+from dataclasses import replace
+
 from isotruss_ros.core import (
     ConvexObject,
     Grip,
@@ -17,6 +19,7 @@ from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.safety.margins import shape_margins
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
+from isotruss_ros.core.servo.servo_settings import ServoSettings
 from nightly import some_now
 import numpy as np
 import pytest
@@ -30,13 +33,14 @@ VELOCITY = (0.01, -0.02)
 REST = np.zeros(len(ROBOT.roller_names))
 
 
-def servo(joint):
+def servo(joint, **settings):
     """Return a servo that moves a joint, with joint states and a twist, but without a pose."""
-    made = TwistServo(ROBOT, GRIP, period=PERIOD, timeout=0.2)
-    made.max_acceleration = np.inf
-    made.joint = joint
-    made.rollers = StampedInput(RollerState(REST, REST), NOW)
-    made.twist = StampedInput((*VELOCITY, 0.0), NOW)
+    settings = {'period': PERIOD, 'timeout': 0.2, 'max_acceleration': np.inf} | settings
+    made = TwistServo(ROBOT, ServoSettings(GRIP, joint=joint, **settings))
+    made.receive(
+        rollers=StampedInput(RollerState(REST, REST), NOW),
+        twist=StampedInput((*VELOCITY, 0.0), NOW),
+    )
     return made
 
 
@@ -45,14 +49,16 @@ def place(config, joint):
     return config.nodes[ROBOT.topology.joint_names.index(joint)]
 
 
-def drive(made, twist, cycles, period=PERIOD):
+def drive(made, twist, cycles):
     """Return the statuses of a loop with perfect rollers, and where it ends."""
-    made.period = period
+    period = made.settings.period
     config, velocities, statuses = ROBOT.home, REST, []
     for cycle in range(cycles):
         now = NOW + cycle * period
-        made.rollers = StampedInput(RollerState(config.roller_positions, velocities), now)
-        made.twist = StampedInput(twist, now)
+        made.receive(
+            rollers=StampedInput(RollerState(config.roller_positions, velocities), now),
+            twist=StampedInput(twist, now),
+        )
         command = made.decide(now).command
         velocities = command.roller_velocities
         config = config.moved_to(config.roller_positions + period * velocities)
@@ -85,9 +91,8 @@ def test_the_joint_goes_straight_in_a_loop():
     ),
 )
 def test_barriers_and_limits_stop_the_joint(joint, twist, cycles):
-    made = servo(joint)
-    made.slide_along_limits = False
-    statuses, config = drive(made, twist, cycles, 0.02)
+    made = servo(joint, period=0.02, slide_along_limits=False)
+    statuses, config = drive(made, twist, cycles)
     status, scale = statuses[-1]
     assert Status.SLOWED_ROLLER_SPEED < status < Status.UNREACHABLE
     assert scale < 0.02
@@ -101,24 +106,24 @@ def test_barriers_and_limits_stop_the_joint(joint, twist, cycles):
 @pytest.mark.parametrize(('before', 'after'), [(None, 'Z'), ('Z', None), ('Z', 'Q')])
 def test_a_change_of_what_moves_halts_until_the_next_twist(before, after):
     made = servo(before)
-    made.pose = StampedInput(Pose(*CENTER, 0.0), NOW)
+    made.receive(pose=StampedInput(Pose(*CENTER, 0.0), NOW))
     assert made.decide(NOW).command.status is Status.OK
-    made.joint = after
+    made.apply(replace(made.settings, joint=after))
     decision = made.decide(NOW)
     assert decision.command.status is Status.HALT_NO_TWIST
     assert not decision.command.roller_velocities.any()
-    made.twist = StampedInput((*VELOCITY, 0.0), NOW)
+    made.receive(twist=StampedInput((*VELOCITY, 0.0), NOW))
     assert made.decide(NOW).command.status is Status.OK
-    made.joint = after
+    made.apply(replace(made.settings, joint=after))
     assert made.decide(NOW).command.status is Status.OK
 
 
 def test_a_joint_does_not_turn_and_must_exist():
     made = servo('Z')
-    made.twist = StampedInput((*VELOCITY, 0.1), NOW)
+    made.receive(twist=StampedInput((*VELOCITY, 0.1), NOW))
     decision = made.decide(NOW)
     assert decision.command.status is Status.HALT_INVALID_TWIST
     assert 'must be 0' in decision.message
     with pytest.raises(GraspError, match='P, Q, R, X, Y, Z'):
-        made.joint = 'S'
-    assert made.joint == 'Z'
+        made.apply(replace(made.settings, joint='S'))
+    assert made.settings.joint == 'Z'

@@ -3,13 +3,10 @@
 
 """Late loops and corrected zeros, as the loop deals with them."""
 
-from types import SimpleNamespace
-
 from grips import gripped
 from isotruss_ros.core import (
     ConvexObject,
     Grip,
-    HoldStatus,
     load_robot,
     Pose,
     Status,
@@ -19,7 +16,7 @@ from isotruss_ros.core import (
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.manipulation.status import RollerCommand
-from isotruss_ros.core.servo.squeeze_control import SqueezeControl, SqueezeSettings
+from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
 import numpy as np
 import pytest
 from squeeze_loop import SqueezeLoop
@@ -31,73 +28,12 @@ HOME = np.zeros(len(ROBOT.roller_names))
 NOW, PERIOD, TIMEOUT = 1000.0, 0.005, 0.2
 
 
-class NotedSqueeze:
-    """Notes what the servo tells the regulation of the squeeze."""
-
-    fault = frequency = squeeze = None
-    grasp = 'held'
-    gains = SimpleNamespace(pose=1.0)
-    belief = SimpleNamespace(grip=GRIP, delay=0.0)
-
-    def __init__(self):
-        self.elapsed = []
-
-    def take_pressures(self, _pressures):
-        """Forget them."""
-
-    def take_offsets(self, _offsets, _covariance):
-        """Forget them."""
-
-    def follow(self, _config, _grip, elapsed, _sample):
-        """Note the time since the cycle before."""
-        self.elapsed.append(elapsed)
-        return HoldStatus.HELD
-
-    def solve(self, twist, _period, solve):
-        """Solve for the twist alone."""
-        return solve(twist)
-
-    def advance(self, *_):
-        """Do nothing."""
-
-    def note(self):
-        """Return that nothing is wrong."""
-        return ''
-
-
-def servo(now=NOW, **given):
-    """Return a servo with good inputs."""
-    made = TwistServo(ROBOT, GRIP, PERIOD, TIMEOUT)
-    feed(made, now)
-    for name, value in given.items():
-        setattr(made, name, value)
-    return made
-
-
-def feed(made, now):
-    """Give a servo good inputs of a time."""
-    made.twist = StampedInput((0.0, 0.01, 0.0), now)
-    made.rollers = StampedInput(RollerState(HOME, HOME), now)
-    made.pose = StampedInput(Pose(*CENTER, 0.0), now)
-
-
-def test_a_late_loop_counts_no_more_than_the_timeout_as_one_cycle():
-    made = servo(squeeze=NotedSqueeze())
-    for now in (NOW, NOW + 0.05, NOW + 10.0):
-        feed(made, now)
-        assert made.decide(now).command.status < Status.HALT_NO_TWIST
-    assert made.squeeze.elapsed == pytest.approx([0.0, 0.05, TIMEOUT])
-
-
-def test_corrected_zeros_are_no_travel_of_the_encoders():
-    seen = []
-    detector = SimpleNamespace(
-        failed=frozenset(), update=lambda positions, *_: seen.append(positions.tolist())
-    )
-    made = servo(detector=detector)
+def test_corrected_offsets_are_no_roller_travel(monkeypatch):
+    made, seen = TwistServo(ROBOT, ServoSettings(GRIP, PERIOD, TIMEOUT)), []
+    monkeypatch.setattr(made.detector, 'update', lambda found, *_: seen.append(found.tolist()))
     offsets = np.linspace(0.005, 0.01, len(HOME))
     state = RollerState(0.02 + HOME + offsets, HOME, offsets)
-    made.rollers = StampedInput(state, NOW)
+    made.receive(rollers=StampedInput(state, NOW))
     made.decide(NOW)
     assert seen == [pytest.approx((0.02 + HOME).tolist())]
 
@@ -126,20 +62,38 @@ def held_servo():
     """Return a servo that squeezes an object that it holds, and its pose."""
     config, body = gripped(35.0, squeeze=0.1)
     grip = Grip.at_module(config.robot, 'north/Z', body, 0.5)
-    found = TwistServo(config.robot, grip, PERIOD, TIMEOUT)
-    found.guard, found.squeeze = None, SqueezeControl(SqueezeSettings(30.0))
+    squeeze = SqueezeSettings(30.0)
+    settings = ServoSettings(grip, PERIOD, TIMEOUT, squeeze=squeeze, bounds=None)
+    found = TwistServo(config.robot, settings)
     return found, config.roller_positions, attach_grip(config, body).pose
 
 
 def decide(made, positions, pose, now, twist=None):
     """Let a servo decide, with a twist or without."""
-    made.twist = twist and StampedInput(twist, now)
-    made.rollers = StampedInput(RollerState(positions, np.zeros(len(positions))), now)
-    made.pose = StampedInput(pose, now)
+    made.receive(
+        twist=twist and StampedInput(twist, now),
+        rollers=StampedInput(RollerState(positions, np.zeros(len(positions))), now),
+        pose=StampedInput(pose, now),
+    )
     return made.decide(now).command.status
 
 
-def test_the_belief_of_a_held_object_is_kept_while_no_twist_comes():
+def test_a_late_loop_counts_no_more_than_the_timeout_as_one_cycle(monkeypatch):
+    made, positions, pose = held_servo()
+    follow, elapsed = made.squeeze.follow, []
+
+    def note(config, grip, since, sample):
+        elapsed.append(since)
+        return follow(config, grip, since, sample)
+
+    monkeypatch.setattr(made.squeeze, 'follow', note)
+    for now in (NOW, NOW + 0.05, NOW + 10.0):
+        status = decide(made, positions, pose, now, (0.0, 0.01, 0.0))
+        assert status < Status.HALT_NO_TWIST
+    assert elapsed == pytest.approx([0.0, 0.05, TIMEOUT])
+
+
+def test_belief_of_a_held_object_is_kept_without_twists():
     made, positions, pose = held_servo()
     decide(made, positions, pose, NOW, (0.0, 0.0, 0.0))
     belief = made.squeeze.belief
@@ -150,7 +104,7 @@ def test_the_belief_of_a_held_object_is_kept_while_no_twist_comes():
     assert made.squeeze.reference is None
 
 
-def test_the_belief_begins_before_a_twist_comes():
+def test_belief_begins_before_the_first_twist():
     made, positions, pose = held_servo()
     decide(made, positions, pose, NOW)
     assert made.squeeze.grasp.pose == pytest.approx(pose, abs=1e-3)

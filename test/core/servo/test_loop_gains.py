@@ -23,7 +23,7 @@ def growth(gain, damping, frequency=1.0):
 
 @pytest.mark.parametrize('damping', [0.0, 0.02, 0.1, 0.5])
 @pytest.mark.parametrize('wrong', [0.5, 1.0, 3.0])
-def test_the_gain_of_a_frequency_is_stable_for_one_that_is_wrong(damping, wrong):
+def test_gain_is_stable_for_a_frequency_wrong_by_a_factor_of_two(damping, wrong):
     gain = choose_gain(10.0)
     assert growth(gain, damping, wrong * 10.0) < 0.0
 

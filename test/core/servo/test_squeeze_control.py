@@ -23,7 +23,8 @@ from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
-from isotruss_ros.core.servo.squeeze_control import SqueezeControl, SqueezeSettings
+from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
+from isotruss_ros.core.servo.squeeze_control import SqueezeControl
 from nightly import some_now
 import numpy as np
 import pytest
@@ -45,7 +46,7 @@ Loop = partial(SqueezeLoop, CONFIG, measured_at(CYLINDER.pose))
     'twist', some_now([[0.02, 0.02, -0.2], [0.04, -0.03, 0.0], [0.0, 0.0, 0.3]])
 )
 @pytest.mark.parametrize(('period', 'bound'), [(PERIOD, 1e-4), (0.005, 1e-5)])
-def test_pose_and_squeeze_stay_as_they_should(twist, period, bound):
+def test_pose_and_squeeze_follow_their_references(twist, period, bound):
     loop, rigid = Loop(period=period), Loop(regulated=False)
     loop.run(twist, 1.0 if period < PERIOD else 2.0)
     rigid.run(twist, 2.0)
@@ -67,17 +68,32 @@ def test_the_model_of_each_cycle_is_the_plant_in_its_configuration():
     assert model.squeeze == pytest.approx(there.squeeze, rel=1e-5)
 
 
-def test_an_unknown_load_costs_little_squeeze_and_no_pose():
+def test_unknown_load_changes_the_squeeze_little_and_not_the_pose():
     loop = Loop()
     assert loop.object.slip_margin > 3.0
     loop.object.external_wrench = (1.8, 2.4, 0.0)
     loop.run((0.02, 0.02, 0.0), 4.0)
-    assert loop.squeeze == pytest.approx(loop.target, rel=0.03)
+    assert loop.squeeze == pytest.approx(loop.target, rel=0.05)
     assert loop.errors[-1] < 1.5e-4
     assert loop.control.belief.pose == pytest.approx(loop.plant.object_pose, abs=1e-4)
 
 
-def test_an_object_that_is_loaded_from_the_start_is_wanted_where_it_is():
+def load_after_a_push(expected):
+    """Return the load that a push of 3 N for 0.2 s is estimated as, by the expected load [N]."""
+    loop = Loop(load=expected)
+    loop.run((0.0, 0.0, 0.0), 0.3)
+    loop.object.external_wrench = (1.8, 2.4, 0.0)
+    loop.run((0.0, 0.0, 0.0), 0.2)
+    return float(np.hypot(*loop.control.belief.load[:2]))
+
+
+def test_larger_expected_load_attributes_more_of_a_push_to_load():
+    small, given, large = (load_after_a_push(load) for load in (0.2, 2.0, 20.0))
+    assert small < 0.1 * given < 0.1 * large
+    assert load_after_a_push(0.0) == given
+
+
+def test_reference_of_an_initially_loaded_object_is_its_pose():
     loop = Loop()
     loop.object.external_wrench = (1.2, 1.6, 0.0)
     loop.plant.advance(0.0)
@@ -98,7 +114,7 @@ def test_an_unknown_rotating_load_moves_the_object_little(gains, bound):
     assert max(loop.errors) < bound
 
 
-def test_a_softer_plant_presses_less_and_goes_where_it_should():
+def test_softer_plant_has_less_squeeze_and_the_same_pose():
     loop = Loop(scale=0.7)
     loop.run((0.03, 0.0, 0.1), 3.0)
     assert loop.squeeze == pytest.approx(0.7 * loop.target, rel=0.01)
@@ -119,7 +135,7 @@ def test_deviation_of_the_squeeze_grows_with_that_of_the_zeros(deviation):
 
 
 @pytest.mark.parametrize('size', [1e-3, 1e-2])
-def test_corrected_zeros_leave_the_pose_and_press_as_where_it_is_attached_anew(size):
+def test_corrected_offsets_agree_with_attaching_again(size):
     loop = Loop()
     loop.control.take_offsets(np.zeros(6), None)
     loop.run((0.0, 0.0, 0.0), 0.1)
@@ -130,8 +146,9 @@ def test_corrected_zeros_leave_the_pose_and_press_as_where_it_is_attached_anew(s
     grip = loop.grip.moved_to(loop.plant.object_pose)
     assert loop.control.follow(config, grip, PERIOD) is HoldStatus.HELD
     assert belief.pose == pytest.approx(loop.plant.object_pose, abs=1e-4)
-    attached = attach_grip(config, grip.body, before.members)
-    change = attached.squeeze - before.squeeze
+    fresh = SqueezeControl(loop.control.settings)
+    assert fresh.follow(config, grip, PERIOD) is HoldStatus.HELD
+    change = fresh.belief.squeeze - before.squeeze
     assert belief.squeeze - before.squeeze == pytest.approx(change, rel=0.3, abs=0.2)
 
 
@@ -142,7 +159,7 @@ def test_noise_of_the_measured_pose_is_not_followed():
     assert loop.squeeze == pytest.approx(loop.target, rel=0.05)
 
 
-def test_commands_that_use_too_much_of_the_tubes_are_slowed():
+def test_commands_toward_the_utilisation_bound_are_slowed():
     loop = Loop(force=40.0, max_utilisation=1.0)
     loop.run((0.0, 0.0, 0.0), 4.0)
     used = loop.object.grasp.sections.used.max()
@@ -186,7 +203,7 @@ def test_the_scale_of_a_slowed_command_is_that_of_limits_and_utilisation():
     assert half.scale == pytest.approx(0.5 * whole.scale, rel=1e-2)
 
 
-def test_a_slowed_command_uses_its_share_of_what_is_left():
+def test_slowed_command_uses_its_share_of_the_remaining_utilisation():
     model = attach_grip(CONFIG, CYLINDER)
     bound = 1.015 * model.sections.used.max()
     _, (before, grip, command), (after, _, _) = close_near_the_bound(bound)
@@ -198,7 +215,7 @@ def test_a_slowed_command_uses_its_share_of_what_is_left():
     assert more - used == pytest.approx(5.0 * PERIOD * (bound - used), rel=0.15)
 
 
-def test_without_an_object_nothing_is_held_and_the_model_starts_again():
+def test_model_restarts_after_the_loss_of_the_object():
     control = SqueezeControl(SqueezeSettings(10.0, zeros=1e-3))
     here = measured_at(attach_grip(CONFIG, CYLINDER).pose)
     away = measured_at((5.0, 5.0, 0.0))
@@ -211,7 +228,7 @@ def test_without_an_object_nothing_is_held_and_the_model_starts_again():
 
 
 @pytest.mark.parametrize(('zeros', 'held'), [(1e-2, True), (1e-3, False)])
-def test_friction_that_would_not_do_is_no_halt_within_the_deviation_of_the_squeeze(zeros, held):
+def test_missing_friction_within_two_deviations_of_the_squeeze_is_no_halt(zeros, held):
     control = SqueezeControl(SqueezeSettings(10.0, zeros=zeros))
     here = measured_at(attach_grip(CONFIG, CYLINDER).pose, friction=0.3)
     assert attach_grip(CONFIG, CYLINDER).required_friction > 0.35
@@ -232,17 +249,18 @@ def servo_on_plant(twist, cycles, force, rate=25.0, friction=FRICTION, late=1, *
     plant_object = ElasticObject(CYLINDER, FRICTION)
     plant = SimulatedRobot(CONFIG, plant_object, RollerFaults())
     plant.advance(0.0)
-    servo = TwistServo(CONFIG.robot, measured_at(CYLINDER.pose, friction), 1.0 / rate, timeout=0.2)
-    servo.guard = None
+    grip = measured_at(CYLINDER.pose, friction)
     settings = {'max_utilisation': math.inf} | MASSLESS | settings
-    servo.squeeze = SqueezeControl(SqueezeSettings(force, **settings))
+    squeeze = SqueezeSettings(force, **settings)
+    servo = TwistServo(
+        CONFIG.robot, ServoSettings(grip, 1.0 / rate, 0.2, squeeze=squeeze, bounds=None)
+    )
     codes = []
     for number in range(cycles):
         now = number * late / rate
-        servo.twist = StampedInput(twist, now)
+        servo.receive(twist=StampedInput(twist, now))
         state = RollerState(plant.roller_positions.copy(), plant.roller_velocities.copy())
-        servo.rollers = StampedInput(state, now)
-        servo.pose = StampedInput(plant.object_pose, now)
+        servo.receive(rollers=StampedInput(state, now), pose=StampedInput(plant.object_pose, now))
         decision = servo.decide(now)
         codes.append(decision.command.status)
         plant.command(decision.command.roller_velocities)
@@ -265,7 +283,7 @@ def test_the_servo_closes_in_place_and_carries():
     assert plant.object_pose[:2] == pytest.approx((x + 0.04, y - 0.02), abs=1e-3)
 
 
-def test_the_servo_halts_what_is_not_held():
+def test_servo_halts_without_an_equilibrium():
     _, plant, decision, codes = servo_on_plant((0.01, 0.0, 0.0), 4, 24.0, friction=0.2, zeros=1e-3)
     assert set(codes) == {Status.HALT_NOT_HELD}
     assert 'friction' in decision.message
@@ -274,7 +292,7 @@ def test_the_servo_halts_what_is_not_held():
 
 
 @pytest.mark.parametrize('late', [1, 3])
-def test_a_loop_that_is_late_moves_the_object_as_far_as_it_should(late):
+def test_late_loop_moves_the_object_by_the_commanded_distance(late):
     _, plant, _, _ = servo_on_plant((0.0, 0.0, 0.0), 1, 24.0)
     x, y = plant.object_pose[:2]
     _, plant, _, codes = servo_on_plant((0.02, -0.01, 0.0), 51, 24.0, late=late)
@@ -289,11 +307,12 @@ def held_by(pressures, control=None):
     """Return a controller of the object that is held with some pressures."""
     control = control or SqueezeControl(SqueezeSettings(20.0, **MASSLESS))
     control.take_pressures(pressures)
-    assert control.follow(CONFIG, measured_at(CYLINDER.pose), PERIOD) is HoldStatus.HELD
+    model = attach_grip(CONFIG, CYLINDER, tubes=TubeModel(pressure=pressures), quick=True)
+    assert control.follow(CONFIG, measured_at(model.pose), PERIOD) is HoldStatus.HELD
     return control
 
 
-def test_the_model_has_the_pressures_that_are_measured_from_the_start_and_in_flight():
+def test_model_uses_measured_pressures_from_the_start_and_in_motion():
     softer = (25e3, 30e3, 30e3)
     model = attach_grip(CONFIG, CYLINDER, tubes=TubeModel(pressure=softer), quick=True)
     assert held_by(softer).grasp.squeeze == pytest.approx(model.squeeze, rel=1e-6)

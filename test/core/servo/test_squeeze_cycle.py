@@ -8,6 +8,7 @@ import math
 
 from grips import gripped, MASSLESS
 from isotruss_ros.core import Grip, HoldStatus, Pose, solve_twist, Status
+from isotruss_ros.core.estimation import grip_belief
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
@@ -49,7 +50,7 @@ def asked_of(control, twist, period):
 
 
 @pytest.mark.parametrize(('period', 'gain'), [(0.01, 20.0), (0.02, 20.0), (0.1, 5.0)])
-def test_errors_of_the_pose_decay_no_quicker_than_half_of_them_in_a_cycle(period, gain):
+def test_pose_correction_takes_at_most_half_of_the_error_in_a_cycle(period, gain):
     control, twist = controlled(), np.array([0.01, -0.02, 0.1])
     assert asked_of(control, twist, period)[0] == pytest.approx(twist, abs=1e-15)
     error = np.array([1e-3, -2e-3, 3e-2])
@@ -66,7 +67,7 @@ def test_errors_of_the_pose_decay_no_quicker_than_half_of_them_in_a_cycle(period
 @pytest.mark.parametrize(
     ('missing', 'rate'), [(1.0, 5.0), (-1.5, -7.5), (3.0, 10.0), (-9.0, -10.0)]
 )
-def test_the_grip_opens_by_what_is_missing_of_the_squeeze(missing, rate):
+def test_opening_rate_follows_from_the_squeeze_error(missing, rate):
     """Five times what is missing in a second, at most 10 N/s, by the slope of the model."""
     control = controlled(missing)
     slope = control.grasp.squeeze_stiffness()
@@ -90,7 +91,7 @@ def solve_at_rest(twist, opening_rate):
     return solve_twist(CONFIG, AT_REST, twist, opening_rate=opening_rate)
 
 
-def test_the_object_is_attached_anew_at_the_mean_of_its_first_poses():
+def test_object_is_attached_again_at_the_mean_of_the_first_poses():
     control, rng = at_rest(pose_gain=2.0), np.random.default_rng(0)
     control.reset()
     for k in range(60):
@@ -127,7 +128,7 @@ def cycles(control, twist, count, period=0.02):
     return models
 
 
-def test_what_the_model_did_beyond_the_rows_is_expected_of_the_next_cycle():
+def test_drift_beyond_the_contact_rows_is_fed_forward():
     """It is a tenth of the twist in the first cycle, of which nothing is known before."""
     twist = np.array([0.02, -0.01, 0.1])
     models = cycles(at_rest(pose_gain=1e-9), twist, 3)
@@ -138,7 +139,7 @@ def test_what_the_model_did_beyond_the_rows_is_expected_of_the_next_cycle():
 
 
 @pytest.mark.parametrize('missing', [0.5, -0.8])
-def test_a_cycle_changes_the_squeeze_as_asked(missing):
+def test_squeeze_changes_by_the_commanded_rate(missing):
     """But for the first one, in which nothing is known but the slope."""
     squeezes = [model.squeeze for model in cycles(at_rest(missing), np.zeros(3), 3)]
     left = MODEL.squeeze + missing - squeezes[1]
@@ -153,6 +154,8 @@ def slipped(away, speed=np.inf):
         control.solve(np.zeros(3), 0.02, solve_at_rest)
         grip = replace(AT_REST, body=MODEL.body.moved_to(np.array(MODEL.pose) + off))
         control.follow(CONFIG, grip, 0.02)
+        if control.fault is not None:
+            break
     return control, grip
 
 
@@ -162,7 +165,7 @@ def test_a_short_slip_is_reported_and_the_object_goes_on_as_held():
     assert control.belief.pose[:2] - MODEL.pose[:2] == pytest.approx([0.0, 0.004], abs=5e-4)
 
 
-def test_a_walk_longer_than_its_noise_is_a_slip():
+def test_accumulated_correction_beyond_its_noise_is_a_slip():
     assert slipped(0.04, 0.03)[0].fault is GripFault.SLIPPED
 
 
@@ -182,7 +185,7 @@ def test_a_slip_stays_until_a_client_acts():
     assert control.fault is None
 
 
-def test_what_has_slipped_is_not_moved_and_the_squeeze_is_regulated_on():
+def test_slipped_object_is_not_moved_while_the_squeeze_is_regulated():
     control, _ = slipped(0.04, 0.03)
     asked = []
 
@@ -210,6 +213,20 @@ def test_an_object_that_is_lost_stays_not_held_until_a_client_acts():
     assert command.status is Status.HALT_NOT_HELD
 
 
+def test_a_cycle_makes_one_search_at_most_until_a_loss_is_a_fault(monkeypatch):
+    control, searches = at_rest(), []
+    search = grip_belief.attach_grip
+    monkeypatch.setattr(
+        grip_belief, 'attach_grip', lambda *a, **b: searches.append(1) or search(*a, **b)
+    )
+    opening = solve_at_rest(np.zeros(3), 0.05).roller_velocities
+    opened = CONFIG.moved_to(CONFIG.roller_positions + 6.0 * opening)
+    for count in (1, 2):
+        assert control.follow(opened, AT_REST, 0.02) is not HoldStatus.HELD
+        assert len(searches) == count
+    assert control.fault is GripFault.NOT_HELD
+
+
 def test_limits_slow_the_twist_before_the_squeeze():
     control, speed = at_rest(1.0), 0.03
     opening = 5.0 / MODEL.squeeze_stiffness()
@@ -233,7 +250,7 @@ def test_limits_slow_the_twist_before_the_squeeze():
     assert rows[3] @ command.roller_velocities == pytest.approx(opening, rel=0.02)
 
 
-def test_a_path_uses_twice_what_is_free_of_the_margin_in_a_second():
+def test_slip_margin_decays_at_most_at_two_per_second():
     usage, travel, period = UsageLimits(MODEL), np.full(len(CONFIG.roller_positions), 1e-3), 0.02
     usage.learn(MODEL, -0.1, travel)
     ahead, back = (
@@ -256,7 +273,7 @@ def moved_part(left):
     return control.solve(np.array(twist), 0.02, solve_at_rest).scale
 
 
-def test_a_path_leaves_four_percent_of_the_squeeze_for_margin():
+def test_slip_margin_stays_above_four_percent_of_the_squeeze():
     assert moved_part(0.03) == 0.0
     one, two = moved_part(0.05), moved_part(0.06)
     assert 0.0 < one < 0.5

@@ -41,7 +41,7 @@ def loop_of(shape, angle, members, more=1.0, config=HOME):
     ('shape', 'angle', 'members'),
     [(BOX, 0.2, APART), (Ellipse((0.25, 0.2)), 1.0, APART), (BOX, 0.2, AROUND[:2])],
 )
-def test_pose_and_squeeze_of_a_grip_stay_as_they_should(shape, angle, members):
+def test_pose_and_squeeze_of_a_grip_follow_their_references(shape, angle, members):
     loop = loop_of(shape, angle, members)
     loop.run((0.01, -0.01, 0.03), 1.0)
     assert max(loop.errors) < 2e-4

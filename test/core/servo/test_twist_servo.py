@@ -21,7 +21,8 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.inputs import RejectedInput, RollerState, StampedInput
-from isotruss_ros.core.safety.roller_failure import FailureDetector
+from isotruss_ros.core.safety.roller_failure import FAILURE_TIME
+from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
 import numpy as np
 import pytest
 
@@ -42,65 +43,38 @@ def at(positions, velocities=0.0 * HOME):
 INPUTS = ('twist', 'rollers', 'pose')
 
 
-def servo(**given):
+def servo(settings=None, **given):
     """Return a servo with good inputs at NOW, or those given."""
-    made = TwistServo(ROBOT, GRIP, period=0.005, timeout=0.2)
-    made.max_acceleration = np.inf
-    made.twist = StampedInput((0.0, 0.02, 0.1), NOW)
-    made.rollers = StampedInput(at(HOME), NOW)
-    made.pose = StampedInput(POSE, NOW)
-    for name, value in given.items():
-        setattr(made, name, value)
+    settings = {'period': 0.005, 'timeout': 0.2, 'max_acceleration': np.inf} | (settings or {})
+    made = TwistServo(ROBOT, ServoSettings(GRIP, **settings))
+    made.receive(
+        twist=StampedInput((0.0, 0.02, 0.1), NOW),
+        rollers=StampedInput(at(HOME), NOW),
+        pose=StampedInput(POSE, NOW),
+    )
+    made.receive(**given)
     return made
 
 
-class Noted:
-    """A detector that notes the times of the samples that it gets."""
-
-    failed: frozenset[str] = frozenset()
-
-    def __init__(self):
-        self.times = []
-
-    def update(self, positions, time, commanded):
-        self.times.append(round(1e3 * (time - NOW)))
-
-
-def test_rollers_are_compared_every_20_ms_and_where_their_clock_runs_back():
-    made = servo(detector=Noted())
+def test_rollers_are_compared_every_20_ms_and_where_their_clock_runs_back(monkeypatch):
+    made, times = servo(), []
+    monkeypatch.setattr(
+        made.detector, 'update', lambda _, time, __: times.append(round(1e3 * (time - NOW)))
+    )
     for stamp in (0, 5, 15, 19, 21, 30, 40, 42, 30, 49, 51):
         now = NOW + 1e-3 * stamp
-        made.rollers = StampedInput(at(HOME), now)
+        made.receive(rollers=StampedInput(at(HOME), now))
         made.decide(now)
-    assert made.detector.times == [0, 21, 42, 30, 51]
+    assert times == [0, 21, 42, 30, 51]
 
 
-class NotedGuard:
-    """A guard without limits that notes which velocities are expected."""
-
-    limits = ()
-
-    def watch(self, config, grasp):
-        return self
-
-    def keep(self, command, velocities, duration):
-        self.velocities = velocities
-        return command
-
-
-def test_failed_rollers_are_expected_to_stand_still():
-    made = servo(guard=NotedGuard())
-    made.failed = {ROBOT.roller_names[1]}
-    made.command(np.full(len(HOME), 0.01), NOW - 0.005)
-    assert made.decide(NOW).command.status is not Status.HALT_KINEMATICS
-    assert made.guard.velocities.tolist() == [0.01, 0.0, *[0.01] * (len(HOME) - 2)]
-
-
-def test_moves_when_all_is_known():
-    decision = servo().decide(NOW)
-    assert decision.command.status is Status.OK
-    assert decision.message == ''
-    assert decision.command.achieved_twist == pytest.approx([0.0, 0.02, 0.1], abs=1e-9)
+def test_a_roller_that_fails_in_motion_is_commanded_zero_at_once():
+    made = servo({'max_acceleration': 1.0})
+    made.command(np.full(len(HOME), 0.01), NOW - 0.01)
+    made.receive(failed={ROBOT.roller_names[1]})
+    command = made.decide(NOW).command
+    assert command.status is Status.ACCELERATING
+    assert command.roller_velocities[1] == 0.0
 
 
 @pytest.mark.parametrize(
@@ -122,7 +96,7 @@ def test_moves_when_all_is_known():
     ],
 )
 def test_halts_with_the_status_of_each_input_fault(name, missing, stale, invalid):
-    good = getattr(servo(), name)
+    good = getattr(servo().inputs, name)
     for given, status in (
         (None, missing),
         (good._replace(time=NOW - 0.201), stale),
@@ -139,7 +113,7 @@ def test_halts_with_the_status_of_each_input_fault(name, missing, stale, invalid
 
 @pytest.mark.parametrize('name', INPUTS)
 def test_an_input_is_good_until_the_timeout(name):
-    good = getattr(servo(), name)
+    good = getattr(servo().inputs, name)
     made = servo(**{name: good._replace(time=NOW - 0.199)})
     assert made.decide(NOW).command.status is Status.OK
 
@@ -154,19 +128,18 @@ def test_halts_without_a_grasp_and_where_no_configuration_is():
     assert decision.command.status is Status.HALT_KINEMATICS
 
 
-def test_history_does_not_matter():
+def test_decision_is_independent_of_earlier_states():
     """A servo that has been elsewhere decides as a new one does."""
     there = np.linspace(-0.1, 0.12, len(HOME))
     config = ROBOT.configuration(there)
     center = tangent_center(config, MODULE, DIAMETER)
     travelled = servo()
     travelled.decide(NOW)
-    travelled.rollers = StampedInput(at([9.0, 0, 0, 0, 0, 0]), NOW)
+    travelled.receive(rollers=StampedInput(at([9.0, 0, 0, 0, 0, 0]), NOW))
     travelled.decide(NOW)
     for made in (travelled, fresh := servo()):
-        made.rollers, made.pose = (
-            StampedInput(at(there), NOW),
-            StampedInput(Pose(*center, 0.0), NOW),
+        made.receive(
+            rollers=StampedInput(at(there), NOW), pose=StampedInput(Pose(*center, 0.0), NOW)
         )
     assert travelled.decide(NOW).command.roller_velocities == pytest.approx(
         fresh.decide(NOW).command.roller_velocities, abs=1e-10
@@ -192,9 +165,10 @@ def test_looks_ahead_by_the_age_of_the_state_and_half_a_period():
     """The command for an old state of a moving robot is that for where it is by now."""
     speeds = servo().decide(NOW).command.roller_velocities
     made = servo(
-        rollers=StampedInput(at(HOME, speeds), NOW - 0.05), pose=StampedInput(POSE, NOW - 0.05)
+        {'period': 0.02},
+        rollers=StampedInput(at(HOME, speeds), NOW - 0.05),
+        pose=StampedInput(POSE, NOW - 0.05),
     )
-    made.period = 0.02
     late = made.decide(NOW).command.roller_velocities
     lead = 0.05 + 0.01
     # To first order in the way: 0.0012 m here, so 1e-6 m off in a robot of 1 m, and 1e-6 in speed.
@@ -204,28 +178,29 @@ def test_looks_ahead_by_the_age_of_the_state_and_half_a_period():
 
 
 @pytest.mark.parametrize('measured', [0.0, -1.0, 3.0])
-def test_old_rollers_are_where_they_were_sent_whatever_speeds_are_measured(measured):
-    made = servo()
-    made.period = 0.02
+def test_prediction_uses_commands_instead_of_measured_speeds(measured):
+    made = servo({'period': 0.02})
     ways = [np.zeros(6)]
     for k in range(6):
         now = NOW + 0.02 * k
-        made.twist = StampedInput((0.02 * (-1) ** k, 0.02 + 0.01 * k, 0.1), now)
+        made.receive(twist=StampedInput((0.02 * (-1) ** k, 0.02 + 0.01 * k, 0.1), now))
         sent = made.decide(now).command.roller_velocities
         ways.append(ways[-1] + 0.02 * sent)
     # All that is known is the state of 0.03 s after the beginning, in the second interval.
     now, seen = NOW + 0.12, 0.5 * (ways[1] + ways[2])
     state = moved(seen)
-    made.rollers = StampedInput(at(seen, measured * sent), NOW + 0.03)
-    made.pose = state['pose']._replace(time=NOW + 0.03)
-    made.twist = StampedInput((0.0, 0.02, 0.1), now)
+    made.receive(
+        rollers=StampedInput(at(seen, measured * sent), NOW + 0.03),
+        pose=state['pose']._replace(time=NOW + 0.03),
+        twist=StampedInput((0.0, 0.02, 0.1), now),
+    )
     late = made.decide(now).command.roller_velocities
     exact = servo(**moved(ways[-1] + 0.01 * sent)).decide(NOW).command.roller_velocities
     assert close(late, exact)
     assert not close(late, servo(**state).decide(NOW).command.roller_velocities)
 
 
-def test_rollers_and_pose_of_different_ages_fit_together():
+def test_prediction_accounts_for_the_ages_of_rollers_and_pose():
     """The object is put where it was in the robot of that time, and has gone on with it."""
     exact = servo(**moved(np.array([4.0, 2.0, -5.0, 3.0, 4.0, -4.0]) * 1e-3))
     exact = exact.decide(NOW).command.roller_velocities
@@ -233,10 +208,10 @@ def test_rollers_and_pose_of_different_ages_fit_together():
     for ages in ((0.1, 0.0), (0.0, 0.1), (0.05, 0.1), (0.1, 0.05)):
         seen = [moved((0.1 - age) * speeds) for age in ages]
         made = servo(
+            {'period': 1e-9},
             rollers=StampedInput(at(seen[0]['rollers'].value.positions, speeds), NOW - ages[0]),
             pose=seen[1]['pose']._replace(time=NOW - ages[1]),
         )
-        made.period = 1e-9
         late = made.decide(NOW).command.roller_velocities
         assert np.abs(late - exact).max() < 1e-4 * np.abs(exact).max()
 
@@ -245,26 +220,19 @@ def test_failed_rollers_are_not_expected_to_move():
     made = servo()
     sent = made.decide(NOW).command.roller_velocities
     failed = int(np.abs(sent).argmax())
-    made.failed = [ROBOT.roller_names[failed]]
+    made.receive(failed=[ROBOT.roller_names[failed]])
     now = NOW + 0.1
-    made.twist = StampedInput((0.0, 0.02, 0.1), now)
+    made.receive(twist=StampedInput((0.0, 0.02, 0.1), now))
     late = made.decide(now).command.roller_velocities
     working = np.arange(len(HOME)) != failed
     there = servo(**moved((0.1 + 0.0025) * sent * working))
-    there.failed = made.failed
+    there.receive(failed=made.failed)
     assert np.abs(late - there.decide(NOW).command.roller_velocities).max() < 1e-5
 
 
-def test_says_what_limits():
-    decision = servo(twist=StampedInput((0.0, 3.0, 0.0), NOW)).decide(NOW)
-    assert decision.command.status is Status.SLOWED_ROLLER_SPEED
-    for name in decision.command.limiting:
-        assert name in decision.message
-
-
-def test_failed_rollers_are_held_and_told():
+def test_failed_rollers_are_commanded_zero_and_reported():
     made = servo()
-    made.failed = ['north/Z', 'south/Q']
+    made.receive(failed=['north/Z', 'south/Q'])
     decision = made.decide(NOW)
     speeds = dict(zip(ROBOT.roller_names, decision.command.roller_velocities, strict=True))
     assert speeds['north/Z'] == speeds['south/Q'] == 0.0
@@ -272,48 +240,46 @@ def test_failed_rollers_are_held_and_told():
     assert decision.failed == ('south/Q', 'north/Z')
     # Four rollers are just enough for any motion of the object that keeps the grip.
     assert decision.command.reachable_dof == 3
-    made.failed = ['south/Q', 'north/Z', 'south/P']
+    made.receive(failed=['south/Q', 'north/Z', 'south/P'])
     assert made.decide(NOW).command.reachable_dof == 2
-    made.failed = ['north/Z', 'south/Q']
-    # A halt tells them too, and that nothing can be done for now.
-    made.twist = None
+    made.receive(failed=['north/Z', 'south/Q'], twist=None)
     decision = made.decide(NOW)
     assert decision.failed == ('south/Q', 'north/Z')
     assert decision.command.reachable_dof == 0
-    made.failed = ()
+    made.receive(failed=())
     assert made.decide(NOW).failed == ()
 
 
-def test_mobility_is_told_when_idle_too():
+def test_idle_status_reports_the_mobility():
     idle = servo(twist=StampedInput((0.0, 0.0, 0.0), NOW)).decide(NOW)
     assert idle.command.status is Status.IDLE
     assert idle.command.reachable_dof == 3
     made = servo(twist=StampedInput((0.0, 0.0, 0.0), NOW))
-    made.failed = ROBOT.roller_names
+    made.receive(failed=ROBOT.roller_names)
     assert made.decide(NOW).command.reachable_dof == 0
 
 
 def test_unknown_failed_rollers_are_refused_and_change_nothing():
     made = servo()
-    made.failed = ['north/Z']
+    made.receive(failed=['north/Z'])
     with pytest.raises(GraspError, match=r"failed rollers: 'north/P': .* no such rollers"):
-        made.failed = ['north/P']
+        made.receive(failed=['north/P'])
     assert made.failed == {'north/Z'}
 
 
 def run(made, robot, duration, twist=(0.0, 0.02, 0.1), begin=NOW):
     """Let a servo drive a simulated robot; return the decisions."""
-    decisions = []
-    for k in range(round(duration / made.period)):
-        now = begin + k * made.period
-        made.twist = StampedInput(np.asarray(twist), now)
-        made.rollers = StampedInput(
-            at(robot.config.roller_positions, robot.roller_velocities), now
+    decisions, period = [], made.settings.period
+    for k in range(round(duration / period)):
+        now = begin + k * period
+        made.receive(
+            twist=StampedInput(np.asarray(twist), now),
+            rollers=StampedInput(at(robot.config.roller_positions, robot.roller_velocities), now),
+            pose=StampedInput(robot.object_pose, now),
         )
-        made.pose = StampedInput(robot.object_pose, now)
         decisions.append(made.decide(now))
         robot.command(decisions[-1].command.roller_velocities)
-        robot.advance(made.period)
+        robot.advance(period)
     return decisions
 
 
@@ -325,14 +291,13 @@ def simulated(*stuck):
 
 
 def test_stuck_roller_is_detected_and_the_object_moves_as_commanded_again():
-    made = servo()
+    made = servo({'failure_time': FAILURE_TIME})
     stuck = int(np.abs(made.decide(NOW).command.roller_velocities).argmax())
     name, robot = ROBOT.roller_names[stuck], simulated(ROBOT.roller_names[stuck])
-    made.detector = FailureDetector(ROBOT.roller_names)
     decisions = run(made, robot, 3.0)
     found = [k for k, decision in enumerate(decisions) if decision.failed == (name,)]
     first = found[0]
-    assert 1.0 <= first * made.period < 2.0
+    assert 1.0 <= first * made.settings.period < 2.0
     assert made.failed == {name}
     assert len(found) == len(decisions) - first
     for decision in decisions[first:]:
@@ -348,22 +313,20 @@ def test_stuck_roller_is_detected_and_the_object_moves_as_commanded_again():
 
 
 def test_rollers_that_are_held_by_a_halt_are_not_flagged():
-    made, robot = servo(), simulated(*ROBOT.roller_names)
-    made.detector = FailureDetector(ROBOT.roller_names, 0.5)
-    made.stopped = (Status.HALT_EMERGENCY_STOP, 'stopped')
+    made, robot = servo({'failure_time': 0.5}), simulated(*ROBOT.roller_names)
+    made.receive(halt=(Status.HALT_EMERGENCY_STOP, 'stopped'))
     assert not any(decision.failed for decision in run(made, robot, 2.0))
-    made.stopped = None
+    made.receive(halt=None)
     assert run(made, robot, 2.0, begin=NOW + 2.0)[-1].failed
 
 
-def test_twists_are_bent_along_limits_only_where_that_is_asked_for():
+def test_twists_slide_along_limits_only_if_enabled():
     narrow = ROBOT.home.member_lengths.max() + 0.02
     description = dataclasses.replace(ROBOT.description, max_length=narrow)
     robot = Robot(description)
     ends = []
     for slide in (False, True):
-        made = TwistServo(robot, GRIP, period=0.01, timeout=0.2)
-        made.slide_along_limits = slide
+        made = TwistServo(robot, ServoSettings(GRIP, 0.01, 0.2, slide_along_limits=slide))
         held = RollingGrip.attach(robot.home, GRIP)
         moving = SimulatedRobot(robot.home, RigidObject.in_grip(held), RollerFaults())
         decisions = run(made, moving, 4.0, twist=(0.02, 0.05, 0.0))
@@ -376,8 +339,15 @@ def test_twists_are_bent_along_limits_only_where_that_is_asked_for():
     assert ends[1] > ends[0]
 
 
+def test_squeeze_control_without_fault_continues_with_another_force():
+    made = servo({'squeeze': SqueezeSettings(30.0)})
+    before = made.squeeze
+    made.apply(dataclasses.replace(made.settings, squeeze=SqueezeSettings(34.0)))
+    assert made.squeeze is before
+    assert made.squeeze.settings.force == 34.0
+
+
 def test_a_servo_without_guard_goes_by_the_robot_file_alone():
-    made = servo()
-    made.guard = None
+    made = servo({'bounds': None})
     with_guard = servo().decide(NOW).command
     assert (made.decide(NOW).command.roller_velocities == with_guard.roller_velocities).all()

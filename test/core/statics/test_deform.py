@@ -3,17 +3,22 @@
 
 """The robot deformed by loads: its limit load, utilisation, and loads on modules and tubes."""
 
+import contextlib
+
 from isotruss_ros.core import deform, load_robot
-from isotruss_ros.core.errors import StructureError
+from isotruss_ros.core.errors import ConfigurationError, SolverError, StructureError
 from isotruss_ros.core.statics.cut_frame import CutFrame
+from isotruss_ros.core.statics.load_path import follow_loads
+from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
+import robots
 
 TRIANGLE = load_robot('triangle').home
 LEG = 'main/R-T'
 
 
-def test_small_loads_bend_the_robot_as_the_linear_model_does():
+def test_small_loads_agree_with_the_linear_model():
     load = {'T': (1e-3, -2e-3)}
     bent, linear = (deform(TRIANGLE, load, paper_model=paper) for paper in (False, True))
     moved = linear.state.displacements
@@ -39,11 +44,49 @@ def test_beyond_the_limit_load_the_error_names_it():
         deform(TRIANGLE, {'T': (0.0, -190.0 * limit)})
 
 
+def near_the_end_of_the_shapes(seed):
+    """Return a random robot, far on a random way of its rollers, and a force on a joint."""
+    rng, robot = np.random.default_rng(seed), robots.random_robot(seed)
+    size, reached = robot.home.member_lengths.min(), 0.0
+    way = rng.uniform(-size, size, len(robot.roller_names))
+    for share in 0.5 ** np.arange(1, 9):
+        with contextlib.suppress(ConfigurationError):
+            robot.configuration((reached + share) * way)
+            reached += share
+    joint = str(rng.choice(list(robot.description.joints)))
+    force = rng.uniform(-1.0, 1.0, 2) * 10.0 ** rng.uniform(0.0, 2.0)
+    return robot.configuration(reached * way), joint, force
+
+
+# Newton's method alone finds a stable state beyond a limit load at the first three.
+@pytest.mark.parametrize('seed', [39, 204, 315, *range(5)])
+def test_a_state_beyond_a_limit_load_that_small_steps_do_not_reach_is_refused(seed):
+    config, joint, force = near_the_end_of_the_shapes(seed)
+    structure = structure_of(config)
+    loads = np.zeros((len(structure.node_names), 3))
+    loads[structure.node(joint), :2] = force
+    path = follow_loads(structure.frame, loads, 1.0)
+    if path.factors[-1] < 1.0:
+        with pytest.raises(StructureError, match='beyond the limit load'):
+            deform(config, {joint: force})
+    else:
+        found = deform(config, {joint: force}).state.displacements
+        assert found == pytest.approx(path.tangents[-1].displacements, abs=1e-7)
+
+
+def test_a_limit_load_farther_than_the_search_goes_is_an_error():
+    rng, robot = np.random.default_rng(80), robots.random_robot(80)
+    joint = str(rng.choice(list(robot.description.joints)))
+    found = deform(robot.home, {joint: rng.uniform(-20.0, 20.0, 2)})
+    with pytest.raises(SolverError, match=r'no limit load up to \S+ times these loads'):
+        found.limit_factor()
+
+
 def test_a_load_that_stretches_no_column_has_no_limit_nearby():
     assert deform(TRIANGLE, {'T': (0.0, 0.1)}).limit_factor() == np.inf
 
 
-def test_compression_makes_moments_inside_a_member_grow():
+def test_compression_amplifies_moments_inside_a_member():
     load = {'T': (0.0, -150.0)}
     bent, linear = (deform(TRIANGLE, load, paper_model=paper) for paper in (False, True))
     assert bent.utilisation[LEG] > 1.2 * linear.utilisation[LEG]
@@ -75,6 +118,27 @@ def test_loads_at_places_of_a_tube_are_those_of_a_node_there():
     assert found.utilisation[LEG] > found.utilisation['main/T-L']
 
 
+@pytest.mark.parametrize('apart', [0.0, 1e-9, 1e-7])
+def test_loads_at_one_place_of_a_tube_act_as_their_sum(apart):
+    two = [(0.6, 2.0, 0.0, 0.0), (0.6 + apart, 0.0, 3.0, 0.1)]
+    both, found = (
+        deform(TRIANGLE, {}, tube_loads={LEG: loads}).displacement('T')
+        for loads in ([(0.6, 2.0, 3.0, 0.1)], two)
+    )
+    assert found == pytest.approx(both, rel=1e-6)
+
+
+@pytest.mark.parametrize('end', ['start', 'end'])
+def test_a_force_at_an_end_of_a_tube_is_that_of_a_place_nearby(end):
+    length = TRIANGLE.member_lengths[1]
+    places = [1e-300, 1e-5] if end == 'start' else [np.nextafter(length, 0.0), length - 1e-5]
+    there, nearby = (
+        deform(TRIANGLE, {}, tube_loads={LEG: [(at, 2.0, 3.0, 0.0)]}).displacement('T')
+        for at in places
+    )
+    assert there == pytest.approx(nearby, rel=1e-3)
+
+
 @pytest.mark.parametrize(
     ('loads', 'complaint'),
     [
@@ -84,6 +148,6 @@ def test_loads_at_places_of_a_tube_are_those_of_a_node_there():
         ({'tube_loads': {LEG: [(0.4, np.nan, 0.0, 1.0)]}}, 'must be 4 finite numbers'),
     ],
 )
-def test_loads_on_what_is_not_there_are_refused(loads, complaint):
+def test_loads_on_unknown_parts_are_refused(loads, complaint):
     with pytest.raises(StructureError, match=complaint):
         deform(TRIANGLE, {}, **loads)

@@ -75,7 +75,7 @@ def test_without_its_exponent_it_is_the_model_of_three_numbers(listed):
     assert moved(own) == pytest.approx(moved(section), rel=1e-12, abs=1e-15)
 
 
-def test_what_it_says_of_a_member_is_what_the_frame_has(listed):
+def test_user_defined_section_is_that_of_the_frame(listed):
     robot = robot_with(model='softer', flexural=30.0, exponent=2.0)
     frame = tube_stiffness.tube_stiffness(robot.description)
     long, short = frame.section_stiffness([2.0, 1.0], 3.0e4).flexural
@@ -84,7 +84,7 @@ def test_what_it_says_of_a_member_is_what_the_frame_has(listed):
     assert abs(moved(soft)).max() > abs(moved(robot)).max()
 
 
-def test_a_grasp_by_it_has_a_gradient_and_is_planned_and_estimated(listed):
+def test_user_defined_stiffness_supports_gradient_planner_and_estimator(listed):
     robot = robot_with(model='softer', flexural=30.0, exponent=0.5)
     body = ConvexObject.disc(tangent_center(robot.home, 'north/Z', 0.3, 0.02), 0.3)
     gradient = grasp_gradient(settle_grasp(robot.home, body, 0.8))

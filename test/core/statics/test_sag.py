@@ -37,7 +37,7 @@ def test_an_upright_robot_is_found_in_other_postures():
     assert find_sag(config, hanging((0.0, -9.81), config)).is_upright
 
 
-def test_wrong_zeros_and_noise_are_rarely_taken_for_weight():
+def test_roller_offsets_and_noise_are_rarely_fitted_as_weight():
     found, rng = [], np.random.default_rng(0)
     for seed in range(50):
         config = ROBOT.home.moved_to(0.01 * rng.normal(size=6))
@@ -45,6 +45,6 @@ def test_wrong_zeros_and_noise_are_rarely_taken_for_weight():
     assert sum(found) <= 3
 
 
-def test_few_joints_are_not_judged():
+def test_few_joints_have_no_fit():
     joints = dict(list(hanging((0.0, -9.81)).items())[:3])
     assert find_sag(ROBOT.home, joints) is None

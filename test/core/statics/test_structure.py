@@ -200,11 +200,12 @@ def test_pressure_may_be_one_for_all_one_for_each_or_by_tube():
         ({'west': 2e4}, "tube 'west': robot nine_member has no such tube; its tubes are south"),
         ([2e4, 2e4], 'pressure: 2 values: must be one for all tubes, or one for each of south'),
         ([2e4, 0.0, 2e4], 'gauge pressure of tube east .*: 0.0: must be a positive number'),
+        (1e8, 'gauge pressure of tube south .*: must be from 1e-3 to 1e7'),
         ({'north': -1}, 'gauge pressure of tube north'),
         (np.nan, 'gauge pressure of tube south .*must be 1 finite numbers'),
     ],
 )
-def test_pressures_that_are_not_usable_are_refused(pressure, complaint):
+def test_invalid_gauge_pressures_are_refused(pressure, complaint):
     with pytest.raises(StructureError, match=complaint):
         deform(load_robot('nine_member').home, {}, pressure)
 
@@ -213,7 +214,7 @@ def test_pressures_that_are_not_usable_are_refused(pressure, complaint):
 
 
 @pytest.mark.parametrize('joint', ['W', 'main/T/B', ('T',), None])
-def test_loads_on_what_is_no_joint_are_refused_by_name(joint):
+def test_loads_on_unknown_joints_are_refused_by_name(joint):
     config = load_robot('triangle').configuration(np.zeros(2))
     with pytest.raises(StructureError) as caught:
         deform(config, {'T': (0.0, -1.0), joint: (0.0, -1.0)})
@@ -230,14 +231,14 @@ def test_loads_on_what_is_no_joint_are_refused_by_name(joint):
         ((1e307, 0.0), r'loads up to 1e\+307 N'),
     ],
 )
-def test_loads_that_are_no_numbers_or_lead_beyond_all_are_refused(force, complaint):
+def test_invalid_or_overflowing_loads_are_refused(force, complaint):
     config = load_robot('triangle').configuration(np.zeros(2))
     with pytest.raises(StructureError, match=complaint):
         deform(config, {'T': force})
 
 
 @pytest.mark.parametrize('node', ['W', 'main/T/A', 'main/T/b', None])
-def test_displacements_of_what_is_no_node_are_refused_by_name(node):
+def test_displacements_of_unknown_nodes_are_refused_by_name(node):
     config = load_robot('triangle').configuration(np.zeros(2))
     deformation = deform(config, {'T': (0.0, -1.0)})
     with pytest.raises(StructureError) as caught:

@@ -52,7 +52,7 @@ lengths = strategies.floats(0.05, 5.0)
 pressures = strategies.floats(1e3, 1e5)
 
 
-def test_section_is_as_given_for_any_length():
+def test_given_section_is_independent_of_length():
     rigidities = model_of({'model': 'section', **SECTION}).section_stiffness(LENGTHS, PRESSURE)
     for value, expected in zip(rigidities, SECTION.values(), strict=True):
         assert value.tolist() == [expected] * 3
@@ -78,7 +78,7 @@ def test_inflatable_beam_against_the_formulas_with_a_thickness():
     assert rigidities.shear == pytest.approx([P + 0.5 * G * S0] * 3, rel=1e-12)
 
 
-def test_ends_and_wall_are_springs_in_series():
+def test_axial_stiffness_is_that_of_wall_and_ends_in_series():
     model = InflatableBeam(RADIUS, 5e4, 1e4, end_softening=3.0)
     axial, _, _ = end_stiffnesses(model.section_stiffness(LENGTHS, PRESSURE), LENGTHS)
     wall = 5e4 * 2.0 * np.pi * RADIUS / LENGTHS
@@ -101,7 +101,7 @@ def test_end_softening_is_the_slope_of_the_pillow():
 
 @robots.examples(200)
 @given(laws, laws, strategies.floats(1e-6, 1e3), lengths, pressures, strategies.floats(0.0, 0.1))
-def test_power_law_gives_the_beam_with_the_measured_stiffnesses(
+def test_power_law_inverts_the_measured_end_stiffnesses(
     axial, transverse, phi, between, pressure, ring
 ):
     """Axially of the whole member, across and in rotation between its guide rings."""
@@ -131,7 +131,7 @@ def test_power_law_of_a_slender_beam_has_infinite_shear_rigidity(rounding):
     assert rotary == pytest.approx(100.0 / LENGTHS, rel=1e-9)
 
 
-def test_power_law_that_no_beam_has_is_refused_with_what_would_be_right():
+def test_power_law_without_a_beam_is_refused_with_the_valid_range():
     # Right at 0.254 m (phi > 0) and wrong from where L^2 passes 3 k_rotary / k_transverse.
     model = PowerLaw(Law(1e3, 0.0, 0.0), Law(1e3, 0.0, 0.0), Law(50.0, 0.0, 0.0), 0.0)
     model.section_stiffness([0.254], PRESSURE)
@@ -172,7 +172,7 @@ def test_section_at_another_pressure_changes_by_the_pull_of_the_pressure():
     )
 
 
-def test_section_of_which_too_little_pressure_leaves_nothing_is_refused():
+def test_section_without_stiffness_at_low_pressure_is_refused():
     model = Section(1.9e4, 25.0, 200.0, RADIUS, 34.5e3)
     with pytest.raises(
         StructureError, match=r'hold at 34500 Pa; at 5000 Pa they leave .* GA = -41'
@@ -180,7 +180,7 @@ def test_section_of_which_too_little_pressure_leaves_nothing_is_refused():
         model.section_stiffness([0.5], 5e3)
 
 
-def test_a_member_that_does_not_hold_its_guide_rings_is_refused():
+def test_member_shorter_than_its_guide_rings_is_refused():
     with pytest.raises(StructureError, match=r'a member of 0\.15 m does not hold its guide rings'):
         MODELS[2].section_stiffness([0.15], PRESSURE)
 
@@ -218,7 +218,7 @@ def test_blocks_of_a_robot_file_have_all_that_a_model_needs():
         PowerLaw(Law(8.0, 0.6, -0.2), Law(0.3, 0.6, -1.2), Law(0.1, 0.6, 0.8), 0.08),
     ],
 )
-def test_rates_of_flexibility_are_those_of_the_section_stiffness(model):
+def test_flexibility_rates_agree_with_finite_differences(model):
     pressure = np.array([25e3, 30e3, 40e3])
 
     def difference(by_length, by_pressure):

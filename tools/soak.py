@@ -7,7 +7,7 @@ Let simulator, manipulation at 1 kHz and grasp analysis run, and do to them all 
 Ends with 1 if a node died, printed a traceback, moved on doubt or did not come back, or if the
 memory of one grew.
 
-    python test/soak.py --minutes 15
+    PYTHONPATH=test/helpers python tools/soak.py --minutes 15
 """
 
 from __future__ import annotations

@@ -4,8 +4,10 @@
 """
 Run a notebook without Jupyter: its cells in order, and what each prints, returns and draws.
 
-`python test/helpers/notebooks.py NOTEBOOK` runs it and writes it again, with these outputs.
+`python tools/notebooks.py NOTEBOOK` runs it and writes it again, with these outputs.
 """
+
+from __future__ import annotations
 
 import ast
 import base64
@@ -14,11 +16,12 @@ import io
 import json
 from pathlib import Path
 import sys
+from typing import Any
 
 import matplotlib as mpl
 
 
-def run(path):
+def run(path: str | Path) -> dict[str, Any]:
     """
     Return a notebook with the outputs of its cells.
 
@@ -36,7 +39,7 @@ def run(path):
     return notebook
 
 
-def _run_cell(source, names, place):
+def _run_cell(source: str, names: dict[str, Any], place: str) -> tuple[str, Any]:
     """Return what a cell prints, and the value of its last line, if that is an expression."""
     tree, last = ast.parse(source, place), None
     if isinstance(tree.body[-1], ast.Expr):
@@ -49,12 +52,12 @@ def _run_cell(source, names, place):
     return printed.getvalue(), value
 
 
-def _stream(text):
+def _stream(text: str) -> list[dict[str, Any]]:
     lines = text.splitlines(keepends=True)
     return [{'name': 'stdout', 'output_type': 'stream', 'text': lines}] if lines else []
 
 
-def _result(value, count):
+def _result(value: Any, count: int) -> list[dict[str, Any]]:
     if value is None:
         return []
     data = {'text/plain': repr(value).splitlines(keepends=True)}

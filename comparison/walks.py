@@ -1,16 +1,13 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""
-Random walks of a held object under the twist servo, and how near to its bounds each came.
+"""Random walks of a held object under the twist servo, and the smallest margins of each."""
 
-Others begin beyond bounds, and must not chatter there.
-"""
+from __future__ import annotations
 
 from collections import Counter, deque
 from dataclasses import dataclass
 
-from grips import rolled
 from isotruss_ros.core import (
     ConvexObject,
     Grip,
@@ -23,8 +20,10 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.inputs import RollerState, StampedInput
+from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.safety.margins import shape_margins
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
+from isotruss_ros.core.servo.servo_settings import ServoSettings
 import numpy as np
 
 ROBOT = load_robot('nine_member')
@@ -35,12 +34,6 @@ GRIPS = ('north/Z', 'north/R', 'north/P', 'east/Q', 'east/R')
 PERIODS = (0.05, 0.01, 0.005, 0.002, 0.001)
 #: Inputs are this old at most [s].
 LATE = 0.15
-#: Changes of the speed of a roller from cycle to cycle that do not count as chatter [m/s].
-CHATTER = 0.005
-#: So many cycles with reversals are a limit that binds in place of another.
-EXCHANGE = 2
-#: By how much starts beyond a bound may get further beyond it.
-LOST = 1e-4
 
 
 @dataclass
@@ -54,21 +47,27 @@ class Walk:
     """
 
     lowest: np.ndarray
-    statuses: Counter
+    statuses: Counter[Status]
     quickest: float = 0.0
 
     @property
-    def crossed(self):
+    def crossed(self) -> bool:
+        """Return whether a margin became negative."""
         return bool((self.lowest < 0.0).any())
 
 
-def margins(held):
+def rolled(rolling: RollingGrip, travel: Array) -> RollingGrip:
+    """Return a rolling grip after some travel (r,) of the rollers [m]."""
+    return rolling.moved_to(rolling.config.moved_to(rolling.config.roller_positions + travel))
+
+
+def margins(held: RollingGrip) -> Array:
     """Return what is left above the bounds."""
     found = shape_margins(held.config, held.grip.body, held.grip.members)
     return np.array(found[:3]) - LEAST
 
 
-def begin(rng, module):
+def begin(rng: np.random.Generator, module: str) -> RollingGrip:
     """Return an object held at a module, anywhere within the bounds."""
     file = ROBOT.description
     while True:
@@ -85,57 +84,6 @@ def begin(rng, module):
             return held
 
 
-def begin_beyond(rng):
-    """Return an object held at a module, the robot beyond some bounds."""
-    modules = ROBOT.module_names
-    while True:
-        try:
-            config = ROBOT.configuration(rng.uniform(-0.8, 0.8, len(ROBOT.roller_names)))
-            diameter, module = float(rng.uniform(0.1, 0.4)), modules[rng.integers(len(modules))]
-            body = ConvexObject.disc(tangent_center(config, module, diameter), diameter)
-            held = RollingGrip.attach(config, Grip.at_module(ROBOT, module, body))
-            if margins(held).min() < 0.0:
-                return held
-        except IsotrussError:
-            continue
-
-
-def come_back(seed, steps=40):
-    """
-    Command one twist from a random start beyond bounds.
-
-    :return: (steps, r) commanded roller velocities [m/s], and (3,) by how much the margins that
-        were beyond their bounds fell below where they began.
-    """
-    rng = np.random.default_rng([seed, 7])
-    held = begin_beyond(rng)
-    period = float(rng.choice([0.02, 0.01, 0.005, 0.002]))
-    servo = TwistServo(ROBOT, held.grip, period, timeout=0.2)
-    servo.slide_along_limits = bool(seed % 3 == 2)
-    twist = rng.standard_normal(3) * rng.choice([0.03, 0.1])
-    first = margins(held)
-    commands, lost = [np.zeros(len(ROBOT.roller_names))], np.zeros(3)
-    for step in range(steps):
-        now = 1.0 + step * period
-        servo.twist = StampedInput(twist, now)
-        travel = held.config.roller_positions
-        servo.rollers = StampedInput(RollerState(travel, commands[-1]), now)
-        servo.pose = StampedInput(held.pose, now)
-        commands.append(servo.decide(now).command.roller_velocities)
-        held = rolled(held, period * commands[-1])
-        after = margins(held)
-        lost = np.maximum(lost, np.where(first < 0.0, first - after, 0.0))
-    return np.array(commands[1:]), lost
-
-
-def reversals(commands):
-    """Return in how many cycles a roller is slowed that was driven before, and is after."""
-    changes = np.diff(commands, axis=0)
-    turned = changes[1:] * changes[:-1] < 0.0
-    noticed = np.minimum(np.abs(changes[1:]), np.abs(changes[:-1])) > CHATTER
-    return int((turned & noticed).any(axis=1).sum())
-
-
 @dataclass
 class Sensors:
     """
@@ -149,7 +97,7 @@ class Sensors:
     speeds: bool
 
     @classmethod
-    def of(cls, seed, period):
+    def of(cls, seed: int, period: float) -> Sensors:
         """Return prompt ones, ones that are a cycle late, and twice as many up to 150 ms late."""
         rng = np.random.default_rng([seed, 1])
         speeds = bool(rng.integers(2))
@@ -162,7 +110,13 @@ class Sensors:
         return cls(rollers, pose, speeds)
 
 
-def walk(seed, steps, slide=False, guarded=True, sensors=None):
+def walk(
+    seed: int,
+    steps: int,
+    slide: bool = False,
+    guarded: bool = True,
+    sensors: Sensors | None = None,
+) -> Walk:
     """
     Command one twist after another, far more than the robot can do, at 20 Hz to 1 kHz.
 
@@ -173,10 +127,14 @@ def walk(seed, steps, slide=False, guarded=True, sensors=None):
     held = begin(rng, module)
     period = float(rng.choice(PERIODS, p=[0.15, 0.35, 0.3, 0.1, 0.1]))
     sensors = Sensors.of(seed, period) if sensors is None else sensors
-    servo = TwistServo(ROBOT, held.grip, period, timeout=0.2)
-    servo.slide_along_limits = slide
-    if not guarded:
-        servo.guard = None
+    settings = ServoSettings(
+        held.grip,
+        period,
+        timeout=0.2,
+        bounds=ShapeBounds() if guarded else None,
+        slide_along_limits=slide,
+    )
+    servo = TwistServo(ROBOT, settings)
     result = Walk(np.full(3, np.inf), Counter())
     length = 1 + max(sensors.rollers, sensors.pose)
     seen = deque([(held, np.zeros(len(ROBOT.roller_names)))] * length, length)
@@ -190,9 +148,11 @@ def walk(seed, steps, slide=False, guarded=True, sensors=None):
         measured = RollerState(
             state.config.roller_positions, speeds if sensors.speeds else 0.0 * speeds
         )
-        servo.twist = StampedInput(twist, now)
-        servo.rollers = StampedInput(measured, now - period * sensors.rollers)
-        servo.pose = StampedInput(place.pose, now - period * sensors.pose)
+        servo.receive(
+            twist=StampedInput(twist, now),
+            rollers=StampedInput(measured, now - period * sensors.rollers),
+            pose=StampedInput(place.pose, now - period * sensors.pose),
+        )
         decision = servo.decide(now)
         command = decision.command
         if command.status >= Status.HALT_NO_TWIST:
