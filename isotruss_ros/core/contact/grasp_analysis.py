@@ -10,10 +10,12 @@ from functools import cached_property
 from typing import NamedTuple
 
 from isotruss_ros.core.contact.contact_points import ContactPoints, ContactState
+from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.numerics.records import Record
-from isotruss_ros.core.statics.bent_tubes import straight_tubes
 from isotruss_ros.core.statics.structure import Structure
+import numpy as np
+from scipy.linalg import lapack
 
 
 class SolvedContact(NamedTuple):
@@ -85,8 +87,7 @@ class GraspAnalysis(
     :ivar utilisation: largest bending moment over the wrinkling moment, by member, of all members;
         from 1 on a tube wrinkles, and all numbers are outside of the model.
     :ivar utilisation_places: where along the member that is, from its start, of all members [m].
-    :ivar stiffness: (3, 3) wrench (fx, fy, m) that a displacement (dx, dy, dtheta) of the object
-        with all its contact points takes [N/m, N, N m].
+    :ivar center: origin of the object's frame, x + iy [m].
     :ivar structure: the frame of the robot.
     :ivar solved: the contact, with normals at corners as they are assessed.
     """
@@ -114,9 +115,36 @@ class GraspAnalysis(
     flattened: tuple[str, ...]
     utilisation: dict[str, float]
     utilisation_places: dict[str, float]
-    stiffness: Array
+    center: complex = field(repr=False)
     structure: Structure = field(repr=False)
     solved: SolvedContact = field(repr=False)
+
+    @cached_property
+    def stiffness(self) -> Array:
+        """
+        Return the wrench (fx, fy, m) by displacements (dx, dy, dtheta) of the object, (3, 3).
+
+        All its contact points move with it [N/m, N, N m].
+
+        :raises SolverError: the contact compliance is not positive definite.
+        """
+        points, contact = self.solved.points, self.solved.contact
+        touching = np.flatnonzero(contact.forces > 0.0)
+        if len(touching) == 0:
+            return np.zeros((3, 3))
+        if not points.bent.is_straight:
+            points = points.about(points.bend_on(contact.push))
+        compliance, size = points.compliance(touching), 2 * len(touching)
+        arms = (points.skin + points.displacements(contact.push))[touching] - self.center
+        # Motions of the object by dx, dy, dtheta, along and across the tube at each contact.
+        inward = points.axis[touching].conj()
+        local = inward * np.stack([np.ones_like(arms), np.full_like(arms, 1j), 1j * arms])
+        motion = np.concatenate([local.real, local.imag], axis=1).T
+        _, forces, failed = lapack.dposv(compliance.reshape(size, size), motion)
+        if failed:
+            raise SolverError('the contact compliance is not positive definite')
+        stiffness = motion.T @ forces
+        return 0.5 * (stiffness + stiffness.T)
 
     @cached_property
     def nonlinearity(self) -> float:
@@ -128,7 +156,7 @@ class GraspAnalysis(
         points, contact = self.solved.points, self.solved.contact
         if points.bent.is_straight or not contact.forces.any():
             return 0.0
-        linear = points.about(straight_tubes(self.structure))
+        linear = points.about(points.bent.bent_to(None))
         moved = points.skin + contact.displacements - linear.skin
         given = linear.displacements(contact.push)
         work, linear_work = ((contact.push.conj() * each).real.sum() for each in (moved, given))

@@ -13,22 +13,21 @@ of the answer lie there alone, and close enough.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import TypeVar
 
 from isotruss_ros.core.contact.contact import estimate_contact
 from isotruss_ros.core.contact.contact_points import (
     ContactPoints,
     ContactState,
     find_contact_points,
-    points_on_members,
 )
 from isotruss_ros.core.contact.flattening import Flattening
 from isotruss_ros.core.contact.grasp_analysis import SolvedContact
 from isotruss_ros.core.contact.surfaces import Surface
 from isotruss_ros.core.errors import SolverError, StructureError
-from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, Flags, Points
-from isotruss_ros.core.statics.bent_tubes import BentTubes, straight_tubes
+from isotruss_ros.core.statics.bent_tubes import BentTubes
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 
@@ -42,17 +41,16 @@ LENGTH_SPREAD = 0.02
 #: Regions are found in so many steps, or points are placed wherever tubes are within reach.
 MAX_STEPS = 3
 EVERYWHERE = np.array([-np.inf, np.inf])
-#: Points of one region are no farther apart than this. Tubes are cut at places that are so far
-#: apart, and are bent anew from straight ones where these move by more than that. Shares of the
-#: tube's diameter [-].
-ONE_REGION, CUT_LATTICE, SAME_CUT = 0.3, 0.35, 0.45
-#: Tubes are linearised anew until no node moves by more than this [m], at most so often.
-SETTLED_MOTION, MAX_BENDS = 1e-7, 12
+#: Tubes are bent until no node moves by more than this [m], at most so often: the next step would
+#: be a hundredth of it. Their compliance is computed anew where a step is not so much shorter than
+#: the one before [-].
+SETTLED_MOTION, MAX_BENDS, QUICK_SHARE = 6e-7, 12, 0.5
 #: Tubes go so much of the way to where forces would bend them: less where they give way there.
 BENT_SHARES = (1.0, 0.5, 0.2, 0.0)
 
 #: Solves (8) at points that meet a surface; to begin with forces and normals if there are any.
 ContactSolver = Callable[..., ContactState]
+Found = TypeVar('Found')
 
 
 def refine_contact(
@@ -165,7 +163,9 @@ class _Search:
         within = limited & _touched(regions)
         windows = np.where(within, regions + SEARCH * self.room, EVERYWHERE)
         solved = self._solve_bent(
-            before, lambda bent: self.find(self.spacing / division, windows, begin, bent)
+            before.points,
+            before.contact.push,
+            lambda bent: self.find(self.spacing / division, windows, begin, bent, before),
         )
         found = solved.spans
         # A member whose contact has left its window may be touched elsewhere.
@@ -180,10 +180,12 @@ class _Search:
         windows: Array | None,
         solve: ContactSolver,
         bent: BentTubes | None = None,
+        before: SolvedContact | None = None,
     ) -> SolvedContact:
         """Place points with a spacing, and solve with the surface resolved by them."""
+        known = None if before is None else (before.points, before.contact.push)
         points = find_contact_points(
-            self.structure, self.surface, distance, self.flattening, windows, bent
+            self.structure, self.surface, distance, self.flattening, windows, bent, known
         )
         return self._measure(points, solve(points, self.surface.resolved(distance)))
 
@@ -192,16 +194,12 @@ class _Search:
         return measure_contact(points, contact, count)
 
     def _solve_bent(
-        self,
-        before: SolvedContact,
-        solve: Callable[[BentTubes], SolvedContact],
-        again: bool = False,
-    ) -> SolvedContact:
+        self, points: ContactPoints, push: Points, solve: Callable[[BentTubes], Found]
+    ) -> Found:
         """Solve with tubes as contact forces bend them, or less where they give way at that."""
         for share in BENT_SHARES:
             try:
-                bent = bend_tubes(self.structure, before, self.surface.body, share, again)
-                return solve(bent)
+                return solve(points.bend_on(push, share))
             except (SolverError, StructureError):
                 if share == BENT_SHARES[-1]:
                     raise
@@ -209,74 +207,32 @@ class _Search:
 
     def bend(self, found: SolvedContact) -> SolvedContact:
         """Solve at the same points until the tubes are linearised where they are."""
+        surface, last = self.surface.resolved(found.points.spacing), np.inf
+        points, contact = found.points, found.contact
         for _ in range(MAX_BENDS):
-            points, contact = found.points, found.contact
-            if points.distance(contact.push) <= SETTLED_MOTION:
-                return found
-            surface = self.surface.resolved(points.spacing)
+            distance = points.distance(contact.push)
+            if distance <= SETTLED_MOTION:
+                return found if points is found.points else self._measure(points, contact)
+            quick, last = distance <= QUICK_SHARE * last, distance
 
             def solve(
                 bent: BentTubes,
                 points: ContactPoints = points,
                 contact: ContactState = contact,
-                surface: Surface = surface,
-            ) -> SolvedContact:
-                there = points.about(bent)
-                found = self.solver(there, surface, contact.forces, contact.normals)
-                return self._measure(there, found)
+                quick: bool = quick,
+            ) -> tuple[ContactPoints, ContactState]:
+                quick = quick and points.is_near(bent, points.spacing)
+                there = points.about(bent, contact.push if quick else None)
+                found = contact.forces, contact.normals, contact.push
+                return there, self.solver(there, surface, *found)
 
-            found = self._solve_bent(found, solve, again=True)
+            points, contact = self._solve_bent(points, contact.push, solve)
         names = self.structure.config.robot.member_names
         touched = ', '.join(names[i] for i in np.flatnonzero(_touched(found.spans)))
         raise SolverError(
             f'{touched}: the bent tubes did not settle in {MAX_BENDS} steps; the object is '
             'pressed in too deeply'
         )
-
-
-def bend_tubes(
-    structure: Structure,
-    found: SolvedContact,
-    body: ConvexObject,
-    share: float = 1.0,
-    again: bool = False,
-) -> BentTubes:
-    """
-    Return the tubes linearised about where contact forces bend them, cut where these act.
-
-    :param structure: the frame of the robot from now on.
-    :param found: where the object is touched, and with what force.
-    :param body: the object.
-    :param share: of the way from where the tubes were linearised before [-].
-    :param again: whether they stay cut where they are as long as that is near.
-    """
-    points, contact = found.points, found.contact
-    touching = np.flatnonzero(contact.forces > 0.0)
-    if not len(touching):
-        return straight_tubes(structure)
-    member, place = points.member[touching], points.place[touching]
-    diameter = structure.config.robot.description.tube_diameter
-    apart = (np.diff(member) != 0) | (np.diff(place) > ONE_REGION * diameter)
-    region, forces = np.append(0, np.cumsum(apart)), np.abs(contact.push[touching])
-    middle = np.bincount(region, forces * place) / np.bincount(region, forces)
-    members, known = member[np.searchsorted(region, np.arange(len(middle)))], points.bent
-    # Counted from the middle of the object: whatever the search began with, and whichever end of a
-    # face is deepest by rounding, the cuts are the same.
-    config, topology = structure.config, structure.config.robot.topology
-    start = config.points[topology.b[members]]
-    along = config.points[topology.c[topology.following[members]]] - start
-    axis = along / np.abs(along)
-    foot = ((body.middle - start) * axis.conj()).real
-    pitch = CUT_LATTICE * diameter
-    cuts = foot + pitch * np.round((middle - foot) / pitch)
-    straight = BentTubes(structure, members, np.clip(cuts, 0.0, np.abs(along)))
-    if np.array_equal(known.members, members):
-        if again and np.abs(known.places - middle).max() < pitch:
-            straight = replace(straight, places=known.places)
-        if np.abs(known.places - straight.places).max() < SAME_CUT * diameter:
-            return known.bent_to(points.displace(contact.push, share), straight)
-    there = points_on_members(straight, member, place, points.spacing)
-    return straight.bent_to(there.displace(contact.push[touching], share), straight)
 
 
 def _touched(regions: Array) -> Flags:

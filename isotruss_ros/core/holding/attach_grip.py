@@ -217,7 +217,9 @@ def _solve_nearby(
 ) -> tuple[ContactStatics, ContactForces] | None:
     """Return the equilibrium near the expected one with alike forces, if any."""
     start, places, known = grip.ahead(travel), grip.state.places, grip.state
-    bent = grip.statics.bent.update(known.loads, known.feet, statics.bent.structure)
+    bent, structure = grip.statics.bent, statics.bent.structure
+    if structure is not bent.structure:
+        bent = bent.update(known.loads, known.feet, structure)
     found = replace(statics, bent=bent).settle(start, wrench, closure, FEW_STEPS)
     if found is None:
         return None

@@ -45,6 +45,8 @@ from scipy.linalg import lapack
 #: Tolerances of balance, relative to the squeeze [-], and of touch [m].
 FORCE_TOLERANCE, LENGTH_TOLERANCE = 1e-10, 1e-11
 MAX_STEPS = 40
+#: Factor on these as long as tubes are linearised anew [-].
+COARSE = 1e4
 #: Largest motion in a step relative to the object's size [-] ...
 MAX_MOVE = 0.5
 #: ... and largest change of the inclination of a tube in a step, and largest inclination [rad]. A
@@ -256,7 +258,12 @@ class ContactStatics:
         return -self.sides * (unknowns[self.places.feet] - travel) - arcs
 
     def solve(
-        self, start: Array, wrench: Array, closure: Closure, steps: int = MAX_STEPS
+        self,
+        start: Array,
+        wrench: Array,
+        closure: Closure,
+        steps: int = MAX_STEPS,
+        coarse: float = 1.0,
     ) -> ContactForces | None:
         """
         Return the equilibrium near a start (Newton's method), or None if it is not found.
@@ -265,15 +272,18 @@ class ContactStatics:
         :param wrench: (fx, fy, m / arm) on the object [N].
         :param closure: what settles the equations that statics leaves open.
         :param steps: most states that are looked at.
+        :param coarse: factor on the tolerances [-].
         """
         places, unknowns = self.places, start.copy()
         longest = np.full(places.size, MAX_MOVE * self.body.arm)
         longest[ANGLE] = longest[places.inclinations] = MAX_TURN
         longest[places.normal] = longest[places.friction] = np.inf
-        least = np.full(places.size, LENGTH_TOLERANCE)
+        least = np.full(places.size, coarse * LENGTH_TOLERANCE)
         for _ in range(steps):
             residual, state = self.equations(unknowns, wrench, closure)
-            least[places.balance] = FORCE_TOLERANCE * np.abs(unknowns[places.normal]).sum()
+            least[places.balance] = (
+                coarse * FORCE_TOLERANCE * np.abs(unknowns[places.normal]).sum()
+            )
             # What is no number is no solution either.
             if (np.abs(residual) <= least).all():
                 folded = np.abs(unknowns[places.inclinations]).max() > MAX_INCLINATION
@@ -304,13 +314,15 @@ class ContactStatics:
         :param reach: tubes are not linearised anew where nodes move by less than this [m].
         :return: None if it is not found.
         """
-        statics, unknowns = self, start
+        statics, unknowns, coarse = self, start, COARSE if reach == SETTLED_MOTION else 1.0
         for _ in range(MAX_BENDS):
-            state = statics.solve(unknowns, wrench, closure, steps)
+            state = statics.solve(unknowns, wrench, closure, steps, coarse)
             if state is None:
                 return None
             if statics.bent.distance(state.loads, state.feet) <= reach:
-                return statics, state
+                if coarse > 1.0:
+                    state = statics.solve(state.unknowns, wrench, closure, steps)
+                return None if state is None else (statics, state)
             bent = statics.bent.update(state.loads, state.feet)
             statics, unknowns = replace(statics, bent=bent), state.unknowns
         return None

@@ -225,7 +225,7 @@ class LoadedTubes:
         give = give / axis - contacts.feet
         slope = bent.inclination_changes(by_loads + by_places.nodes) + by_places.inclined
         slope += inclined - self.spins
-        changed, _ = frame.force_changes(tangent, np.arange(len(frame.length)), nodes)
+        changed, _ = frame.force_changes(tangent, nodes)
         share = bent.share
         return TubeRates(give / share, slope / share, nodes, changed + rates + by_places.forces)
 

@@ -60,7 +60,7 @@ class BeamColumns:
 
     :ivar length: (k,) rest lengths l0 [m].
     :ivar stretch: (k,) l0 / EA [m/N].
-    :ivar rotary: (3, k, 2, 2) moments of the ends by their turns, by powers of N.
+    :ivar rotary: (3, 3, k) of M1 by t1, of M1 by t2 and of M2 by t2, by powers of N.
     :param length: (k,) [m].
     :param axial: (k,) EA [N].
     :param flexural: (k,) EI [N m^2]; zero for a bar.
@@ -88,20 +88,17 @@ class BeamColumns:
         bend = np.where(bar, 1.0, flexural) / length
         slide, arm = 1.0 / shear, 0.25 * length / bend
         phi = 12.0 * bend * slide / length
-        skew = 1.0 + phi, -arm / 15.0, arm * (slide / 15.0 + 2.0 * arm / 315.0)
-        sway = 6.0 * bend * _reciprocal(*skew)
-        bow = (
-            2.0
-            * bend
-            * np.array([np.ones_like(arm), arm / 3.0, -arm * (slide / 3.0 + arm / 45.0)])
-        )
-        one_pin = 2.0 * _reciprocal(*(_reciprocal(*sway) + _reciprocal(*bow)))
-        own = np.where(pinned_start | pinned_end, one_pin, 0.5 * (sway + bow))
-        own = np.where(bar, 0.0, own)
-        both = np.where(bar | pinned_start | pinned_end, 0.0, 0.5 * (sway - bow))
-        self.rotary = np.stack(
-            [np.where(pinned_start, 0.0, own), both, both, np.where(pinned_end, 0.0, own)], axis=-1
-        ).reshape(3, -1, 2, 2)
+        third = arm / 3.0
+        skew = np.array([1.0 + phi, -0.2 * third, third * (0.2 * slide + 2.0 * arm / 105.0)])
+        bow = np.array([np.ones_like(arm), third, -arm * (slide / 3.0 + arm / 45.0)])
+        sway, bow_back = 3.0 * _reciprocal(skew), _reciprocal(bow)
+        # Of a pinned end the turn is condensed.
+        pinned = pinned_start | pinned_end
+        one_pin = 2.0 * _reciprocal(skew / 6.0 + 0.5 * bow_back)
+        own = bend * np.where(pinned, one_pin, sway + bow)
+        free = ~bar
+        shares = free & ~pinned_start, free & ~pinned, free & ~pinned_end
+        self.rotary = np.stack([own, bend * (sway - bow), own], axis=1) * np.array(shares)
 
     def evaluate(self, longer: Array, turns: Array, known: Array | None = None) -> EndForces:
         """
@@ -113,29 +110,29 @@ class BeamColumns:
             stationary if None. Short steps of stiff members make N err by much, so that Newton's
             method is quicker in N, too.
         """
-        longer = longer - self._step
-        by_power = (self.rotary @ turns[:, :, None])[..., 0]
-        straight, first, second = by_power
-        _, bowed, hardened = (by_power * turns).sum(axis=-1)
-        give = self.stretch - hardened
-        pull = (longer + 0.5 * bowed) / give if known is None else known
-        moments = straight + pull[:, None] * (first + pull[:, None] * second)
-        slope = first + 2.0 * pull[:, None] * second
-        stiffness = np.empty((len(pull), 3, 3), dtype=give.dtype)
-        stiffness[:, 0, 0] = 1.0 / give
-        stiffness[:, 0, 1:] = stiffness[:, 1:, 0] = slope / give[:, None]
-        power = pull[:, None, None]
-        stiffness[:, 1:, 1:] = self.rotary[0] + power * (self.rotary[1] + power * self.rotary[2])
-        stiffness[:, 1:, 1:] += slope[:, :, None] * stiffness[:, :1, 1:]
-        stressed = pull, moments.sum(axis=1)
+        longer, rotary, turns = longer - self._step, self.rotary, turns.T
+        straight, first, second = by_power = rotary[:, :2] * turns[0] + rotary[:, 1:] * turns[1]
+        _, bowed, hardened = (by_power * turns).sum(axis=1)
+        soft = 1.0 / (self.stretch - hardened)
+        nearest = (longer + 0.5 * bowed) * soft
+        pull = nearest if known is None else known
+        bent = pull * second
+        moments, slope = straight + pull * (first + bent), first + 2.0 * bent
+        steep = slope * soft
+        stiffness = np.empty((3, 3, len(pull)), dtype=soft.dtype)
+        stiffness[0, 0] = soft
+        stiffness[0, 1:] = stiffness[1:, 0] = steep
+        turning = rotary[0] + pull * (rotary[1] + pull * rotary[2])
+        stiffness[1, 1:], stiffness[2, 1:] = turning[:2], turning[1:]
+        stiffness[1:, 1:] += slope[:, None] * steep
+        stressed = pull, moments.sum(axis=0)
         if known is not None:
-            missing = (longer + 0.5 * bowed) / give - pull
-            pull, moments = pull + missing, moments + slope * missing[:, None]
+            pull, moments = nearest, moments + slope * (nearest - pull)
         if not self._step:
-            return EndForces(pull, moments, stiffness, stressed)
-        rates = np.column_stack([pull, moments]).imag / STEP
-        real = pull.real, moments.real, stiffness.real, tuple(each.real for each in stressed)
-        return EndForces(*real, rates)
+            return EndForces(pull, moments.T, stiffness.T, stressed)
+        rates = np.array([pull, *moments]).imag / STEP
+        real = pull.real, moments.T.real, stiffness.T.real, tuple(each.real for each in stressed)
+        return EndForces(*real, rates.T)
 
 
 def evaluate_rates(
@@ -164,20 +161,17 @@ def evaluate_rates(
     return np.column_stack([found.pull, found.moments]).imag / STEP
 
 
-def _reciprocal(constant: Array, first: Array, second: Array) -> Array:
-    """Return the first three terms (3, k) of the reciprocal of a power series."""
-    return np.array(
-        [
-            1.0 / constant,
-            -first / constant**2,
-            (first**2 - constant * second) / constant**3,
-        ]
-    )
+def _reciprocal(series: Array) -> Array:
+    """Return the first three terms (3, k) of the reciprocal of a power series (3, k)."""
+    constant, first, second = series
+    whole = 1.0 / constant
+    linear = -first * whole**2
+    return np.array([whole, linear, -(second * whole + first * linear) * whole])
 
 
 def chord_stiffness(length: Array, forces: EndForces) -> Array:
     """
-    Return the stiffness (k, 6, 6) of bent members along and across their chords.
+    Return the stiffness (k, 4, 4) of bent members by stretch and sway of chords and turns.
 
     :param length: (k,) of the chords [m].
     :param forces: of the members.
@@ -192,7 +186,7 @@ def chord_stiffness(length: Array, forces: EndForces) -> Array:
     core[:, 0, 1] += twist
     core[:, 1, 0] += twist
     core[:, 1, 1] += pull / length
-    return CHORD.T @ core @ CHORD
+    return core
 
 
 def local_stiffness(
@@ -216,4 +210,5 @@ def local_stiffness(
     fixed = np.zeros(np.shape(length), dtype=bool)
     columns = BeamColumns(length, axial, flexural, shear, *(pins or (fixed, fixed)))
     straight = np.zeros(np.shape(length))
-    return chord_stiffness(length, columns.evaluate(straight, np.stack([straight] * 2, axis=1)))
+    core = chord_stiffness(length, columns.evaluate(straight, np.stack([straight] * 2, axis=1)))
+    return CHORD.T @ core @ CHORD

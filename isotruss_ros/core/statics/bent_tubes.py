@@ -18,15 +18,15 @@ from typing import NamedTuple
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.statics.cut_frame import CutFrame, keep_apart
-from isotruss_ros.core.statics.frame import Frame, Tangent
+from isotruss_ros.core.statics.frame import end_forces, Frame, Tangent
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 
 #: The paper's model is the bent one under so small a share of the loads [-]: a third of it leaves
 #: rounding of 1e-9, three times of it as much of what is not linear.
 LINEAR_SHARE = 1e-6
-#: Tubes are linearised anew until no node moves by more than this [m]; where a motion is
-#: followed, until none moves by more than that, which leaves less than 1e-7 m.
+#: Tubes are linearised anew until no node moves by more than this [m]: the error left is 15 /m
+#: times its square. Where a motion is followed, until none moves by more than that.
 SETTLED_MOTION, FOLLOWED_MOTION = 1e-9, 1e-4
 #: Tubes are linearised anew so often at most.
 MAX_BENDS = 8
@@ -91,6 +91,7 @@ class BentTubes:
     :ivar stiffness: of the structure against that of the model [-].
     :ivar linear: whether it is linear about straight tubes, as in the paper.
     :ivar before: where the frame was; without loads if None.
+    :ivar shortest: smallest distance of the cuts from the ends of pieces of tube [m].
     """
 
     structure: Structure
@@ -99,6 +100,7 @@ class BentTubes:
     stiffness: float = 1.0
     linear: bool = False
     before: Displaced | None = None
+    shortest: float = SHORTEST_PART
 
     @cached_property
     def start(self) -> Points:
@@ -125,20 +127,46 @@ class BentTubes:
         if not len(self.members):
             return frame, self.places, self.places
         pieces, within, ahead = self.structure.locate(self.members, self.places)
-        inside = keep_apart(pieces, within, frame.length[pieces], SHORTEST_PART)
+        inside = keep_apart(pieces, within, frame.length[pieces], self.shortest)
         return CutFrame(frame, pieces, inside), ahead, self.places + ahead * (inside - within)
 
-    def bent_to(self, before: Displaced, others: BentTubes) -> BentTubes:
+    def bent_to(self, before: Displaced | None) -> BentTubes:
         """
-        Return tubes linearised about another state, with this frame where they are cut alike.
+        Return the same tubes, linearised about another state.
 
-        :param before: the state.
-        :param others: the tubes, with the places where they are cut.
+        :param before: the state; None without loads.
         """
-        found = replace(others, before=before)
-        if others.structure is self.structure and np.array_equal(others.places, self.places):
-            found.__dict__['_cut'] = self._cut
+        found = replace(self, before=before)
+        found.__dict__['_cut'] = self._cut
         return found
+
+    def bent_like(self, others: BentTubes) -> BentTubes:
+        """
+        Return the same tubes, bent about as others of a similar robot.
+
+        :param others: the other tubes.
+        """
+        if others.before is None:
+            return self
+        displacements, multipliers, _, pull = others.before
+        frame, known = self.frame, others.frame
+        whole, nodes = frame.whole, displacements[: len(frame.points) - len(frame.nodes)]
+        longer = (others.structure.frame.length / self.structure.frame.length)[whole]
+        inner, middles = longer * frame.begins, longer * (frame.begins + 0.5 * frame.length)
+        own = known.interpolate(displacements, whole[frame.behind], inner[frame.behind])
+        part, _ = known.locate(whole, middles)
+        displaced = np.append(nodes, own, axis=0), multipliers, np.zeros((len(own), 3)), pull[part]
+        return self.bent_to(Displaced(*displaced))
+
+    @property
+    def ahead(self) -> Array:
+        """Return 1 where pieces of tube run along their member, -1 where backward, (k,)."""
+        return self._cut[1]
+
+    @property
+    def cuts(self) -> Array:
+        """Return where the frame is cut, from the members' starts, (k,) [m]."""
+        return self._cut[2]
 
     @property
     def is_straight(self) -> bool:
@@ -214,11 +242,9 @@ class BentTubes:
         # The part before a place becomes longer as this moves, the one behind it shorter.
         ways = np.append(self._cut[1], -self._cut[1])[:, None, None]
         rates = tangent.forces.rates[parts, :, None] * ways
-        np.add.at(
-            carried,
-            (frame.places(parts), np.tile(np.arange(count), 2)[:, None]),
-            frame.nodal_forces(tangent, parts, rates)[..., 0],
-        )
+        forces, own = frame.nodal_forces(tangent, parts, rates)[..., 0], np.arange(count)[:, None]
+        carried[frame.places[frame.before], own] = forces[:count]
+        carried[frame.places[frame.behind], own] += forces[count:]
         # A part between two places of one member has both at its ends.
         longer = (parts[:, None] == frame.before) * self._cut[1]
         longer -= (parts[:, None] == frame.behind) * self._cut[1]
@@ -417,16 +443,16 @@ class BentTubes:
         """
         tangent, ways = self.tangent, self._ways(loads, places)
         changes, longer = self._force_changes(ways, self._displace(ways)[1])
-        pull = tangent.forces.pull + changes[:, 0]
-        first, second = (tangent.forces.moments + changes[:, 1:]).T
-        across = (first + second) / (tangent.length + longer)
-        ends = np.stack([-pull, across, first, pull, -across, second], axis=1)
+        pull, moments = (
+            tangent.forces.pull + changes[:, 0],
+            tangent.forces.moments + changes[:, 1:],
+        )
+        ends = end_forces(pull, moments, tangent.length + longer)
         return self.stiffness / self.share * ends, 0.0 * pull if self.linear else pull
 
     def _force_changes(self, ways: Array, nodes: Array) -> tuple[Array, Array]:
         """Return how N, M1 and M2 of the members change (c, 3), and their chords (c,)."""
-        every = np.arange(len(self.frame.length))
-        changes, longer = self.frame.force_changes(self.tangent, every, nodes[..., None])
+        changes, longer = self.frame.force_changes(self.tangent, nodes[..., None])
         changes, slid = changes[..., 0], np.tile(ways[self._moving], 2)
         np.add.at(changes, self._parts[0], self._place_rates[2] * slid[:, None])
         return changes, longer[:, 0]
@@ -446,7 +472,7 @@ class BentTubes:
         units = np.broadcast_to(np.eye(4)[:, None], (4, len(every), 4))
         rates = np.einsum('cfi,icp->cfp', frame.force_rates(tangent, every, units), changes)
         carried = np.zeros((3 * len(frame.points), changes.shape[2]))
-        np.subtract.at(carried, frame.places(every), frame.nodal_forces(tangent, every, rates))
+        np.subtract.at(carried, frame.places, frame.nodal_forces(tangent, every, rates))
         moved, _ = tangent.respond(carried)
         moved, (parts, end) = moved.reshape(-1, 3, changes.shape[2]), self._parts
         shear = changes[3, parts] / frame.members.shear[parts, None]

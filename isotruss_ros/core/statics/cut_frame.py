@@ -25,24 +25,22 @@ class CutFrame(Frame):
 
     def __init__(self, frame: Frame, piece: Indices, within: Array) -> None:
         order = np.lexsort((within, piece))
-        cut = frame._pattern.cut(frame.members, frame._held, piece, order)
-        sections = (each[cut.whole] for each in frame.members[2:5])
-        members = cut.members._replace(
-            **dict(zip(('axial', 'flexural', 'shear'), sections, strict=True))
-        )
+        cut = frame.pattern.cut(frame.members, frame.held, piece, order)
+        axial, flexural, shear = (each[cut.whole] for each in frame.members[2:5])
         points = frame.points[frame.members.start[piece]] + within * frame.axis[piece]
         super().__init__(
             np.append(frame.points, points),
-            members,
+            cut.members._replace(axial=axial, flexural=flexural, shear=shear),
             cut.held,
-            [*frame._names, *map(str, cut.nodes)],
+            frame.names,
             frame.rows,
-            cut.pattern,
+            frame.pattern,
             rated=True,
         )
         self.nodes, self.before, self.behind = cut.nodes, cut.before, cut.behind
-        self.whole = cut.whole
-        self._piece, self._within = piece, within
+        self.whole, self.chains, self.places = cut.whole, cut.chains, cut.places
+        self.begins = np.append(np.zeros(len(frame.length)), within)
+        self._lengths, self._cut = frame.length, (piece[order], within[order], cut.behind[order])
 
     def locate(self, piece: Indices, within: Array) -> tuple[Indices, Array]:
         """
@@ -51,11 +49,13 @@ class CutFrame(Frame):
         :param piece: (c,) numbers of the members of the frame that was cut.
         :param within: (c,) distances from their starts [m].
         """
-        part, begin = piece.copy(), np.zeros(len(piece))
-        for i in np.argsort(self._within).tolist():
-            beyond = (piece == self._piece[i]) & (within > self._within[i])
-            part[beyond], begin[beyond] = self.behind[i], self._within[i]
-        return part, within - begin
+        whole, places, behind = self._cut
+        # In order by their member and the share of its length.
+        keys, wanted = whole + places / self._lengths[whole], piece + within / self._lengths[piece]
+        last = np.searchsorted(keys, wanted) - 1
+        beyond = (last >= 0) & (whole[last] == piece)
+        begin = np.where(beyond, places[last], 0.0)
+        return np.where(beyond, behind[last], piece), within - begin
 
 
 def keep_apart(pieces: Indices, places: Array, length: Array, shortest: float) -> Array:

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import NamedTuple
 
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
@@ -152,6 +153,7 @@ class FramePattern:
     :param members: what connects the nodes; their stiffness does not count.
     :param held: (n, 3) which of ux, uy, theta are held by supports.
     :param rows: constraints on the displacements, whose values do not count.
+    :ivar count: k.
     :ivar places: (k, 6) numbers of the displacements of each member's ends.
     :ivar unknowns: (3 n,) number of each displacement among the unknowns, -1 if it is none.
     :ivar ends: (k, 6) numbers of the unknowns of each member's ends, -1 if it is none.
@@ -168,6 +170,7 @@ class FramePattern:
 
     def __init__(self, members: Members, held: Flags, rows: LinearRows | TurnRows) -> None:
         self._rows = rows
+        self.count = len(members.start)
         ends = np.stack([members.start, members.end], axis=1)
         self.places = (3 * ends[:, :, None] + np.arange(3)).reshape(-1, 6)
         free = ~held.ravel()
@@ -201,20 +204,34 @@ class FramePattern:
         Return the pattern of a frame cut at some points; the last ones are kept.
 
         :param members: what connects the nodes.
-        :param held: (3 n,) which displacements are held by supports.
+        :param held: (n, 3) which displacements are held by supports.
         :param piece: (c,) numbers of the members with points inside.
-        :param order: (c,) of the points along them.
+        :param order: (c,) of the points along them, member after member.
         """
         key = piece.tobytes() + order.tobytes()
         if key not in self._cuts:
             if len(self._cuts) >= MAX_CUTS:
                 self._cuts.clear()
-            self._cuts[key] = CutPattern.of(members, held, self._rows, piece, order)
+            self._cuts[key] = CutPattern.of(members, held, piece, order)
         return self._cuts[key]
 
 
 #: Patterns of cut frames that are kept.
 MAX_CUTS = 64
+
+
+class Chains(NamedTuple):
+    """
+    Members b that are cut at p points each, and have no end in common.
+
+    :ivar parts: (b, p + 1) from their starts to their ends.
+    :ivar inner: (b, 3 p) displacements of the points in the order of the parts.
+    :ivar ends: (b, 6) displacements of their ends.
+    """
+
+    parts: Indices
+    inner: Indices
+    ends: Indices
 
 
 class CutPattern(NamedTuple):
@@ -229,7 +246,8 @@ class CutPattern(NamedTuple):
     :ivar nodes: (c,) the nodes at the points.
     :ivar before: (c,) the parts that end at the points.
     :ivar behind: (c,) the parts that begin there.
-    :ivar pattern: of the frame.
+    :ivar chains: the members that are cut.
+    :ivar places: (k + c, 6) numbers of the displacements of the parts' ends.
     """
 
     whole: Indices
@@ -238,37 +256,43 @@ class CutPattern(NamedTuple):
     nodes: Indices
     before: Indices
     behind: Indices
-    pattern: FramePattern
+    chains: tuple[Chains, ...]
+    places: Indices
 
     @classmethod
-    def of(
-        cls,
-        members: Members,
-        held: Flags,
-        rows: LinearRows | TurnRows,
-        piece: Indices,
-        order: Indices,
-    ) -> CutPattern:
+    def of(cls, members: Members, held: Flags, piece: Indices, order: Indices) -> CutPattern:
         """
         Return what frames that are cut at some points share.
 
         :param members: of the frame before.
-        :param held: (3 n,) its supports.
-        :param rows: its constraints.
+        :param held: (n, 3) its supports.
         :param piece: (c,) numbers of the members with points inside.
-        :param order: (c,) of the points along them.
+        :param order: (c,) of the points along them, member after member.
         """
-        count, parts = len(piece), len(members.start)
-        whole = np.concatenate([np.arange(parts), piece])
+        parts, own = len(members.start), np.arange(len(piece))
+        whole, nodes, behind = np.append(np.arange(parts), piece), len(held) + own, parts + own
         cut = Members(*(each[whole] for each in members))
-        start, end, *_, pinned_start, pinned_end = cut
-        pinned_start[parts:] = pinned_end[parts:] = False
-        nodes, behind = len(held) // 3 + np.arange(count), parts + np.arange(count)
-        # From the far ends of the members: what is left of each is its part from its start.
-        for i in reversed(order.tolist()):
-            own, part = piece[i], behind[i]
-            start[part], end[part], pinned_end[part] = nodes[i], end[own], pinned_end[own]
-            end[own], pinned_end[own] = nodes[i], False
-        before = np.array([np.flatnonzero(end == node)[0] for node in nodes], dtype=np.intp)
-        still = np.concatenate([held, np.zeros(3 * count, dtype=bool)]).reshape(-1, 3)
-        return cls(whole, cut, still, nodes, before, behind, FramePattern(cut, still, rows))
+        cut.pinned_start[parts:] = False
+        before, found = np.empty_like(piece), []
+        for member in np.unique(piece).tolist():
+            points = order[piece[order] == member]
+            chain = np.append(member, behind[points])
+            before[points] = chain[:-1]
+            cut.start[chain[1:]] = cut.end[chain[:-1]] = nodes[points]
+            cut.end[chain[-1]], cut.pinned_end[chain[:-1]] = members.end[member], False
+            inner = (3 * nodes[points, None] + np.arange(3)).ravel()
+            both = np.array([members.start[member], members.end[member]])
+            found.append((chain, inner, (3 * both[:, None] + np.arange(3)).ravel()))
+        alike = itertools.groupby(
+            sorted(found, key=lambda each: len(each[0])), lambda each: len(each[0])
+        )
+        chains = []
+        for _, group in alike:
+            several = Chains(*map(np.array, zip(*group, strict=True)))
+            apart = len(np.unique(several.ends)) == several.ends.size
+            single = (Chains(*(each[[i]] for each in several)) for i in range(len(several.ends)))
+            chains += [several] if apart else list(single)
+        ends = np.stack([cut.start, cut.end], axis=1)
+        places = (3 * ends[:, :, None] + np.arange(3)).reshape(-1, 6)
+        still = np.append(held, np.zeros((len(piece), 3), dtype=bool), axis=0)
+        return cls(whole, cut, still, nodes, before, behind, tuple(chains), places)

@@ -14,8 +14,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from isotruss_ros.core.numerics.arrays import Array, Indices, Points
-from isotruss_ros.core.statics.bent_tubes import BentTubes
+from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.statics.frame import Frame
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
@@ -26,23 +25,6 @@ MAX_UTILISATION = 0.8
 TINY = 1e-9
 
 
-class SectionLoads(NamedTuple):
-    """
-    What the sections of the tubes bear where it is largest.
-
-    :ivar moment: (c,) of the member, on the side of the loads where their piece begins [N m].
-    :ivar compression: (c,) there, the larger of both sides of the load [N].
-    :ivar utilisation: (m,) largest |M| / M_w of each member; infinite where compression alone
-        takes all of the pull.
-    :ivar place: (m,) where along the member that is, from its start [m].
-    """
-
-    moment: Array
-    compression: Array
-    utilisation: Array
-    place: Array
-
-
 def wrinkling_moment(pressure: float, radius: float) -> float:
     """
     Return M_w = p pi R^3 / 2 of a tube without axial force [N m].
@@ -51,50 +33,6 @@ def wrinkling_moment(pressure: float, radius: float) -> float:
     :param radius: R of the tube [m].
     """
     return 0.5 * np.pi * pressure * radius**3
-
-
-def load_sections(
-    tubes: BentTubes,
-    end_forces: Array,
-    member: Indices,
-    place: Array,
-    local: Points,
-    bow: Array | float = 0.0,
-) -> SectionLoads:
-    """
-    Return moments and compressions of the tubes, and how near to wrinkling they bring them.
-
-    Of pieces that bear loads inside, moments are largest at one of these or at an end.
-
-    :param tubes: of the robot.
-    :param end_forces: (k, 6) on all members of their frame, see `FrameState.end_forces`.
-    :param member: (c,) the members of the robot that the loads act on.
-    :param place: (c,) distance from that member's start [m].
-    :param local: (c,) the forces along + i across these members [N].
-    :param bow: (c,) distance of the bent centre lines from the chords of their pieces [m].
-    """
-    piece, within, ahead = tubes.locate(member, place)
-    along, across = ahead * local.real, ahead * local.imag
-    # At each load: all that acts on the piece between its start and there.
-    apart = within[:, None] - within
-    before = (piece[:, None] == piece) & (apart > 0.0)
-    there = end_forces[piece]
-    compression = there[:, 0] + before @ along
-    moment = there[:, 1] * within - there[:, 2] + np.where(before, apart, 0.0) @ across
-    moment -= compression * bow - before @ (along * bow)
-    larger = np.maximum(compression, compression + along)
-    pulls = np.zeros(len(end_forces))
-    if not tubes.is_straight:
-        pulls = tubes.tangent.forces.pull.copy()
-        pulls[piece] = 0.0
-    _, members, used, places = _use_pieces(tubes.structure, tubes.frame, end_forces, pulls)
-    left = _wall_pull(tubes.structure, member) - larger
-    inside = np.full(len(moment), np.inf)
-    radius = 0.5 * tubes.structure.config.robot.description.tube_diameter
-    np.divide(np.abs(moment), 0.5 * radius * left, out=inside, where=left > 0.0)
-    used, places = np.append(used, inside), np.append(places, place)
-    last = find_most_used(used, np.append(np.tile(members, 3), member))
-    return SectionLoads(ahead * moment, larger, used[last], places[last])
 
 
 class Utilisation(NamedTuple):
