@@ -14,6 +14,9 @@ PACKAGE = Path(__file__).parents[2] / 'isotruss_ros'
 FOLDERS = (
     'core/model',
     'core/kinematics',
+    'core/statics',
+    'core/contact',
+    'core/holding',
     'core/estimation',
     'core/manipulation',
     'core/numerics',

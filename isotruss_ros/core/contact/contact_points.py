@@ -25,19 +25,19 @@ SHORTEST_SHARE = 0.2
 @dataclass(frozen=True, eq=False)
 class ContactPoints:
     """
-    Possible contact points of the tubes, with the compliance of the whole robot.
+    Candidate contact points of the tubes, with the compliance of the whole robot.
 
-    They are in the order of the members, and of the places on these, and are nodes of their frame.
+    They are ordered by member and place, and are nodes of the frame.
 
     Displacements of the points are those of the ends of the p pieces of tube that they are on, and
     those inside the pieces: the factors are kept, not the product. Both are along and across the
     bent members, so that no matrix has to be turned.
 
-    :ivar points: (c,) on the centre lines, x + iy [m]: where they would be without forces, if they
-        were as stiff as in the bent state.
-    :ivar skin: (c,) what the object meets: the skin beside each point, toward the object; in the
-        paper's model the centre line again [m].
-    :ivar spacing: length of tube that each stands for [m].
+    :ivar points: (c,) points of the centre lines, x + iy [m], extrapolated linearly to zero
+        forces.
+    :ivar skin: (c,) points of the skin toward the object; in the paper's model those of the centre
+        line [m].
+    :ivar spacing: length of tube of each point [m].
     :ivar axis: (c,) direction of the bent member there, across its section.
     :ivar inside: (2, c, 2, c) compliance within pieces, along and across the tube [m/N].
     :ivar spread: (2, c, 6 p) displacements along and across the tube by those of the pieces' ends.
@@ -61,7 +61,7 @@ class ContactPoints:
 
     @property
     def member(self) -> Indices:
-        """Return the member (pinch to pinch) that each point is on, (c,)."""
+        """Return the index of the member of each point, (c,)."""
         return self.bent.members
 
     @property
@@ -73,14 +73,15 @@ class ContactPoints:
         """
         Return the loads (6 p,) on the ends of the pieces that move these as forces on points do.
 
-        :param push: (c,) x + iy [N].
+        :param push: (c,) forces on the points, x + iy [N].
         """
         local = self.axis.conj() * push
         return local.real @ self.spread[0] + local.imag @ self.spread[1]
 
     def move(self, push: Points) -> tuple[Array, Array]:
         """
-        Return how nodes (n, 3) and multipliers (c,) move from where tubes are linearised.
+        Return the changes of nodes (n, 3) and multipliers (c,) from the state of the
+        linearisation.
 
         :param push: (c,) forces on the points, x + iy [N].
         """
@@ -95,7 +96,7 @@ class ContactPoints:
 
     def distance(self, push: Points) -> float:
         """
-        Return how far the nodes move from where the tubes are linearised [m].
+        Return the largest motion of a node from the state of the linearisation [m].
 
         :param push: (c,) forces on the points, x + iy [N].
         """
@@ -103,10 +104,10 @@ class ContactPoints:
 
     def bend_on(self, push: Points, share: float = 1.0) -> BentTubes:
         """
-        Return the tubes as forces on the points bend them, as far as they are linear.
+        Return the tubes in the predicted state under forces on the points.
 
-        :param push: (c,) x + iy [N].
-        :param share: of the way there [-].
+        :param push: (c,) forces on the points, x + iy [N].
+        :param share: share of the change [-].
         """
         if not push.any():
             return self.bent.bent_to(None)
@@ -123,7 +124,7 @@ class ContactPoints:
 
     def about(self, bent: BentTubes, push: Points | None = None) -> ContactPoints:
         """
-        Return the same points of tubes that are linearised about another state.
+        Return these points of tubes linearised about another state.
 
         :param bent: the tubes.
         :param push: (c,) forces on the points there, x + iy [N]; if given, the compliance along
@@ -163,7 +164,7 @@ class ContactPoints:
         Return W = N^T (S^-1 + C) N of (8), the compliance of the skin along normals.
 
         :param normals: (c,) unit vectors x + iy along which unit forces act.
-        :return: (c, c) symmetric but for rounding [m/N].
+        :return: (c, c) compliance, symmetric up to rounding [m/N].
         """
         local = self.axis.conj() * normals
         along, across = local.real[:, None], local.imag[:, None]
@@ -178,8 +179,8 @@ class ContactPoints:
         """
         Return the displacements of the skin at all points, by bending and dents.
 
-        :param forces: (c,) x + iy [N].
-        :return: (c,) x + iy [m].
+        :param forces: (c,) forces, x + iy [N].
+        :return: (c,) displacements, x + iy [m].
         """
         local = (self.axis.conj() * forces).view(np.float64).reshape(-1, 2).T
         moved = self.spread @ (self.ends @ self.pushed(forces))
@@ -191,7 +192,7 @@ class ContactPoints:
         """
         Return the compliance along and across, of shape (2, a, 2, a) [m/N], cached.
 
-        :param places: (a,) of which points.
+        :param places: (a,) indices of the points.
         """
         key = places.tobytes()
         if key not in self._kept:
@@ -206,7 +207,7 @@ class ContactPoints:
         """
         Return the deformed centre lines, (c,) x + iy [m], without the dents of the skin.
 
-        :param displacements: (c,) of the skin, x + iy [m].
+        :param displacements: (c,) displacements of the skin, x + iy [m].
         :param push: (c,) forces on the tubes, x + iy [N].
         """
         depths = self.dents @ (push * self.axis.conj()).imag
@@ -221,7 +222,7 @@ class ContactState:
     :ivar forces: (c,) normal forces, not negative [N].
     :ivar gaps: (c,) distances of the deformed tube from the surface, not negative [m].
     :ivar normals: (c,) unit normals of the surface, outward, x + iy.
-    :ivar displacements: (c,) of what meets the object, see `ContactPoints.skin`, x + iy [m].
+    :ivar displacements: (c,) displacements of `ContactPoints.skin`, x + iy [m].
     :ivar radii: (c,) radius of curvature of the surface at the feet of the points [m].
     :ivar push: (c,) forces on the tubes, x + iy [N].
     """
@@ -247,13 +248,13 @@ def find_contact_points(
     Place contact points on the members within reach of an object.
 
     :param structure: the frame of the robot.
-    :param surface: what the points meet: the object's own surface, or where the tubes do not
-        flatten that which is farther out by half of the tube's diameter.
+    :param surface: surface that the points meet: that of the object, or for round tubes its offset
+        by the tube's radius.
     :param spacing: distance of the points along the tube [m].
-    :param flattening: how the tubes flatten; None for the paper's model, in which they do not.
-    :param windows: (m, 2) between which points of each member, from its start, points are placed;
-        everywhere if None [m].
-    :param bent: tubes that are bent alike, at any places; straight ones if None.
+    :param flattening: local compliance of the tubes; None for the paper's model.
+    :param windows: (m, 2) intervals of the points on each member from its start; None: everywhere
+        [m].
+    :param bent: tubes in a similar bent state, with any places; None: straight ones.
     :param known: points of these tubes, and forces on them, x + iy [N]: their compliance is kept
         where the points are close to them.
     """
@@ -302,7 +303,7 @@ def points_on_members(tubes: BentTubes, spacing: float) -> ContactPoints:
     Return the places of tubes as points of their centre lines.
 
     :param tubes: at the places, linearised.
-    :param spacing: length of tube that each place stands for [m].
+    :param spacing: length of tube of each place [m].
     """
     frame, tangent = tubes.frame, tubes.tangent
     nodes, count, chains = frame.nodes, len(frame.nodes), tangent.chains

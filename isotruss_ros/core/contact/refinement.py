@@ -4,10 +4,10 @@
 """
 Contact of flattening tubes, with points refined to the contact regions.
 
-Forces and lengths of contact converge fast with the spacing of the points, but what friction can
-balance rests on how the pressure is spread within each region: its error falls with the square of
-the number of points in the smallest one. A search with few points finds the regions; the points
-of the answer lie there alone, and close enough.
+Forces and lengths of contact converge fast with the spacing of the points. Closure by friction
+depends on the pressure distribution within each region: its error falls with the square of the
+number of points in the smallest region. A search with few points finds the regions; the points of
+the result are inside them, with a sufficiently small spacing.
 """
 
 from __future__ import annotations
@@ -31,24 +31,24 @@ from isotruss_ros.core.statics.bent_tubes import BentTubes
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 
-#: Spacing of the search, and room for points to both sides of a region, over that of the answer.
+#: Spacing of the search, and margin of points beyond a region, relative to the final spacing [-].
 SEARCH = 2.0
 #: Smallest number of points of a contact region [-], and divisors of the spacing [-].
 REGION_POINTS = 10
 DIVISIONS = (1, 2, 4)
 #: Largest relative difference of a region's length between a spacing and its half [-].
 LENGTH_SPREAD = 0.02
-#: Regions are found in so many steps, or points are placed wherever tubes are within reach.
+#: Largest number of steps to find the regions [-]; otherwise points are on all tubes within reach.
 MAX_STEPS = 3
 EVERYWHERE = np.array([-np.inf, np.inf])
 #: Tubes are bent until no node moves by more than this [m], at most so often: the next step would
 #: be a hundredth of it. Their compliance is computed anew where a step is not so much shorter than
 #: the one before [-].
 SETTLED_MOTION, MAX_BENDS, QUICK_SHARE = 6e-7, 12, 0.5
-#: Tubes go so much of the way to where forces would bend them: less where they give way there.
+#: Shares of the bending by the contact forces, tried in turn [-].
 BENT_SHARES = (1.0, 0.5, 0.2, 0.0)
 
-#: Solves (8) at points that meet a surface; to begin with forces and normals if there are any.
+#: Solver of (8) at points that meet a surface, with optional initial forces and normals.
 ContactSolver = Callable[..., ContactState]
 Found = TypeVar('Found')
 
@@ -66,15 +66,15 @@ def refine_contact(
     Solve the contact of flattening tubes with points refined at the contact.
 
     :param structure: the frame of the robot.
-    :param surface: of the object.
+    :param surface: surface of the object.
     :param spacing: largest distance of the points [m].
-    :param flattening: how the tubes flatten.
+    :param flattening: local compliance of the tubes.
     :param solver: `solve_contact`, `solve_sliding_contact` or `relax_contact`.
-    :param previous: contact of a similar grasp; a search finds one if None.
-    :param budget: number of points up to which the spacing is divided in any case; if None it is
-        divided where the shortest region needs it.
-    :return: the contact, kept from one spacing before each region of contact to one behind it;
-        without a touch, points of all tubes within reach.
+    :param previous: contact of a similar grasp; None: a search.
+    :param budget: number of points up to which the spacing is divided; None: division by the
+        shortest region.
+    :return: the contact, from one spacing before each contact region to one behind it; without
+        contact, points of all tubes within reach.
     :raises SolverError: the contact problem was not solved.
     """
     search = _Search(structure, surface, spacing, flattening, solver, budget)
@@ -109,9 +109,9 @@ def measure_contact(
     """
     Return a contact with its extent on each member.
 
-    :param contact_points: points that the object could touch.
-    :param contact: where it does.
-    :param count: of members.
+    :param contact_points: candidate contact points.
+    :param contact: the contact.
+    :param count: number of members.
     """
     spacing = contact_points.spacing
     member, place = contact_points.member, contact_points.place
@@ -196,7 +196,7 @@ class _Search:
     def _solve_bent(
         self, points: ContactPoints, push: Points, solve: Callable[[BentTubes], Found]
     ) -> Found:
-        """Solve with tubes as contact forces bend them, or less where they give way at that."""
+        """Solve with tubes bent by the contact forces, or by a share of them if none is found."""
         for share in BENT_SHARES:
             try:
                 return solve(points.bend_on(push, share))
@@ -206,7 +206,7 @@ class _Search:
         raise AssertionError
 
     def bend(self, found: SolvedContact) -> SolvedContact:
-        """Solve at the same points until the tubes are linearised where they are."""
+        """Solve at these points until the linearisation agrees with the state."""
         surface, last = self.surface.resolved(found.points.spacing), np.inf
         points, contact = found.points, found.contact
         for _ in range(MAX_BENDS):

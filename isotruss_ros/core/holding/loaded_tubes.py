@@ -188,7 +188,7 @@ class LoadedTubes:
         wrench = self._chosen[self._parameters.wrench] / np.array([[1.0], [1.0], [grip.arm]])
         # The closure depends on the normals, and on how far the pose is from where it was set; the
         # middle, which counts, has turned about the origin since.
-        closing, measured = state.jacobian[places.closure], statics.body
+        closing, measured = state.jacobian[places.conditions], statics.body
         closure = closing[:, places.inclinations] @ spins
         place = self._chosen[self._parameters.place]
         still = measured.middle - measured.center - (body.middle - body.center)

@@ -4,8 +4,8 @@
 """
 Planar beam-columns: the stiffness (2) of a straight member, with terms in the axial force.
 
-Of a member with the chord l, its ends turned by t = (t1, t2) against the chord, and the rest
-length l0, the axial force N makes the energy stationary,
+For a member with chord l, end rotations t = (t1, t2) against the chord, and rest length l0, the
+axial force N makes the energy stationary,
 
     U = N (l - l0) - N^2 l0 / (2 EA) + 1/4 (Ks (t1 + t2)^2 + Ka (t1 - t2)^2),
     Ks = 6 EI / l0 / (1 + phi - y/15 + 2 y^2/315),   Ka = 2 EI / l0 (1 + y/3 - y^2/45),
@@ -13,8 +13,8 @@ length l0, the axial force N makes the energy stationary,
 
 the stability functions of a Timoshenko beam (Przemieniecki, Theory of Matrix Structural Analysis,
 chapter 15), expanded to N^2. For N = 0 this is (2). The term in N is the shortening of the chord
-by bending, and the stiffness of a pulled string. A pinned end bears no moment: its turn is
-condensed.
+by bending, and the stiffness of a pulled string. The rotation of a pinned end
+is condensed.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from typing import NamedTuple
 from isotruss_ros.core.numerics.arrays import Array, Flags
 import numpy as np
 
-#: Along and across a chord, and the turns of its ends, by the displacements of these.
+#: Motions along and across a chord and rotations of its ends, by the displacements of the ends.
 CHORD = np.array(
     [[-1, 0, 0, 1, 0, 0], [0, -1, 0, 0, 1, 0], [0, 0, 1, 0, 0, 0], [0, 0, 0, 0, 0, 1]], dtype=float
 )
 
 
-#: Of a derivative along the imaginary axis.
+#: Step of complex-step derivatives.
 STEP = 1e-30
 
 
@@ -38,9 +38,9 @@ class EndForces(NamedTuple):
     """
     Forces of k bent members, with derivatives by l, t1 and t2.
 
-    :ivar pull: (k,) N [N].
-    :ivar moments: (k, 2) at start and end [N m].
-    :ivar stiffness: (k, 3, 3) of (N, M1, M2) by (l, t1, t2).
+    :ivar pull: (k,) axial forces N [N].
+    :ivar moments: (k, 2) moments at start and end [N m].
+    :ivar stiffness: (k, 3, 3) derivatives of (N, M1, M2) by (l, t1, t2).
     :ivar stressed: (k,) N, and (k,) M1 + M2, that act on the turned chord: before the step of
         Newton's method that makes the energy stationary in N as well.
     :ivar rates: (k, 3) derivatives of N, M1 and M2 by the rest lengths, the ends fixed; None
@@ -61,7 +61,7 @@ class BeamColumns:
     :ivar length: (k,) rest lengths l0 [m].
     :ivar stretch: (k,) l0 / EA [m/N].
     :ivar rotary: (3, 3, k) of M1 by t1, of M1 by t2 and of M2 by t2, by powers of N.
-    :param length: (k,) [m].
+    :param length: (k,) lengths [m].
     :param axial: (k,) EA [N].
     :param flexural: (k,) EI [N m^2]; zero for a bar.
     :param shear: (k,) GA [N], infinite for no shear deformation.
@@ -105,10 +105,10 @@ class BeamColumns:
         Return the forces of bent members.
 
         :param longer: (k,) l - l0 [m].
-        :param turns: (k, 2) of the ends against the chord [rad].
-        :param known: (k,) N about which they are linearised; that at which the energy is
-            stationary if None. Short steps of stiff members make N err by much, so that Newton's
-            method is quicker in N, too.
+        :param turns: (k, 2) rotations of the ends against the chord [rad].
+        :param known: (k,) axial forces N of the linearisation; None: those of stationary energy. N
+            of stiff members has large errors in short steps, so N is an unknown of Newton's
+            method.
         """
         longer, rotary, turns = longer - self._step, self.rotary, turns.T
         straight, first, second = by_power = rotary[:, :2] * turns[0] + rotary[:, 1:] * turns[1]
@@ -143,14 +143,14 @@ def evaluate_rates(
     chord: Array,
 ) -> Array:
     """
-    Return how the forces (N, M1, M2) of members change while their ends stay, (k, 3).
+    Return the changes of the forces (N, M1, M2) of members with fixed ends, (k, 3).
 
-    Derivatives along the imaginary axis, which have no rounding of differences.
+    Complex-step derivatives, without rounding of differences.
 
     :param values: (k,) each: l0 [m], EA [N], EI [N m^2], GA [N].
-    :param pins: (k,) whether starts, and ends, transmit no moment.
-    :param changes: (4, k) of these values.
-    :param turns: (k, 2) of the ends against the chord [rad].
+    :param pins: (k,) masks of pinned starts and ends.
+    :param changes: (4, k) changes of these values.
+    :param turns: (k, 2) rotations of the ends against the chord [rad].
     :param chord: (k,) l - l0 [m].
     """
     length, axial, flexural, shear = (
@@ -173,7 +173,7 @@ def chord_stiffness(length: Array, forces: EndForces) -> Array:
     """
     Return the stiffness (k, 4, 4) of bent members by stretch and sway of chords and turns.
 
-    :param length: (k,) of the chords [m].
+    :param length: (k,) lengths of the chords [m].
     :param forces: of the members.
     """
     # By stretch, sway across and turns: t = theta - sway / l.
@@ -199,7 +199,7 @@ def local_stiffness(
     """
     Return (2): stiffness matrices in the members' own frames (x from start to end).
 
-    :param length: (k,) [m].
+    :param length: (k,) lengths [m].
     :param axial: (k,) EA [N].
     :param flexural: (k,) EI [N m^2].
     :param shear: (k,) GA [N], infinite for no shear deformation.

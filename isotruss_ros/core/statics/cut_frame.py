@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A frame with nodes where loads act inside its members."""
+"""Frame with nodes at loads inside its members."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ import numpy as np
 
 class CutFrame(Frame):
     """
-    A frame with members cut at points, which become its last nodes.
+    Frame with members cut at points, its last nodes.
 
-    The members themselves become their first parts; the others are the last members.
+    The first part of a member has its index; further parts are the last members.
 
-    :param frame: to be cut.
-    :param piece: (c,) numbers of the members with points inside.
-    :param within: (c,) distances of these from the members' starts [m].
+    :param frame: uncut frame.
+    :param piece: (c,) indices of the members with points inside.
+    :param within: (c,) distances of the points from the members' starts [m].
     """
 
     def __init__(self, frame: Frame, piece: Indices, within: Array) -> None:
@@ -44,9 +44,9 @@ class CutFrame(Frame):
 
     def locate(self, piece: Indices, within: Array) -> tuple[Indices, Array]:
         """
-        Return the parts of members that points are on, and distances (c,) from their starts [m].
+        Return the parts of members at points, and distances (c,) from their starts [m].
 
-        :param piece: (c,) numbers of the members of the frame that was cut.
+        :param piece: (c,) indices of the members of the uncut frame.
         :param within: (c,) distances from their starts [m].
         """
         whole, places, behind = self._cut

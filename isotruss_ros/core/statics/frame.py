@@ -4,8 +4,8 @@
 """
 Plane frames of beam-columns, pinned or fixed to nodes, with constraints: (1) and (4).
 
-`solve` is linear about the unloaded frame, as in the paper: the first step of Newton's method, by
-which `bend` finds the equilibrium of the bent frame.
+`solve` is linear about the unloaded frame, as in the paper; `bend` finds the equilibrium of the
+bent frame by Newton's method, whose first step is `solve`.
 """
 
 from __future__ import annotations
@@ -60,11 +60,12 @@ class FrameState:
     """
     The response of a frame to its loads.
 
-    :ivar displacements: (n, 3) ux, uy [m], theta [rad]; zero rotation where all is pinned.
+    :ivar displacements: (n, 3) displacements ux, uy [m], theta [rad]; zero rotation of nodes with
+        pinned members only.
     :ivar reactions: (n, 3) fx, fy [N], m [N m] of the supports on the frame; zero elsewhere.
     :ivar end_forces: (k, 6) forces of the nodes on the members, along their chords, across them
         [N] and moments [N m], at start and end.
-    :ivar multipliers: (c,) of the constraints.
+    :ivar multipliers: (c,) multipliers of the constraints.
     :ivar bowing: (k,) axial forces that change the moments inside bent members [N]; zero in the
         linear frame.
     """
@@ -95,17 +96,17 @@ class CondensedChains(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class Tangent:
     """
-    A frame linearised about displacements of its nodes, with the forces there.
+    Frame linearised about displacements of its nodes, with its forces in this state.
 
-    :ivar displacements: (n, 3) ux, uy [m], theta [rad].
-    :ivar multipliers: (c,) of the constraints.
+    :ivar displacements: (n, 3) displacements ux, uy [m], theta [rad].
+    :ivar multipliers: (c,) multipliers of the constraints.
     :ivar axis: (k,) directions of the chords.
-    :ivar length: (k,) of the chords [m].
-    :ivar forces: of the members.
+    :ivar length: (k,) lengths of the chords [m].
+    :ivar forces: forces of the members.
     :ivar motions: (k, 4, 6) stretch and sway of the chords and turns of the ends, by motions.
     :ivar stretched: (k,) l - l0 [m], and (k, 2) turns of the ends against the chords [rad].
     :ivar carried: (3 n,) loads and reactions that these displacements take [N], [N m].
-    :ivar gaps: (c,) of the constraints.
+    :ivar gaps: (c,) gaps of the constraints.
     :ivar stiffness: (k, 4, 4) of the members, by stretch and sway of the chords and turns.
     """
 
@@ -162,8 +163,8 @@ class Tangent:
         """
         Return displacements (3 n, p) and multipliers (c, p) of further loads.
 
-        :param loads: (3 n, p) [N], [N m].
-        :param gaps: (c, p) that the constraints are to open by.
+        :param loads: (3 n, p) loads [N], [N m].
+        :param gaps: (c, p) openings of the constraints.
         """
         borne = loads
         if self.chains:
@@ -184,9 +185,9 @@ class Tangent:
 
     def borrow(self, other: Tangent) -> None:
         """
-        Solve with the factor of the frame in a state near by.
+        Use the factor of the frame in a near state.
 
-        :param other: linearised there.
+        :param other: frame linearised there.
         """
         for name in ('_condensed', 'system', 'factor', 'factored'):
             self.__dict__[name] = getattr(other, name)
@@ -227,28 +228,28 @@ class Tangent:
 
 class Frame:
     """
-    A frame; its matrix without loads is factored once.
+    Frame of beam-columns; its matrix without loads is factored once.
 
     :ivar points: (n,) nodes x + iy [m].
-    :ivar members: what connects them.
-    :ivar length: (k,) of the members [m].
+    :ivar members: members between the nodes.
+    :ivar length: (k,) lengths of the members [m].
     :ivar axis: (k,) their directions from start to end, unit vectors x + iy.
     :ivar rows: constraints on the displacements.
     :ivar whole: (k,) of which members of the frame that was cut these are parts.
-    :ivar held: (n, 3) which of ux, uy, theta are held by supports.
-    :ivar pattern: of the frame; of the one that was cut.
-    :ivar places: (k, 6) numbers of the displacements of the members' ends.
+    :ivar held: (n, 3) mask of ux, uy, theta fixed by supports.
+    :ivar pattern: sparsity pattern of the frame, or of the uncut one.
+    :ivar places: (k, 6) indices of the displacements of the members' ends.
     :ivar chains: the members of the frame that was cut that are.
     :ivar begins: (k,) where these parts begin, from the starts of the members [m].
     :ivar nodes: (c,) the nodes at which another frame was cut to become this one.
     :ivar before: (c,) the members that end at these.
     :ivar behind: (c,) the members that begin there.
     :param points: (n,) nodes x + iy [m].
-    :param members: what connects them.
-    :param held: (n, 3) which of ux, uy, theta are held by supports.
+    :param members: members between the nodes.
+    :param held: (n, 3) mask of ux, uy, theta fixed by supports.
     :param names: (n,) names of the nodes, for messages.
     :param rows: constraints on the displacements: linear ones, or on turns of spans.
-    :param pattern: of a frame with the same connections and supports; made if None.
+    :param pattern: pattern of a frame with equal connections and supports; None: computed.
     :param rated: see `BeamColumns`.
     """
 
@@ -306,9 +307,10 @@ class Frame:
         """
         Linearise the frame about displacements.
 
-        :param displacements: (n, 3) ux, uy [m], theta [rad].
-        :param multipliers: (c,) of the constraints.
-        :param pull: (k,) axial forces N, see `BeamColumns.evaluate`; those there if None [N].
+        :param displacements: (n, 3) displacements ux, uy [m], theta [rad].
+        :param multipliers: (c,) multipliers of the constraints.
+        :param pull: (k,) axial forces N, see `BeamColumns.evaluate`; None: those in this state
+            [N].
         """
         rows, size = self.rows, displacements.size
         ends = displacements.ravel()[self.places]
@@ -387,9 +389,9 @@ class Frame:
         """
         Return displacements, reactions and member forces under loads, by the linear (4).
 
-        :param loads: (n, 3) fx, fy [N], m [N m] on the nodes.
+        :param loads: (n, 3) loads fx, fy [N], m [N m] on the nodes.
         :raises StructureError: the frame is a mechanism; names the nodes that move; or the loads
-            are beyond what numbers can carry.
+            overflow.
         """
         rest, flat = self.rest, loads.ravel()
         moved, multipliers = (each[:, 0] for each in rest.respond(flat[:, None]))
@@ -421,10 +423,10 @@ class Frame:
         """
         Return the equilibrium of the bent frame under loads (Newton's method).
 
-        :param loads: (n, 3) fx, fy [N], m [N m] on the nodes.
-        :param start: about a state to begin with; that without loads if None.
-        :param growth: displacements are at most this many times the linear response [-].
-        :return: None where no equilibrium is found near the linear response to the loads.
+        :param loads: (n, 3) loads fx, fy [N], m [N m] on the nodes.
+        :param start: frame linearised about the initial state; None: without loads.
+        :param growth: largest ratio of the displacements to the linear response [-].
+        :return: the equilibrium; None if none is near the linear response.
         :raises StructureError: the frame is a mechanism.
         """
         tangent = self.rest if start is None else start
@@ -453,7 +455,7 @@ class Frame:
         """
         Return the members that points are on, and distances (c,) from their starts [m].
 
-        :param piece: (c,) numbers of the members of the frame before it was cut.
+        :param piece: (c,) indices of the members of the uncut frame.
         :param within: (c,) distances from their starts [m].
         """
         return piece, within
@@ -463,7 +465,7 @@ class Frame:
         Return displacements (c, 3) of points inside members, by cubic centre lines.
 
         :param displacements: (n, 3) of the nodes, ux, uy [m], theta [rad].
-        :param piece: (c,) numbers of the members of the frame before it was cut.
+        :param piece: (c,) indices of the members of the uncut frame.
         :param within: (c,) distances from their starts [m].
         """
         part, inside = self.locate(piece, within)
@@ -487,11 +489,11 @@ class Frame:
 
     def force_rates(self, tangent: Tangent, parts: Indices, changes: Array) -> Array:
         """
-        Return how (N, M1, M2) of members change as their nodes stay where they are, (p, 3, c).
+        Return the changes of (N, M1, M2) of members with fixed nodes, (p, 3, c).
 
-        :param tangent: the state.
-        :param parts: (p,) which members.
-        :param changes: (4, p, c) of their rest lengths [m], EA [N], EI [N m^2] and GA [N].
+        :param tangent: linearised frame.
+        :param parts: (p,) indices of the members.
+        :param changes: (4, p, c) changes of their rest lengths [m], EA [N], EI [N m^2] and GA [N].
         """
         own, count = self.members, changes.shape[2]
         each = parts.repeat(count)
@@ -503,10 +505,10 @@ class Frame:
 
     def nodal_forces(self, tangent: Tangent, parts: Indices, rates: Array) -> Array:
         """
-        Return what the ends of members carry more, in the plane, (p, 6, c).
+        Return the changes of the end forces of members, in the plane, (p, 6, c).
 
-        :param tangent: the state.
-        :param parts: (p,) which members.
+        :param tangent: linearised frame.
+        :param parts: (p,) indices of the members.
         :param rates: (p, 3, c) of their N, M1 and M2.
         """
         pull, first, second = rates.swapaxes(0, 1)
@@ -521,8 +523,8 @@ class Frame:
         Of the section, less what the force across shears it by: (t - Q/GA) / (1 + N/GA) against
         the chord.
 
-        :param tangent: the state.
-        :param parts: (p,) which members.
+        :param tangent: linearised frame.
+        :param parts: (p,) indices of the members.
         :param end: (p,) 1 for their starts, 2 for their ends.
         """
         turned, skew, softness, _ = self._shear(tangent, parts, end)
@@ -537,13 +539,13 @@ class Frame:
         shear_rates: Array | float,
     ) -> Array:
         """
-        Return how `slopes` change with (N, M1, M2) and GA, the nodes where they are, (p, c).
+        Return the derivatives of `slopes` by (N, M1, M2) and GA with fixed nodes, (p, c).
 
-        :param tangent: the state.
-        :param parts: (p,) which members.
-        :param end: see `slopes`.
-        :param rates: (p, 3, c) of N, M1 and M2.
-        :param shear_rates: (p, c) of GA, as a share.
+        :param tangent: linearised frame.
+        :param parts: (p,) indices of the members.
+        :param end: ends, see `slopes`.
+        :param rates: (p, 3, c) changes of N, M1 and M2.
+        :param shear_rates: (p, c) relative changes of GA.
         """
         _, skew, softness, shear = (x[:, None] for x in self._shear(tangent, parts, end))
         across = tangent.forces.moments[parts].sum(axis=1)[:, None] / tangent.length[parts, None]
@@ -555,8 +557,8 @@ class Frame:
         """
         Return the changes of (N, M1, M2) (k, 3, c) and chords (k, c) as the nodes move.
 
-        :param tangent: the state.
-        :param moved: (n, 3, c) of all nodes.
+        :param tangent: linearised frame.
+        :param moved: (n, 3, c) displacements of all nodes.
         """
         chords, _ = self._chord_changes(tangent, slice(None), moved)
         return tangent.forces.stiffness @ chords, chords[:, 0]
@@ -573,12 +575,12 @@ class Frame:
 
     def slope_changes(self, tangent: Tangent, parts: Indices, end: Indices, moved: Array) -> Array:
         """
-        Return how `slopes` change as the nodes move, (p, c).
+        Return the changes of `slopes` by motion of the nodes, (p, c).
 
-        :param tangent: the state.
-        :param parts: (p,) which members.
-        :param end: see `slopes`.
-        :param moved: (n, 3, c) of all nodes.
+        :param tangent: linearised frame.
+        :param parts: (p,) indices of the members.
+        :param end: ends, see `slopes`.
+        :param moved: (n, 3, c) displacements of all nodes.
         """
         turns, turned = self._chord_changes(tangent, parts, moved)
         longer, length = turns[:, 0], tangent.length[parts, None]
@@ -606,7 +608,7 @@ class Frame:
         """
         Return whether the equilibrium is stable under the constraints.
 
-        :param tangent: there.
+        :param tangent: frame linearised there.
         """
         chains = itertools.chain.from_iterable(each.stiffness for each in tangent.chains)
         softened = sum(count_negative_pivots(each, 0) for each in chains)
@@ -617,8 +619,8 @@ class Frame:
         """
         Return the response of the bent frame.
 
-        :param tangent: in equilibrium with the loads.
-        :param loads: (n, 3) fx, fy [N], m [N m] on the nodes.
+        :param tangent: frame linearised about its equilibrium.
+        :param loads: (n, 3) loads fx, fy [N], m [N m] on the nodes.
         """
         return FrameState(
             tangent.displacements,
@@ -637,9 +639,9 @@ def end_forces(pull: Array, moments: Array, length: Array) -> Array:
     """
     Return the forces (k, 6) of the nodes on members, see `FrameState.end_forces`.
 
-    :param pull: (k,) N [N].
-    :param moments: (k, 2) at start and end [N m].
-    :param length: (k,) of the chords [m].
+    :param pull: (k,) axial forces N [N].
+    :param moments: (k, 2) moments at start and end [N m].
+    :param length: (k,) lengths of the chords [m].
     """
     across, (first, second) = moments.sum(axis=1) / length, moments.T
     return np.stack([-pull, across, first, pull, -across, second], axis=1)

@@ -14,12 +14,12 @@ import numpy as np
 
 class LinearRows(NamedTuple):
     """
-    Linear constraints on the displacements (ux0, uy0, theta0, ux1, ...): rows @ them = 0.
+    Homogeneous linear constraints on the displacements (ux0, uy0, theta0, ux1, ...).
 
     :ivar count: number of rows.
     :ivar row: (e,) row of each entry.
     :ivar column: (e,) column of each entry.
-    :ivar value: (e,) entries; those in one place add up.
+    :ivar value: (e,) entries; those at one place are summed.
     """
 
     count: int  # type: ignore[assignment]
@@ -44,13 +44,13 @@ class TurnRows(NamedTuple):
     """
     Constraints on rotations of spans between nodes: weighted sums are zero.
 
-    A span is a sum of nodes, each by a share; the shares of a span sum up to zero.
+    A span is a weighted sum of nodes; its shares sum to zero.
 
     :ivar count: number of rows.
-    :ivar weight: (s,) of each span in its row.
-    :ivar span: (e,) to which span a share belongs, in order.
-    :ivar share: (e,) of a node in the span.
-    :ivar node: (e,) which node.
+    :ivar weight: (s,) weight of each span in its row.
+    :ivar span: (e,) index of the span of each share, ascending.
+    :ivar share: (e,) share of a node in the span.
+    :ivar node: (e,) index of the node.
     :ivar row: (2 e,) row of each entry: by x of all shares, then by y.
     :ivar column: (2 e,) displacement of each entry.
     :ivar pairs: two of (4 h,) displacements that are bound to each other: by x and x, x and y, y
@@ -75,11 +75,11 @@ class TurnRows(NamedTuple):
         """
         Return the rows of some spans.
 
-        :param row: (s,) of each span.
-        :param weight: (s,) of it there.
-        :param span: (e,) to which span a share belongs, in order.
-        :param share: (e,) of a node in the span.
-        :param node: (e,) which node.
+        :param row: (s,) row of each span.
+        :param weight: (s,) weight of each span.
+        :param span: (e,) index of the span of each share, ascending.
+        :param share: (e,) share of a node in the span.
+        :param node: (e,) index of the node.
         """
         one, other = np.nonzero(span[:, None] == span)
         x, count = 3 * node, int(row.max()) + 1
@@ -97,7 +97,7 @@ class TurnRows(NamedTuple):
         :param points: (n,) nodes without loads, x + iy [m].
         :param displacements: (n, 3) of these.
         :param multipliers: (c,).
-        :return: entries (2 e,), gaps (c,), and what the turning of the spans adds to the stiffness
+        :return: entries (2 e,), gaps (c,), and the geometric stiffness of the spans
             under the multipliers, by `pairs` (4 h,).
         """
         moved = points + displacements @ (1.0, 1j, 0.0)
@@ -128,8 +128,8 @@ class Members(NamedTuple):
     """
     Straight members between nodes, arrays of one length k.
 
-    :ivar start: (k,) node numbers.
-    :ivar end: (k,) node numbers.
+    :ivar start: (k,) indices of the start nodes.
+    :ivar end: (k,) indices of the end nodes.
     :ivar axial: (k,) EA [N].
     :ivar flexural: (k,) EI [N m^2].
     :ivar shear: (k,) GA [N]; infinite for no shear deformation.
@@ -150,13 +150,13 @@ class FramePattern:
     """
     Sparsity pattern of frames with equal connections and supports.
 
-    :param members: what connects the nodes; their stiffness does not count.
-    :param held: (n, 3) which of ux, uy, theta are held by supports.
-    :param rows: constraints on the displacements, whose values do not count.
-    :ivar count: k.
-    :ivar places: (k, 6) numbers of the displacements of each member's ends.
-    :ivar unknowns: (3 n,) number of each displacement among the unknowns, -1 if it is none.
-    :ivar ends: (k, 6) numbers of the unknowns of each member's ends, -1 if it is none.
+    :param members: members between the nodes, of any stiffness.
+    :param held: (n, 3) mask of ux, uy, theta fixed by supports.
+    :param rows: constraints on the displacements, of any values.
+    :ivar count: number k of members.
+    :ivar places: (k, 6) indices of the displacements of each member's ends.
+    :ivar unknowns: (3 n,) index of each displacement among the unknowns, -1 if fixed.
+    :ivar ends: (k, 6) indices of the unknowns of each member's ends, -1 if fixed.
     :ivar solved: (f,) the displacements that are unknowns.
     :ivar entries: (e,) which of the entries of all members' stiffness matrices are in that of (4).
     :ivar weights: (w,) which of the entries of the constraints are.
@@ -201,12 +201,12 @@ class FramePattern:
 
     def cut(self, members: Members, held: Flags, piece: Indices, order: Indices) -> CutPattern:
         """
-        Return the pattern of a frame cut at some points; the last ones are kept.
+        Return the pattern of a frame cut at points, cached.
 
-        :param members: what connects the nodes.
-        :param held: (n, 3) which displacements are held by supports.
-        :param piece: (c,) numbers of the members with points inside.
-        :param order: (c,) of the points along them, member after member.
+        :param members: members between the nodes.
+        :param held: (n, 3) mask of displacements fixed by supports.
+        :param piece: (c,) indices of the members with points inside.
+        :param order: (c,) order of the points along them, by member.
         """
         key = piece.tobytes() + order.tobytes()
         if key not in self._cuts:
@@ -216,7 +216,7 @@ class FramePattern:
         return self._cuts[key]
 
 
-#: Patterns of cut frames that are kept.
+#: Number of cached patterns of cut frames [-].
 MAX_CUTS = 64
 
 
@@ -236,9 +236,9 @@ class Chains(NamedTuple):
 
 class CutPattern(NamedTuple):
     """
-    What frames that are cut between the same nodes share; new nodes are their last ones.
+    Common data of frames cut between the same nodes; new nodes are the last ones.
 
-    The members themselves become their first parts; the others are the last members.
+    The first part of a member has its index; further parts are the last members.
 
     :ivar whole: (k + c,) of which members these are parts.
     :ivar members: what connects the nodes, the sections those before.
@@ -262,12 +262,12 @@ class CutPattern(NamedTuple):
     @classmethod
     def of(cls, members: Members, held: Flags, piece: Indices, order: Indices) -> CutPattern:
         """
-        Return what frames that are cut at some points share.
+        Return the common data of frames cut at points.
 
-        :param members: of the frame before.
-        :param held: (n, 3) its supports.
-        :param piece: (c,) numbers of the members with points inside.
-        :param order: (c,) of the points along them, member after member.
+        :param members: members of the uncut frame.
+        :param held: (n, 3) mask of its supports.
+        :param piece: (c,) indices of the members with points inside.
+        :param order: (c,) order of the points along them, by member.
         """
         parts, own = len(members.start), np.arange(len(piece))
         whole, nodes, behind = np.append(np.arange(parts), piece), len(held) + own, parts + own
