@@ -37,6 +37,8 @@ class ContactPoints:
         were as stiff as in the bent state.
     :ivar skin: (c,) what the object meets: the skin beside each point, toward the object; in the
         paper's model the centre line again [m].
+    :ivar member: (c,) the member (pinch to pinch) that each is on.
+    :ivar place: (c,) distance of each from its member's start [m].
     :ivar spacing: length of tube that each stands for [m].
     :ivar axis: (c,) direction of the bent member there, across its section.
     :ivar inside: (2, c, 2, c) compliance within pieces, along and across the tube [m/N].
@@ -44,30 +46,22 @@ class ContactPoints:
     :ivar ends: (6 p, 6 p) compliance of the pieces' ends [m/N].
     :ivar dents: (c, c) compliance of the skin against the centre line, across the tube [m/N]; zero
         in the paper's model.
-    :ivar bent: the tubes at these points, linearised.
+    :ivar bent: the tubes at these points, linearised; None for points of no robot.
     """
 
     points: Points
     skin: Points
+    member: Indices
+    place: Array
     spacing: float
     axis: Points
     inside: Array
     spread: Array
     ends: Array
     dents: Array
-    bent: BentTubes
+    bent: BentTubes | None = None
     _kept: dict[bytes, Array] = field(default_factory=dict, init=False, repr=False)
     _moves: dict[int, tuple] = field(default_factory=dict, init=False, repr=False)
-
-    @property
-    def member(self) -> Indices:
-        """Return the member (pinch to pinch) that each point is on, (c,)."""
-        return self.bent.members
-
-    @property
-    def place(self) -> Array:
-        """Return the distance of each point from its member's start, (c,) [m]."""
-        return self.bent.cuts
 
     def pushed(self, push: Points) -> Array:
         """
@@ -133,7 +127,7 @@ class ContactPoints:
             found = points_on_members(bent, self.spacing)
         else:
             bent.tangent.borrow(self.bent.tangent)
-            found = replace(self, bent=bent)
+            found = replace(self, place=bent.cuts, bent=bent)
             there, axis = _line(bent, found.move(push)[0])
             found = replace(found, axis=axis)
             give = found.bend(found.displacements(push), push) - self.points
@@ -331,6 +325,8 @@ def points_on_members(tubes: BentTubes, spacing: float) -> ContactPoints:
     return ContactPoints(
         points=points,
         skin=points,
+        member=tubes.members,
+        place=tubes.cuts,
         spacing=spacing,
         axis=axis,
         inside=inside,
