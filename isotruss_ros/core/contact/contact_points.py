@@ -37,6 +37,8 @@ class ContactPoints:
         forces.
     :ivar skin: (c,) points of the skin toward the object; in the paper's model those of the centre
         line [m].
+    :ivar member: (c,) the member (pinch to pinch) that each is on.
+    :ivar place: (c,) distance of each from its member's start [m].
     :ivar spacing: length of tube of each point [m].
     :ivar axis: (c,) direction of the bent member there, across its section.
     :ivar inside: (2, c, 2, c) compliance within pieces, along and across the tube [m/N].
@@ -44,30 +46,22 @@ class ContactPoints:
     :ivar ends: (6 p, 6 p) compliance of the pieces' ends [m/N].
     :ivar dents: (c, c) compliance of the skin against the centre line, across the tube [m/N]; zero
         in the paper's model.
-    :ivar bent: the tubes at these points, linearised.
+    :ivar bent: the tubes at these points, linearised; None for points of no robot.
     """
 
     points: Points
     skin: Points
+    member: Indices
+    place: Array
     spacing: float
     axis: Points
     inside: Array
     spread: Array
     ends: Array
     dents: Array
-    bent: BentTubes
+    bent: BentTubes | None = None
     _kept: dict[bytes, Array] = field(default_factory=dict, init=False, repr=False)
     _moves: dict[int, tuple] = field(default_factory=dict, init=False, repr=False)
-
-    @property
-    def member(self) -> Indices:
-        """Return the index of the member of each point, (c,)."""
-        return self.bent.members
-
-    @property
-    def place(self) -> Array:
-        """Return the distance of each point from its member's start, (c,) [m]."""
-        return self.bent.cuts
 
     def pushed(self, push: Points) -> Array:
         """
@@ -134,7 +128,7 @@ class ContactPoints:
             found = points_on_members(bent, self.spacing)
         else:
             bent.tangent.borrow(self.bent.tangent)
-            found = replace(self, bent=bent)
+            found = replace(self, place=bent.cuts, bent=bent)
             there, axis = _line(bent, found.move(push)[0])
             found = replace(found, axis=axis)
             give = found.bend(found.displacements(push), push) - self.points
@@ -332,6 +326,8 @@ def points_on_members(tubes: BentTubes, spacing: float) -> ContactPoints:
     return ContactPoints(
         points=points,
         skin=points,
+        member=tubes.members,
+        place=tubes.cuts,
         spacing=spacing,
         axis=axis,
         inside=inside,

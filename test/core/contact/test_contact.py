@@ -218,13 +218,14 @@ def test_relaxation_finds_contacts_caused_by_forces_at_other_points():
     points = ContactPoints(
         points=line,
         skin=line,
+        member=alike,
+        place=places,
         spacing=0.05,
         axis=np.ones_like(line),
         inside=np.zeros((2, 2, 2, 2)),
         spread=np.zeros((2, 2, 0)),
         ends=np.zeros((0, 0)),
         dents=see_saw,
-        bent=SimpleNamespace(members=alike, cuts=places),
     )
     surface = circle(-0.999j, 1.0)
     assert surface.nearest(line - surface.center).gaps[1] > 0.0
