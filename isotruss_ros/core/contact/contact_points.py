@@ -74,8 +74,7 @@ class ContactPoints:
 
     def move(self, push: Points) -> tuple[Array, Array]:
         """
-        Return the changes of nodes (n, 3) and multipliers (c,) from the state of the
-        linearisation.
+        Return the changes of nodes (n, 3) and multipliers (c,) from the linearised state.
 
         :param push: (c,) forces on the points, x + iy [N].
         """
