@@ -14,7 +14,6 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 import contextlib
-import inspect
 import itertools
 import math
 import time
@@ -59,7 +58,7 @@ def match(offered: QoSProfile, requested: QoSProfile) -> bool:
 def call_back(subscription: Subscription, message: Any, number: int) -> None:
     """Hand a message over in the form in which the subscription takes it, with its number."""
     given = [serialize_message(message) if subscription.raw else message]
-    if len(inspect.signature(subscription.callback).parameters) == 2:
+    if subscription._callback_type is Subscription.CallbackType.WithMessageInfo:
         given.append({'publication_sequence_number': number})
     subscription.callback(*given)
 
@@ -151,7 +150,7 @@ class World(Watched):
         self._served: set[Subscription] = set()
         self._due: dict[Timer, float] = {}
         self._goals: list[Goal] = []
-        self._owners: dict[Any, str] = {}
+        self._topics: dict[Publisher | Subscription, str] = {}
 
     def begin(
         self, makers: Sequence[Callable[[], Node]], twist_type: type, sim_time: bool
@@ -200,14 +199,14 @@ class World(Watched):
         )
 
     def _resolve(self, entity: Publisher | Subscription) -> str:
-        topic = entity.topic_name
-        if not self._remaps:
-            return topic
-        if entity not in self._owners:
+        if entity not in self._topics:
+            topic = entity.topic_name
             for node in self.nodes:
-                for mine in (*node.publishers, *node.subscriptions):
-                    self._owners[mine] = node.get_name()
-        return self._remaps.get((self._owners.get(entity, ''), topic), topic)
+                if entity in (*node.publishers, *node.subscriptions):
+                    self._topics[entity] = self._remaps.get((node.get_name(), topic), topic)
+            # Not kept while its node is still being made.
+            return self._topics.get(entity, topic)
+        return self._topics[entity]
 
     # -- One turn --
 

@@ -48,6 +48,10 @@ class Robot(
         self.home = Configuration(self, np.zeros(len(self.topology.driven)), points)
         _refuse_collision(self)
 
+    def __eq__(self, other: object) -> bool:
+        """Return whether the other robot is of an equal description, from which all follows."""
+        return type(other) is Robot and self.description == other.description
+
     def __hash__(self) -> int:
         """Return the hash of the name and the home of the robot."""
         return self._hash

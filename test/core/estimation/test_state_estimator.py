@@ -339,8 +339,8 @@ def _told_late(order):
         drawn.move()
         kept.append((drawn.time, drawn.markers(ALL)))
         if len(kept) == 4:
-            for place in order:
-                drawn.estimator.take_markers(*kept[place], MARKER)
+            for number in order:
+                drawn.estimator.take_markers(*kept[number], MARKER)
             kept = []
     return drawn, drawn.estimator.estimate()
 

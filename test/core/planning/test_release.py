@@ -53,7 +53,9 @@ def disc(diameter, angle):
     ('body', 'members', 'moved'),
     [
         (disc(0.2, 0.0), MEMBERS, 1e-4),
-        (disc(0.3, 0.7), members_at(HOME.robot, 'north/R'), 1e-4),
+        pytest.param(
+            disc(0.3, 0.7), members_at(HOME.robot, 'north/R'), 1e-4, marks=pytest.mark.nightly
+        ),
         (ConvexObject(BOX, (0.716, 0.5, 0.2)), None, 3e-3),
         pytest.param(disc(0.3, 2.5), MEMBERS, 1e-4, marks=pytest.mark.nightly),
         pytest.param(
