@@ -273,7 +273,7 @@ class GripBelief:
         slips = hold is HoldStatus.SLIPS and waited
         if due or slips:
             self.attach(config, pressures)
-        return self.grasp.hold(self.largest_friction)
+        return HoldStatus.HELD  # whether it slips is judged by the poses
 
     def observe(self, pose: Pose, age: float) -> None:
         """
