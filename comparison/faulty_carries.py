@@ -5,7 +5,8 @@
 Objects carried in MuJoCo by a loop with halts, under several simultaneous faults.
 
 `python -m comparison.faulty_carries` prints a line for each carry and the figures of all, in some
-ten minutes; with `--draws 60 --clean 10 --lost 20 --nothing 10` in an hour or two.
+ten minutes; with `--drawn 60 --clean 10 --lost 20 --nothing 10 --page docs/safety.md` in an hour
+or two, and replaces the table of that page.
 """
 
 from __future__ import annotations
@@ -14,7 +15,9 @@ import argparse
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import takewhile
 import math
+from pathlib import Path
 import sys
 import time
 from typing import NamedTuple
@@ -109,6 +112,7 @@ class Carry:
     halt: Status | None = None
     message: str = ''
     halted: float = math.inf  #: time of the halt [s]
+    refused: bool = False  #: whether it halted before it had an equilibrium
     lost: float = math.inf  #: time of the loss [s]
     used: float = math.inf  #: time from which a contact used all friction [s]
     way: float = 0.0  #: path until the halt [m]
@@ -128,7 +132,7 @@ class Carry:
             return f'lost, told {late:+.2f} s' if late < math.inf else 'lost in silence'
         if self.halt is None:
             return 'arrived'
-        if not self.innovations:  # there was no belief: its first equilibrium is none
+        if self.refused:
             return 'refused'
         strict = self.halted < self.used and self.off < OFF
         return 'halted, strictly false' if strict else 'halted, held'
@@ -282,6 +286,7 @@ def _follow(loop: Loop, legs: Array, held: HeldGrip, found: Carry) -> None:
             found.way += loop.scale * float(np.hypot(*twist[:2])) / RATE
         if found.halt is None and now > BEGIN and status > Status.HALT_NO_TWIST:
             found.halt, found.halted, found.message = status, now, loop.decision.message
+            found.refused = not found.innovations
         forces = plant.contact_forces().values()
         share = [abs(f.friction) / max(draw.friction * f.normal, 1e-9) for f in forces]
         if now > BEGIN and max(share, default=1.0) > ALL:
@@ -367,6 +372,24 @@ def tabulate(carries: Sequence[Carry]) -> list[str]:
     return rows
 
 
+def write_table(page: Path, rows: Sequence[str]) -> None:
+    """
+    Replace the table of a page by another one with the same first heading.
+
+    :param page: Markdown file.
+    :param rows: lines of the table.
+    :raises ValueError: the page has no such table.
+    """
+    lines = page.read_text(encoding='utf-8').split('\n')
+    heading = rows[0].split('|')[1]
+    first = next((i for i, line in enumerate(lines) if line.startswith(f'|{heading}|')), None)
+    if first is None:
+        raise ValueError(f'{page}: no table whose first heading is {heading.strip()!r}')
+    count = len(list(takewhile(lambda line: line.startswith('|'), lines[first:])))
+    lines[first : first + count] = rows
+    page.write_text('\n'.join(lines), encoding='utf-8')
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """
     Print the results of random objects.
@@ -381,6 +404,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for kind, count in counts.items():
         parser.add_argument(f'--{kind}', type=int, default=count, help=f'carries; default {count}')
     parser.add_argument('--first', type=int, default=0, help='first seed; default 0')
+    parser.add_argument('--page', type=Path, help='page whose table is replaced')
     options = parser.parse_args(arguments)
     found = []
     for kind in counts:
@@ -389,6 +413,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             found.append(carry(kind, shape, options.first + k // 2))
             print(found[-1].row(), flush=True)
     print('\n'.join([*summarise(found), '', *tabulate(found)]))
+    if options.page is not None:
+        write_table(options.page, tabulate(found))
     return 0
 
 

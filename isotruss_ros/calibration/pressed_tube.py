@@ -81,7 +81,9 @@ def _contact_points(
     only, length = np.zeros(len(places), dtype=np.intp), np.array([tube.length])
     section = tube.stiffness.section_stiffness(length, pressure)
     beam = Beams(length, *section, pinned=np.array([False]))
-    shapes, inside = beam.points(only, places)
+    shapes, own = beam.points(only, places)
+    inside = np.zeros((2, len(places), 2, len(places)))
+    inside[0, :, 0], inside[1, :, 1] = own
     ends = np.zeros((6, 6))
     if tube.pinned:
         turns: tuple[Indices, ...] = np.ix_([2, 5], [2, 5])
@@ -99,8 +101,6 @@ def _contact_points(
         skin=skin,
         member=only,
         place=places,
-        pieces=np.zeros(1, dtype=np.intp),
-        piece=only,
         spacing=CONTACT_SPACING,
         axis=np.ones(len(places), dtype=np.complex128),
         inside=inside,

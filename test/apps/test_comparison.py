@@ -5,7 +5,7 @@
 
 from pathlib import Path
 
-from comparison import boxes, carried, drops, friction, grasps, pulls
+from comparison import boxes, carried, drops, faulty_carries, friction, grasps, pulls
 from comparison.grips import PressedCase
 from comparison.page import FOLDER, page
 from comparison.section import Check, Section
@@ -69,6 +69,20 @@ def test_a_load_below_the_slip_margin_is_held_and_one_above_is_not(above, droppe
     monkeypatch.setattr(drops, 'ABOVE', above)
     case = drops.Case(PressedCase(40.0, 0.05, 0.2), 0.6, None, np.array([0.01, 0.0, 0.05]))
     assert drops.attempt(case).dropped == dropped
+
+
+def test_the_table_of_faulty_carries_is_replaced_in_its_page(tmp_path):
+    page = tmp_path / 'page.md'
+    page.write_text((DOCS / 'safety.md').read_text(encoding='utf-8'), encoding='utf-8')
+    rows = faulty_carries.tabulate([])
+    before = page.read_text(encoding='utf-8')
+    assert '\n'.join(rows) in before
+    faulty_carries.write_table(page, [*rows, '| new |'])
+    after = page.read_text(encoding='utf-8')
+    assert '\n'.join([*rows, '| new |']) in after
+    lines = before.split('\n')
+    assert lines[: lines.index(rows[0])] == after.split('\n')[: lines.index(rows[0])]
+    assert before.split('\n')[-100:] == after.split('\n')[-100:]
 
 
 def test_the_page_shows_what_is_out_of_bounds():

@@ -14,6 +14,9 @@ PACKAGE = Path(__file__).parents[2] / 'isotruss_ros'
 FOLDERS = (
     'core/model',
     'core/kinematics',
+    'core/statics',
+    'core/contact',
+    'core/holding',
     'core/estimation',
     'core/manipulation',
     'core/numerics',
@@ -40,7 +43,7 @@ LAST = re.compile(r'\b(?:of|to|with|by|from|at|for|than)\.$')
 ANTHROPOMORPHIC = re.compile(r'\b(?:tells?|believes?|believed|lies about|answers? to|sees)\b')
 KINDS = (ast.Module, ast.ClassDef, ast.FunctionDef)
 #: Numbers with a name in the core; fewer are better.
-MAX_NUMBERS = 300
+MAX_NUMBERS = 294
 CALLS = re.compile(r'(?:np\.(?:deg2rad|finfo|exp|array|linspace)|float|math\.\w+)$')
 
 

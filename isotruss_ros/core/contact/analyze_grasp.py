@@ -34,7 +34,6 @@ from isotruss_ros.core.statics.section import Pressure
 from isotruss_ros.core.statics.structure import Structure, structure_of
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import lapack
 
 #: Range of the spacing of contact points [m].
 SPACING_RANGE = (1e-4, 0.1)
@@ -126,7 +125,7 @@ def analyze_grasp(
         closure_tolerance=closure.tolerance,
         required_friction=closure.required_friction,
         closure_margin=closure.margin,
-        stiffness=_stiffness(contact_points, contact, body.center),
+        center=body.center,
         structure=structure,
         solved=solved,
         **assess_members(structure, solved),
@@ -224,22 +223,3 @@ def _about_middle(body: ConvexObject, wrench: Array) -> Array:
     away = body.middle - body.center
     x, y, moment = wrench
     return np.array([x, y, (moment - away.real * y + away.imag * x) / body.arm])
-
-
-def _stiffness(contact_points: ContactPoints, contact: ContactState, center: complex) -> Array:
-    """Return the stiffness (3, 3): wrench per small motion of the object with its contacts."""
-    touching = np.flatnonzero(contact.forces > 0.0)
-    if len(touching) == 0:
-        return np.zeros((3, 3))
-    compliance = contact_points.compliance(touching)
-    size = 2 * len(touching)
-    arms = (contact_points.skin + contact.displacements)[touching] - center
-    # Motions of the object by dx, dy, dtheta, along and across the tube at each contact.
-    inward = contact_points.axis[touching].conj()
-    local = inward * np.stack([np.ones_like(arms), np.full_like(arms, 1j), 1j * arms])
-    motion = np.concatenate([local.real, local.imag], axis=1).T
-    _, forces, failed = lapack.dposv(compliance.reshape(size, size), motion)
-    if failed:
-        raise SolverError('the contact compliance is not positive definite')
-    stiffness = motion.T @ forces
-    return 0.5 * (stiffness + stiffness.T)

@@ -41,6 +41,7 @@ def solve_contact(
     surface: Surface,
     forces: Array | None = None,
     normals: Points | None = None,
+    _push: Points | None = None,
 ) -> ContactState:
     """
     Solve the contact LCP (8): nonnegative gaps and forces, complementary at each point.
@@ -185,6 +186,7 @@ def relax_contact(
     surface: Surface,
     forces: Array | None = None,
     normals: Points | None = None,
+    _push: Points | None = None,
 ) -> ContactState:
     """
     Solve (8) by the relaxation (9): forces increase at negative and decrease at positive gaps.

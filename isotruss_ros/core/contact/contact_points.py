@@ -11,47 +11,48 @@ from functools import cached_property
 from isotruss_ros.core.contact.flattening import Flattening
 from isotruss_ros.core.contact.surfaces import Surface
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
-from isotruss_ros.core.statics.beam import Beams
-from isotruss_ros.core.statics.bent_tubes import BentTubes, Displaced, straight_tubes
+from isotruss_ros.core.statics.bent_tubes import BentTubes, Displaced
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
+
+#: Compliance is kept where nodes have moved by less than this since [m]: the errors of the steps
+#: that settle the tubes are a hundredth then.
+KEPT_MOTION = 2e-4
+#: Points are no nearer to the ends of their piece of tube than this share of their distance [-].
+SHORTEST_SHARE = 0.2
 
 
 @dataclass(frozen=True, eq=False)
 class ContactPoints:
     """
-    Possible contact points of the tubes, with the compliance of the whole robot.
+    Candidate contact points of the tubes, with the compliance of the whole robot.
 
-    They are in the order of the members, and of the places on these.
+    They are ordered by member and place, and are nodes of the frame.
 
-    Displacements of the points are those of the ends of the p pieces of tube that they are on,
-    spread by shape functions, and those inside the pieces: the factors are kept, not the product.
-    Both are along and across the members, so that no matrix has to be turned.
+    Displacements of the points are those of the ends of the p pieces of tube that they are on, and
+    those inside the pieces: the factors are kept, not the product. Both are along and across the
+    bent members, so that no matrix has to be turned.
 
-    :ivar points: (c,) on the centre lines, x + iy [m]: where they would be without forces, if they
-        were as stiff as in the bent state.
-    :ivar skin: (c,) what the object meets: the skin beside each point, toward the object; in the
-        paper's model the centre line again [m].
+    :ivar points: (c,) points of the centre lines, x + iy [m], extrapolated linearly to zero
+        forces.
+    :ivar skin: (c,) points of the skin toward the object; in the paper's model those of the centre
+        line [m].
     :ivar member: (c,) the member (pinch to pinch) that each is on.
     :ivar place: (c,) distance of each from its member's start [m].
-    :ivar pieces: (p,) the pieces of tube, by their numbers in the frame.
-    :ivar piece: (c,) which of the p pieces each is on.
-    :ivar spacing: length of tube that each stands for [m].
+    :ivar spacing: length of tube of each point [m].
     :ivar axis: (c,) direction of the bent member there, across its section.
-    :ivar inside: (2, c, c) compliance within pieces, along and across the tube [m/N].
+    :ivar inside: (2, c, 2, c) compliance within pieces, along and across the tube [m/N].
     :ivar spread: (2, c, 6 p) displacements along and across the tube by those of the pieces' ends.
-    :ivar ends: (6 p, 6 p) compliance of the pieces' ends, in the frames of the pieces [m/N].
+    :ivar ends: (6 p, 6 p) compliance of the pieces' ends [m/N].
     :ivar dents: (c, c) compliance of the skin against the centre line, across the tube [m/N]; zero
         in the paper's model.
-    :ivar bent: the tubes, linearised; None for points of no robot.
+    :ivar bent: the tubes at these points, linearised; None for points of no robot.
     """
 
     points: Points
     skin: Points
     member: Indices
     place: Array
-    pieces: Indices
-    piece: Indices
     spacing: float
     axis: Points
     inside: Array
@@ -60,133 +61,138 @@ class ContactPoints:
     dents: Array
     bent: BentTubes | None = None
     _kept: dict[bytes, Array] = field(default_factory=dict, init=False, repr=False)
+    _moves: dict[int, tuple] = field(default_factory=dict, init=False, repr=False)
 
     def pushed(self, push: Points) -> Array:
         """
         Return the loads (6 p,) on the ends of the pieces that move these as forces on points do.
 
-        :param push: (c,) x + iy [N].
+        :param push: (c,) forces on the points, x + iy [N].
         """
         local = self.axis.conj() * push
         return local.real @ self.spread[0] + local.imag @ self.spread[1]
 
-    def end_forces(self, push: Points) -> Array:
+    def move(self, push: Points) -> tuple[Array, Array]:
         """
-        Return the forces of the nodes on all members of the frame, see `FrameState.end_forces`.
+        Return the changes of nodes (n, 3) and multipliers (c,) from the linearised state.
 
         :param push: (c,) forces on the points, x + iy [N].
         """
-        tangent, frame = self.bent.tangent, self.bent.frame
-        moved = self._move(push)[0][frame.places(np.arange(len(frame.length)))]
-        forces = tangent.stiffness @ (tangent.turn @ moved[:, :, None])
-        forces = tangent.end_forces + forces[:, :, 0]
-        forces[self.pieces] -= self.pushed(push).reshape(-1, 6)
-        return forces
-
-    def bows(self, displacements: Points, push: Points) -> Array:
-        """
-        Return the distances of bent centre lines from the chords of their pieces, (c,) [m].
-
-        Zero as long as tubes are linear about straight ones.
-
-        :param displacements: (c,) of the skin, x + iy [m].
-        :param push: (c,) forces on the tubes, x + iy [N].
-        """
-        if self.bent.is_straight:
-            return np.zeros(len(self.points))
-        tangent, frame, part = self.bent.tangent, self.bent.frame, self.pieces[self.piece]
-        first = frame.members.start[part]
-        begin = frame.points[first] + tangent.displacements[first] @ (1.0, 1j, 0.0)
-        away = self.bend(displacements, push) - begin
-        return (away * tangent.axis[part].conj()).imag
-
-    def _move(self, push: Points) -> tuple[Array, Array]:
-        """Return how nodes (3 n,) and multipliers (c,) move under forces on the points."""
-        response, pushed = self.bent.tangent.under_end_loads(self.pieces), self.pushed(push)
-        ways = np.append(pushed, 1.0)
-        return response.moved @ ways, response.multipliers @ ways
-
-    def displace(self, push: Points, share: float = 1.0) -> Displaced:
-        """
-        Return where the frame is under forces on the points, as far as it is linear.
-
-        :param push: (c,) x + iy [N].
-        :param share: of the way there [-].
-        """
-        moved, multipliers = (share * each for each in self._move(push))
-        tangent, frame, moved = self.bent.tangent, self.bent.frame, moved.reshape(-1, 3)
-        every = np.arange(len(frame.length))
-        changes, _ = frame.force_changes(tangent, every, moved[..., None])
-        return Displaced(
-            tangent.displacements + moved,
-            tangent.multipliers + multipliers,
-            np.zeros((len(self.bent.places), 3)),
-            tangent.forces.pull + changes[:, 0, 0],
-        )
+        if id(push) not in self._moves:
+            tangent, frame = self.bent.tangent, self.bent.frame
+            loads = np.zeros((len(frame.points), 3))
+            loads[frame.nodes, 0], loads[frame.nodes, 1] = push.real, push.imag
+            left = (loads.ravel() - tangent.carried)[:, None]
+            moved, multipliers = tangent.respond(left, -tangent.gaps[:, None])
+            self._moves[id(push)] = push, (moved.reshape(-1, 3), multipliers[:, 0])
+        return self._moves[id(push)][1]
 
     def distance(self, push: Points) -> float:
         """
-        Return how far forces on the points move the nodes from where tubes are linearised [m].
+        Return the largest motion of a node from the state of the linearisation [m].
 
-        :param push: (c,) x + iy [N].
+        :param push: (c,) forces on the points, x + iy [N].
         """
-        return float(np.abs(self._move(push)[0].reshape(-1, 3)[:, :2]).max())
+        return float(np.abs(self.move(push)[0][:, :2]).max())
 
-    def about(self, bent: BentTubes) -> ContactPoints:
+    def bend_on(self, push: Points, share: float = 1.0) -> BentTubes:
         """
-        Return the same points of tubes that are linearised about another state.
+        Return the tubes in the predicted state under forces on the points.
+
+        :param push: (c,) forces on the points, x + iy [N].
+        :param share: share of the change [-].
+        """
+        if not push.any():
+            return self.bent.bent_to(None)
+        moved, multipliers = (share * each for each in self.move(push))
+        tangent = self.bent.tangent
+        _, pull = tangent.changed_forces(moved)
+        displaced = Displaced(
+            tangent.displacements + moved,
+            tangent.multipliers + multipliers,
+            np.zeros((len(push), 3)),
+            pull,
+        )
+        return self.bent.bent_to(displaced)
+
+    def about(self, bent: BentTubes, push: Points | None = None) -> ContactPoints:
+        """
+        Return these points of tubes linearised about another state.
 
         :param bent: the tubes.
+        :param push: (c,) forces on the points there, x + iy [N]; if given, the compliance along
+            and across the tubes stays as it is.
         """
-        found = points_on_members(bent, self.member, self.place, self.spacing)
+        if push is None:
+            found = points_on_members(bent, self.spacing)
+        else:
+            bent.tangent.borrow(self.bent.tangent)
+            found = replace(self, place=bent.cuts, bent=bent)
+            there, axis = _line(bent, found.move(push)[0])
+            found = replace(found, axis=axis)
+            give = found.bend(found.displacements(push), push) - self.points
+            found = replace(found, points=there - give)
         skin = found.points + (self.skin - self.points) / self.axis * found.axis
         return replace(found, skin=skin, dents=self.dents)
 
+    def is_near(self, bent: BentTubes, spacing: float) -> bool:
+        """
+        Return whether the compliance is about that of as many points at other places.
+
+        :param bent: the tubes there, linearised about another state.
+        :param spacing: of the other points [m].
+        """
+        alike = spacing == self.spacing and np.array_equal(bent.frame.whole, self.bent.frame.whole)
+        return alike and bent.tangent.distance(self.bent.tangent.factored) <= KEPT_MOTION
+
     @cached_property
-    def across(self) -> Array:
-        """Return the transverse compliance of the skin with fixed ends, (c, c)."""
-        return self.inside[1] + self.dents
+    def _own(self) -> Array:
+        """Return the compliance of the skin with fixed ends, (2, c, 2, c)."""
+        own = self.inside.copy()
+        own[1, :, 1] += self.dents
+        return own
 
     def normal_compliance(self, normals: Points) -> Array:
         """
         Return W = N^T (S^-1 + C) N of (8), the compliance of the skin along normals.
 
         :param normals: (c,) unit vectors x + iy along which unit forces act.
-        :return: (c, c) symmetric but for rounding [m/N].
+        :return: (c, c) compliance, symmetric up to rounding [m/N].
         """
         local = self.axis.conj() * normals
         along, across = local.real[:, None], local.imag[:, None]
         lever = along * self.spread[0] + across * self.spread[1]
         matrix = lever @ self.ends @ lever.T
-        matrix += along * along.T * self.inside[0]
-        return matrix + across * across.T * self.across
+        own = self._own
+        matrix += along * (own[0, :, 0] * along.T + own[0, :, 1] * across.T)
+        matrix += across * (own[1, :, 0] * along.T + own[1, :, 1] * across.T)
+        return matrix
 
     def displacements(self, forces: Points) -> Points:
         """
         Return the displacements of the skin at all points, by bending and dents.
 
-        :param forces: (c,) x + iy [N].
-        :return: (c,) x + iy [m].
+        :param forces: (c,) forces, x + iy [N].
+        :return: (c,) displacements, x + iy [m].
         """
-        local = self.axis.conj() * forces
+        local = (self.axis.conj() * forces).view(np.float64).reshape(-1, 2).T
         moved = self.spread @ (self.ends @ self.pushed(forces))
-        moved[0] += self.inside[0] @ local.real
-        moved[1] += self.across @ local.imag
+        own = self._own.reshape(local.size, local.size)
+        moved += (own @ local.ravel()).reshape(local.shape)
         return self.axis * (moved[0] + 1j * moved[1])
 
     def compliance(self, places: Indices) -> Array:
         """
         Return the compliance along and across, of shape (2, a, 2, a) [m/N], cached.
 
-        :param places: (a,) of which points.
+        :param places: (a,) indices of the points.
         """
         key = places.tobytes()
         if key not in self._kept:
-            count, square = len(places), np.ix_(places, places)
+            count, both = len(places), np.arange(2)
             spread = self.spread[:, places].reshape(2 * count, len(self.ends))
             matrix = (spread @ self.ends @ spread.T).reshape(2, count, 2, count)
-            matrix[0, :, 0] += self.inside[0][square]
-            matrix[1, :, 1] += self.across[square]
+            matrix += self._own[np.ix_(both, places, both, places)]
             self._kept[key] = matrix
         return self._kept[key]
 
@@ -194,7 +200,7 @@ class ContactPoints:
         """
         Return the deformed centre lines, (c,) x + iy [m], without the dents of the skin.
 
-        :param displacements: (c,) of the skin, x + iy [m].
+        :param displacements: (c,) displacements of the skin, x + iy [m].
         :param push: (c,) forces on the tubes, x + iy [N].
         """
         depths = self.dents @ (push * self.axis.conj()).imag
@@ -209,7 +215,7 @@ class ContactState:
     :ivar forces: (c,) normal forces, not negative [N].
     :ivar gaps: (c,) distances of the deformed tube from the surface, not negative [m].
     :ivar normals: (c,) unit normals of the surface, outward, x + iy.
-    :ivar displacements: (c,) of what meets the object, see `ContactPoints.skin`, x + iy [m].
+    :ivar displacements: (c,) displacements of `ContactPoints.skin`, x + iy [m].
     :ivar radii: (c,) radius of curvature of the surface at the feet of the points [m].
     :ivar push: (c,) forces on the tubes, x + iy [N].
     """
@@ -229,18 +235,21 @@ def find_contact_points(
     flattening: Flattening | None = None,
     windows: Array | None = None,
     bent: BentTubes | None = None,
+    known: tuple[ContactPoints, Points] | None = None,
 ) -> ContactPoints:
     """
     Place contact points on the members within reach of an object.
 
     :param structure: the frame of the robot.
-    :param surface: what the points meet: the object's own surface, or where the tubes do not
-        flatten that which is farther out by half of the tube's diameter.
+    :param surface: surface that the points meet: that of the object, or for round tubes its offset
+        by the tube's radius.
     :param spacing: distance of the points along the tube [m].
-    :param flattening: how the tubes flatten; None for the paper's model, in which they do not.
-    :param windows: (m, 2) between which points of each member, from its start, points are placed;
-        everywhere if None [m].
-    :param bent: the tubes, linearised about a bent state; about the straight one if None.
+    :param flattening: local compliance of the tubes; None for the paper's model.
+    :param windows: (m, 2) intervals of the points on each member from its start; None: everywhere
+        [m].
+    :param bent: tubes in a similar bent state, with any places; None: straight ones.
+    :param known: points of these tubes, and forces on them, x + iy [N]: their compliance is kept
+        where the points are close to them.
     """
     config, width = structure.config, 0.0 if flattening is None else flattening.radius
     topology = config.robot.topology
@@ -259,7 +268,11 @@ def find_contact_points(
     member = np.repeat(near, counts)
     number = np.arange(len(member)) - np.repeat(np.cumsum(counts) - counts - first, counts)
     place = np.clip(foot[member] + spacing * number, 0.0, length[member])
-    points = points_on_members(bent or straight_tubes(structure), member, place, spacing)
+    tubes = BentTubes(structure, member, place, shortest=SHORTEST_SHARE * spacing)
+    tubes = tubes if bent is None else tubes.bent_like(bent)
+    if known is not None and known[0].is_near(tubes, spacing):
+        return known[0].about(tubes, known[1])
+    points = points_on_members(tubes, spacing)
     if flattening is None:
         return points
     toward = np.where(away.imag < 0.0, -1j, 1j)
@@ -270,52 +283,57 @@ def find_contact_points(
     )
 
 
-def points_on_members(
-    bent: BentTubes, member: Indices, place: Array, spacing: float
-) -> ContactPoints:
-    """
-    Return points of the centre lines at given positions.
+def _line(tubes: BentTubes, moved: Array) -> tuple[Points, Points]:
+    """Return places of tubes (c,) after displacements (3 n,), and axes in their state."""
+    tangent, nodes = tubes.tangent, tubes.frame.nodes
+    there = tangent.displacements[nodes, :2] + moved.reshape(-1, 3)[nodes, :2]
+    axis = tubes.axis * np.exp(1j * tangent.displacements[nodes, 2])
+    return tubes.frame.points[nodes] + there @ (1.0, 1j), axis
 
-    :param bent: the tubes, linearised.
-    :param member: (c,) the member that each is on.
-    :param place: (c,) distance of each from its member's start [m].
-    :param spacing: length of tube that each stands for [m].
+
+def points_on_members(tubes: BentTubes, spacing: float) -> ContactPoints:
     """
-    part, within, ahead = bent.locate(member, place)
-    parts, which = np.unique(part, return_inverse=True)
-    frame, tangent, count = bent.frame, bent.tangent, len(place)
-    shapes, inside = Beams(*(each[parts] for each in frame.beams)).points(which, within)
-    # The bent parts, their ends against the chords.
-    ends = np.zeros((len(parts), 6))
-    ends[:, 3] = tangent.stretched[0][parts]
-    ends[:, 2::3] = tangent.stretched[1][parts]
-    along, across, turned = np.einsum('csi,ci->sc', shapes, ends[which])
-    first = frame.members.start[parts]
-    begin = frame.points[first] + tangent.displacements[first] @ (1.0, 1j, 0.0)
-    points = begin[which] + tangent.axis[part] * (within + along + 1j * across)
-    lean = ahead * np.exp(1j * turned)
-    axis = tangent.axis[part] * lean
-    rows = (shapes[:, 0] + 1j * shapes[:, 1]) * lean.conj()[:, None]
-    spread = np.zeros((2, count, len(parts), 6))
-    spread[:, np.arange(count), which] = rows.real, rows.imag
-    spread = spread.reshape(2, count, 6 * len(parts))
-    response = tangent.under_end_loads(parts).ends
-    left = spread @ response[:, -1]
-    points = points + axis * (left[0] + 1j * left[1])
+    Return the places of tubes as points of their centre lines.
+
+    :param tubes: at the places, linearised.
+    :param spacing: length of tube of each place [m].
+    """
+    frame, tangent = tubes.frame, tubes.tangent
+    nodes, count, chains = frame.nodes, len(frame.nodes), tangent.chains
+    # Unit loads on the ends of pieces, and what the state takes without loads.
+    ends = np.concatenate([np.zeros(0, int), *(each.chains.ends.ravel() for each in chains)])
+    loads = np.zeros((len(tangent.carried), len(ends) + 1))
+    loads[ends, np.arange(len(ends))], loads[:, -1] = 1.0, -tangent.carried
+    gaps = np.zeros((len(tangent.gaps), len(ends) + 1))
+    gaps[:, -1] = -tangent.gaps
+    moved, _ = tangent.respond(loads, gaps)
+    points, axis = _line(tubes, moved[:, -1])
+    inside, spread = np.zeros((2, count, 2, count)), np.zeros((2, count, len(ends)))
+    begin = 0
+    for (_, inner, _), inverses, spreads, _ in chains:
+        for dofs, inverse, own in zip(inner, inverses, spreads, strict=True):
+            at = dofs[::3] // 3 - nodes[0]
+            x, y, back = axis[at].real, axis[at].imag, axis[at].conj()[:, None]
+            rows = (inverse[::3] + 1j * inverse[1::3]) * back
+            pushed = x * rows[:, ::3] + y * rows[:, 1::3], x * rows[:, 1::3] - y * rows[:, ::3]
+            there, columns = at[:, None], slice(begin, begin + 6)
+            for way, each in enumerate(pushed):
+                inside[0, there, way, at], inside[1, there, way, at] = each.real, each.imag
+            moving = (own[::3] + 1j * own[1::3]) * back
+            spread[0, at, columns], spread[1, at, columns] = moving.real, moving.imag
+            begin += 6
     return ContactPoints(
         points=points,
         skin=points,
-        member=member,
-        place=place,
-        pieces=parts,
-        piece=which,
+        member=tubes.members,
+        place=tubes.cuts,
         spacing=spacing,
         axis=axis,
         inside=inside,
         spread=spread,
-        ends=response[:, :-1],
+        ends=moved[ends, :-1],
         dents=np.zeros((count, count)),
-        bent=bent,
+        bent=tubes,
     )
 
 

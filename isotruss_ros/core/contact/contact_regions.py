@@ -19,15 +19,15 @@ from isotruss_ros.core.contact.contact_points import ContactPoints, ContactState
 from isotruss_ros.core.contact.grasp_analysis import SolvedContact
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.statics.structure import Structure
-from isotruss_ros.core.statics.wrinkling import load_sections, SectionLoads
+from isotruss_ros.core.statics.wrinkling import find_utilisation, Utilisation
 import numpy as np
 
 
 def find_wrinkling(
     structure: Structure, contact_points: ContactPoints, contact: ContactState
-) -> tuple[SectionLoads, Array]:
+) -> tuple[Utilisation, Array]:
     """
-    Return section loads and tension of a robot's tubes under contact forces.
+    Return the utilisation of a robot's tubes under contact forces, and the tension of their walls.
 
     :param structure: the frame of the robot.
     :param contact_points: candidate contact points.
@@ -38,22 +38,17 @@ def find_wrinkling(
     topology, tubes = structure.config.robot.topology, contact_points.bent
     radius = 0.5 * structure.config.robot.description.tube_diameter
     touching = np.flatnonzero(contact.forces > 0.0)
-    local = contact.push * contact_points.axis.conj()
-    bow = contact_points.bows(contact.displacements, contact.push)[touching]
-    sections = load_sections(
-        tubes,
-        contact_points.end_forces(contact.push),
-        contact_points.member[touching],
-        contact_points.place[touching],
-        local[touching],
-        bow,
-    )
-
+    frame, linear = tubes.frame, tubes.is_straight
+    ends, pull = tubes.tangent.changed_forces(contact_points.move(contact.push)[0])
+    sections = find_utilisation(structure, frame, ends, 0.0 * pull if linear else pull)
+    aside = np.sign((contact.push * contact_points.axis.conj()).imag)[touching]
+    before, behind = frame.before[touching], frame.behind[touching]
+    moment = tubes.ahead[touching] * ends[before, 5]
+    compression = np.maximum(-ends[before, 3], ends[behind, 0])
     # The force points away from the object, which presses the wall together on its own side.
     pressure = np.array(structure.pressures)[topology.tube]
     tension = (pressure * np.pi * radius**2)[contact_points.member]
-    pressed = 2.0 / radius * sections.moment * np.sign(local[touching].imag)
-    tension[touching] += pressed - sections.compression
+    tension[touching] += 2.0 / radius * moment * aside - compression
     tension /= 2.0 * np.pi * radius
     return sections, np.maximum(tension, 0.0)
 
@@ -96,6 +91,6 @@ def assess_members(structure: Structure, solved: SolvedContact) -> dict[str, Any
         'contact_pressures': named(mean, wide),
         'peak_pressures': named(peak, wide),
         'flattened': tuple(names[i] for i in np.flatnonzero(pressed_flat)),
-        'utilisation': named(sections.utilisation),
+        'utilisation': named(sections.used),
         'utilisation_places': named(sections.place),
     }

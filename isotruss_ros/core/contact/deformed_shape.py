@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-from isotruss_ros.core.contact.contact_points import points_on_members
 from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
@@ -22,20 +21,19 @@ def deformed_lines(analysis: GraspAnalysis) -> Points:
 
     :param analysis: analysis of a grasp.
     """
-    structure, touching = analysis.structure, analysis.normal_forces > 0.0
+    structure = analysis.structure
     config = structure.config
     length, ring = config.member_lengths, config.robot.description.module.guide_ring_distance
     between = ring + (length - 2.0 * ring)[:, None] * np.linspace(0.0, 1.0, POINTS_PER_MEMBER)
     places = np.column_stack([np.zeros_like(length), between, length])
     drawn = np.repeat(np.arange(len(places)), places.shape[1])
-    # Points of the lines, then of the forces.
-    member = np.append(drawn, analysis.members[touching])
-    place = np.append(places, analysis.places[touching])
-    points = points_on_members(analysis.solved.points.bent, member, place, 0.0)
-    forces = analysis.normals[touching] @ (1.0, 1.0j) * analysis.normal_forces[touching]
-    push = np.append(np.zeros(places.size), forces)
-    moved = points.points + points.displacements(push)
-    return moved[: places.size].reshape(places.shape)
+    points, contact = analysis.solved.points, analysis.solved.contact
+    moved = points.bent.tangent.displacements + points.move(contact.push)[0]
+    piece, within, _ = structure.locate(drawn, places.ravel())
+    frame, straight = points.bent.frame, structure.frame
+    lines = straight.points[straight.members.start[piece]] + within * straight.axis[piece]
+    lines += frame.interpolate(moved, piece, within)[:, :2] @ (1.0, 1j)
+    return lines.reshape(places.shape)
 
 
 def force_lines(body: ConvexObject, analysis: GraspAnalysis, scale: float) -> Points:

@@ -4,55 +4,53 @@
 """
 Contact of flattening tubes, with points refined to the contact regions.
 
-Forces and lengths of contact converge fast with the spacing of the points, but what friction can
-balance rests on how the pressure is spread within each region: its error falls with the square of
-the number of points in the smallest one. A search with few points finds the regions; the points
-of the answer lie there alone, and close enough.
+Forces and lengths of contact converge fast with the spacing of the points. Closure by friction
+depends on the pressure distribution within each region: its error falls with the square of the
+number of points in the smallest region. A search with few points finds the regions; the points of
+the result are inside them, with a sufficiently small spacing.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import TypeVar
 
 from isotruss_ros.core.contact.contact import estimate_contact
 from isotruss_ros.core.contact.contact_points import (
     ContactPoints,
     ContactState,
     find_contact_points,
-    points_on_members,
 )
 from isotruss_ros.core.contact.flattening import Flattening
 from isotruss_ros.core.contact.grasp_analysis import SolvedContact
 from isotruss_ros.core.contact.surfaces import Surface
 from isotruss_ros.core.errors import SolverError, StructureError
-from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, Flags, Points
-from isotruss_ros.core.statics.bent_tubes import BentTubes, straight_tubes
+from isotruss_ros.core.statics.bent_tubes import BentTubes
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 
-#: Spacing of the search, and room for points to both sides of a region, over that of the answer.
+#: Spacing of the search, and margin of points beyond a region, relative to the final spacing [-].
 SEARCH = 2.0
 #: Smallest number of points of a contact region [-], and divisors of the spacing [-].
 REGION_POINTS = 10
 DIVISIONS = (1, 2, 4)
 #: Largest relative difference of a region's length between a spacing and its half [-].
 LENGTH_SPREAD = 0.02
-#: Regions are found in so many steps, or points are placed wherever tubes are within reach.
+#: Largest number of steps to find the regions [-]; otherwise points are on all tubes within reach.
 MAX_STEPS = 3
 EVERYWHERE = np.array([-np.inf, np.inf])
-#: Points of one region are no farther apart than this. Tubes are cut at places that are so far
-#: apart, and are bent anew from straight ones where these move by more than that. Shares of the
-#: tube's diameter [-].
-ONE_REGION, CUT_LATTICE, SAME_CUT = 0.3, 0.35, 0.45
-#: Tubes are linearised anew until no node moves by more than this [m], at most so often.
-SETTLED_MOTION, MAX_BENDS = 1e-7, 12
-#: Tubes go so much of the way to where forces would bend them: less where they give way there.
+#: Tubes are bent until no node moves by more than this [m], at most so often: the next step would
+#: be a hundredth of it. Their compliance is computed anew where a step is not so much shorter than
+#: the one before [-].
+SETTLED_MOTION, MAX_BENDS, QUICK_SHARE = 6e-7, 12, 0.5
+#: Shares of the bending by the contact forces, tried in turn [-].
 BENT_SHARES = (1.0, 0.5, 0.2, 0.0)
 
-#: Solves (8) at points that meet a surface; to begin with forces and normals if there are any.
+#: Solver of (8) at points that meet a surface, with optional initial forces and normals.
 ContactSolver = Callable[..., ContactState]
+Found = TypeVar('Found')
 
 
 def refine_contact(
@@ -68,15 +66,15 @@ def refine_contact(
     Solve the contact of flattening tubes with points refined at the contact.
 
     :param structure: the frame of the robot.
-    :param surface: of the object.
+    :param surface: surface of the object.
     :param spacing: largest distance of the points [m].
-    :param flattening: how the tubes flatten.
+    :param flattening: local compliance of the tubes.
     :param solver: `solve_contact`, `solve_sliding_contact` or `relax_contact`.
-    :param previous: contact of a similar grasp; a search finds one if None.
-    :param budget: number of points up to which the spacing is divided in any case; if None it is
-        divided where the shortest region needs it.
-    :return: the contact, kept from one spacing before each region of contact to one behind it;
-        without a touch, points of all tubes within reach.
+    :param previous: contact of a similar grasp; None: a search.
+    :param budget: number of points up to which the spacing is divided; None: division by the
+        shortest region.
+    :return: the contact, from one spacing before each contact region to one behind it; without
+        contact, points of all tubes within reach.
     :raises SolverError: the contact problem was not solved.
     """
     search = _Search(structure, surface, spacing, flattening, solver, budget)
@@ -111,9 +109,9 @@ def measure_contact(
     """
     Return a contact with its extent on each member.
 
-    :param contact_points: points that the object could touch.
-    :param contact: where it does.
-    :param count: of members.
+    :param contact_points: candidate contact points.
+    :param contact: the contact.
+    :param count: number of members.
     """
     spacing = contact_points.spacing
     member, place = contact_points.member, contact_points.place
@@ -165,7 +163,9 @@ class _Search:
         within = limited & _touched(regions)
         windows = np.where(within, regions + SEARCH * self.room, EVERYWHERE)
         solved = self._solve_bent(
-            before, lambda bent: self.find(self.spacing / division, windows, begin, bent)
+            before.points,
+            before.contact.push,
+            lambda bent: self.find(self.spacing / division, windows, begin, bent, before),
         )
         found = solved.spans
         # A member whose contact has left its window may be touched elsewhere.
@@ -180,10 +180,12 @@ class _Search:
         windows: Array | None,
         solve: ContactSolver,
         bent: BentTubes | None = None,
+        before: SolvedContact | None = None,
     ) -> SolvedContact:
         """Place points with a spacing, and solve with the surface resolved by them."""
+        known = None if before is None else (before.points, before.contact.push)
         points = find_contact_points(
-            self.structure, self.surface, distance, self.flattening, windows, bent
+            self.structure, self.surface, distance, self.flattening, windows, bent, known
         )
         return self._measure(points, solve(points, self.surface.resolved(distance)))
 
@@ -192,91 +194,45 @@ class _Search:
         return measure_contact(points, contact, count)
 
     def _solve_bent(
-        self,
-        before: SolvedContact,
-        solve: Callable[[BentTubes], SolvedContact],
-        again: bool = False,
-    ) -> SolvedContact:
-        """Solve with tubes as contact forces bend them, or less where they give way at that."""
+        self, points: ContactPoints, push: Points, solve: Callable[[BentTubes], Found]
+    ) -> Found:
+        """Solve with tubes bent by the contact forces, or by a share of them if none is found."""
         for share in BENT_SHARES:
             try:
-                bent = bend_tubes(self.structure, before, self.surface.body, share, again)
-                return solve(bent)
+                return solve(points.bend_on(push, share))
             except (SolverError, StructureError):
                 if share == BENT_SHARES[-1]:
                     raise
         raise AssertionError
 
     def bend(self, found: SolvedContact) -> SolvedContact:
-        """Solve at the same points until the tubes are linearised where they are."""
+        """Solve at these points until the linearisation agrees with the state."""
+        surface, last = self.surface.resolved(found.points.spacing), np.inf
+        points, contact = found.points, found.contact
         for _ in range(MAX_BENDS):
-            points, contact = found.points, found.contact
-            if points.distance(contact.push) <= SETTLED_MOTION:
-                return found
-            surface = self.surface.resolved(points.spacing)
+            distance = points.distance(contact.push)
+            if distance <= SETTLED_MOTION:
+                return found if points is found.points else self._measure(points, contact)
+            quick, last = distance <= QUICK_SHARE * last, distance
 
             def solve(
                 bent: BentTubes,
                 points: ContactPoints = points,
                 contact: ContactState = contact,
-                surface: Surface = surface,
-            ) -> SolvedContact:
-                there = points.about(bent)
-                found = self.solver(there, surface, contact.forces, contact.normals)
-                return self._measure(there, found)
+                quick: bool = quick,
+            ) -> tuple[ContactPoints, ContactState]:
+                quick = quick and points.is_near(bent, points.spacing)
+                there = points.about(bent, contact.push if quick else None)
+                found = contact.forces, contact.normals, contact.push
+                return there, self.solver(there, surface, *found)
 
-            found = self._solve_bent(found, solve, again=True)
+            points, contact = self._solve_bent(points, contact.push, solve)
         names = self.structure.config.robot.member_names
         touched = ', '.join(names[i] for i in np.flatnonzero(_touched(found.spans)))
         raise SolverError(
             f'{touched}: the bent tubes did not settle in {MAX_BENDS} steps; the object is '
             'pressed in too deeply'
         )
-
-
-def bend_tubes(
-    structure: Structure,
-    found: SolvedContact,
-    body: ConvexObject,
-    share: float = 1.0,
-    again: bool = False,
-) -> BentTubes:
-    """
-    Return the tubes linearised about where contact forces bend them, cut where these act.
-
-    :param structure: the frame of the robot from now on.
-    :param found: where the object is touched, and with what force.
-    :param body: the object.
-    :param share: of the way from where the tubes were linearised before [-].
-    :param again: whether they stay cut where they are as long as that is near.
-    """
-    points, contact = found.points, found.contact
-    touching = np.flatnonzero(contact.forces > 0.0)
-    if not len(touching):
-        return straight_tubes(structure)
-    member, place = points.member[touching], points.place[touching]
-    diameter = structure.config.robot.description.tube_diameter
-    apart = (np.diff(member) != 0) | (np.diff(place) > ONE_REGION * diameter)
-    region, forces = np.append(0, np.cumsum(apart)), np.abs(contact.push[touching])
-    middle = np.bincount(region, forces * place) / np.bincount(region, forces)
-    members, known = member[np.searchsorted(region, np.arange(len(middle)))], points.bent
-    # Counted from the middle of the object: whatever the search began with, and whichever end of a
-    # face is deepest by rounding, the cuts are the same.
-    config, topology = structure.config, structure.config.robot.topology
-    start = config.points[topology.b[members]]
-    along = config.points[topology.c[topology.following[members]]] - start
-    axis = along / np.abs(along)
-    foot = ((body.middle - start) * axis.conj()).real
-    pitch = CUT_LATTICE * diameter
-    cuts = foot + pitch * np.round((middle - foot) / pitch)
-    straight = BentTubes(structure, members, np.clip(cuts, 0.0, np.abs(along)))
-    if np.array_equal(known.members, members):
-        if again and np.abs(known.places - middle).max() < pitch:
-            straight = replace(straight, places=known.places)
-        if np.abs(known.places - straight.places).max() < SAME_CUT * diameter:
-            return known.bent_to(points.displace(contact.push, share), straight)
-    there = points_on_members(straight, member, place, points.spacing)
-    return straight.bent_to(there.displace(contact.push[touching], share), straight)
 
 
 def _touched(regions: Array) -> Flags:

@@ -43,6 +43,7 @@ def solve_sliding_contact(
     surface: Surface,
     forces: Array | None = None,
     normals: Points | None = None,
+    push: Points | None = None,
 ) -> ContactState:
     """
     Solve (8) for tubes sliding along their axes.
@@ -51,12 +52,13 @@ def solve_sliding_contact(
     :param surface: surface that the points meet, see `find_contact_points`.
     :param forces: initial forces, see `solve_contact`.
     :param normals: initial normals, see `solve_contact`.
+    :param push: (c,) forces on the tubes in a state near by, x + iy [N]; none if None.
     :raises SolverError: the normals do not converge.
     """
     undeformed = face_tubes(contact_points, surface)
     first = undeformed if normals is None else normals
     active = None if forces is None else forces > 0.0
-    found = _iterate(contact_points, surface, active, first, 0)
+    found = _iterate(contact_points, surface, active, first, 0, push)
     if found is not None:
         return found
     # Full steps may cycle between a few sets of points.
@@ -76,12 +78,18 @@ def _iterate(
     active: Flags | None,
     normals: Points,
     damped_steps: int,
+    pushed: Points | None = None,
 ) -> ContactState | None:
     """Return the contact after damped and full steps; None without convergence."""
     away, axis = contact_points.skin - surface.center, contact_points.axis
     side = np.where((normals * axis.conj()).imag < 0.0, -1.0, 1.0)
     neighbours = _find_neighbours(contact_points)
-    displacements, bent, pushed = np.zeros_like(away), axis, np.zeros_like(away)
+    displacements, bent = np.zeros_like(away), axis
+    if pushed is None:
+        pushed = np.zeros_like(away)
+    else:
+        displacements = contact_points.displacements(pushed)
+        bent = _bend(contact_points, neighbours, displacements, pushed)
     normals, _ = _limit(normals, bent, side)
     still = open_gaps(away, normals, surface)
     settled = False

@@ -273,7 +273,7 @@ class GripBelief:
         slips = hold is HoldStatus.SLIPS and waited
         if due or slips:
             self.attach(config, pressures)
-        return self.grasp.hold(self.largest_friction)
+        return HoldStatus.HELD  # whether it slips is judged by the poses
 
     def observe(self, pose: Pose, age: float) -> None:
         """
@@ -466,7 +466,7 @@ class GripBelief:
         self._pending_forces = np.zeros(2 * len(grasp.anchors))
         places = grasp.state.places
         right = np.zeros((places.size, len(grasp.anchors)))
-        right[places.closure] = np.eye(len(grasp.anchors))
+        right[places.conditions] = np.eye(len(grasp.anchors))
         self._anchored = np.linalg.solve(grasp.tangent, right)
         known, at = self._differentiated, grasp.config.roller_positions
         far = known is None or known.contacts is not grasp.contacts

@@ -30,7 +30,7 @@ from isotruss_ros.core.holding.contact_forces import (
     PressedContacts,
 )
 from isotruss_ros.core.holding.contact_statics import (
-    Closure,
+    ContactConditions,
     ContactStatics,
     MAX_STEPS,
     SOFTNESS,
@@ -145,16 +145,16 @@ def _find_rest(
 ) -> HeldGrip | None:
     """Return the equilibrium at given contacts near the measured pose, if any."""
     body, contacts = statics.body, statics.contacts
-    closure = rest(statics, body)
+    conditions = rest(statics, body)
     found, motion = None, None
     if before is not None and before.tubes[:2] == tubes[:2] and _is_like(before, statics):
         travel = config.roller_positions - before.config.roller_positions
-        found = _solve_nearby(before, travel, statics, wrench, closure)
+        found = _solve_nearby(before, travel, statics, wrench, conditions)
         if found is not None:
             motion = travel, found[1].unknowns - before.state.unknowns
     if found is None:
         start = _search_centered(statics, wrench, steps)
-        found = None if start is None else statics.settle(start, wrench, closure, steps)
+        found = None if start is None else statics.settle(start, wrench, conditions, steps)
     if found is not None and not tubes.paper_model and len(contacts.owners) > len(contacts.ends):
         # How deep a face's ends dent the skin rests on how the tube is bent over them, and on how
         # the object has turned.
@@ -162,7 +162,7 @@ def _find_rest(
         turned = body.moved_to(state.unknowns[:3])
         dents = find_dents(statics.bent.structure, turned, contacts, tubes, state.normals)
         statics = replace(statics, indentation=dents)
-        found = statics.settle(state.unknowns, wrench, closure, steps)
+        found = statics.settle(state.unknowns, wrench, conditions, steps)
     if found is None:
         return None
     statics, state = found
@@ -191,8 +191,8 @@ def _search_centered(statics: ContactStatics, wrench: Array, steps: int) -> Arra
     away = (body.middle - body.center) / body.arm
     moment = wrench[2] - away.real * wrench[1] + away.imag * wrench[0]
     statics = replace(statics, body=centered)
-    start, closure = start_at(statics, centered), rest(statics, centered)
-    state = statics.solve(start, np.append(wrench[:2], moment), closure, steps)
+    start, conditions = start_at(statics, centered), rest(statics, centered)
+    state = statics.solve(start, np.append(wrench[:2], moment), conditions, steps)
     if state is None:
         return None
     found = state.unknowns.copy()
@@ -213,12 +213,18 @@ def _is_like(grip: HeldGrip, statics: ContactStatics) -> bool:
 
 
 def _solve_nearby(
-    grip: HeldGrip, travel: Array, statics: ContactStatics, wrench: Array, closure: Closure
+    grip: HeldGrip,
+    travel: Array,
+    statics: ContactStatics,
+    wrench: Array,
+    conditions: ContactConditions,
 ) -> tuple[ContactStatics, ContactForces] | None:
     """Return the equilibrium near the expected one with alike forces, if any."""
     start, places, known = grip.ahead(travel), grip.state.places, grip.state
-    bent = grip.statics.bent.update(known.loads, known.feet, statics.bent.structure)
-    found = replace(statics, bent=bent).settle(start, wrench, closure, FEW_STEPS)
+    bent, structure = grip.statics.bent, statics.bent.structure
+    if structure is not bent.structure:
+        bent = bent.update(known.loads, known.feet, structure)
+    found = replace(statics, bent=bent).settle(start, wrench, conditions, FEW_STEPS)
     if found is None:
         return None
     moved = np.abs(found[1].unknowns - start)
@@ -239,7 +245,7 @@ def _choices(contacts: PressedContacts) -> list[PressedContacts]:
     return [chosen for _, chosen in sorted(found, key=lambda item: item[0])]
 
 
-def rest(statics: ContactStatics, body: ConvexObject) -> Closure:
+def rest(statics: ContactStatics, body: ConvexObject) -> ContactConditions:
     """
     Return the conditions of unknown contact history, with a pose near the measured one.
 

@@ -67,7 +67,7 @@ class Places(NamedTuple):
     :ivar normal: normal forces.
     :ivar friction: friction forces.
     :ivar balance: rows of the balance fx, fy, m.
-    :ivar closure: rows of friction or rolling, see `ContactConditions`.
+    :ivar conditions: rows of friction or rolling, see `ContactConditions`.
     :ivar size: number of unknowns.
     """
 
@@ -76,7 +76,7 @@ class Places(NamedTuple):
     normal: slice
     friction: slice
     balance: slice
-    closure: slice
+    conditions: slice
     size: int
 
     @classmethod

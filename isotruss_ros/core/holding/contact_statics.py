@@ -45,6 +45,8 @@ from scipy.linalg import lapack
 #: Tolerances of balance, relative to the squeeze [-], and of touch [m].
 FORCE_TOLERANCE, LENGTH_TOLERANCE = 1e-10, 1e-11
 MAX_STEPS = 40
+#: Factor on these as long as tubes are linearised anew [-].
+COARSE = 1e4
 #: Largest motion in a step relative to the object's size [-] ...
 MAX_MOVE = 0.5
 #: ... and largest change of the inclination of a tube in a step, and largest inclination [rad]. A
@@ -53,7 +55,7 @@ MAX_TURN, MAX_INCLINATION = 0.2, 0.5
 #: Compliance that scales forces to lengths, for one tolerance of both [m/N].
 SOFTNESS = 1e-4
 #: Conditions of friction or rolling: residual (k,) and derivative (k, 3 + 4k) in a state.
-Closure = Callable[[Array, Points], tuple[Array, Array]]
+ContactConditions = Callable[[Array, Points], tuple[Array, Array]]
 
 
 class TubeModel(NamedTuple):
@@ -168,7 +170,7 @@ class ContactStatics:
         return pushes, jacobian
 
     def equations(
-        self, unknowns: Array, wrench: Array, closure: Closure
+        self, unknowns: Array, wrench: Array, conditions: ContactConditions
     ) -> tuple[Array, ContactForces]:
         """
         Return the residual (3 + 4k,), and the state with its Jacobian.
@@ -178,7 +180,7 @@ class ContactStatics:
 
         :param unknowns: unknowns (3 + 4k,), see `ContactForces`.
         :param wrench: (fx, fy, m / arm) on the object [N].
-        :param closure: conditions of friction or rolling.
+        :param conditions: conditions of friction or rolling.
         """
         places, count, arm = self.places, len(self.sides), self.body.arm
         axis, moment = self.bent.axis, places.balance.start + 2
@@ -221,7 +223,7 @@ class ContactStatics:
         residual[places.balance] += wrench
         jacobian[moment, places.inclinations] += radii * unknowns[places.normal] / arm
         jacobian[moment, ANGLE] = -np.vdot(swung, force).imag / arm  # type: ignore[operator]
-        residual[places.closure], jacobian[places.closure] = closure(unknowns, normals)
+        residual[places.conditions], jacobian[places.conditions] = conditions(unknowns, normals)
         return residual, ContactForces(unknowns, normals, loads, jacobian)
 
     def rolling_rows(self, unknowns: Array, normals: Points) -> Array:
@@ -242,38 +244,46 @@ class ContactStatics:
 
     def anchors(self, unknowns: Array, normals: Points, travel: Array, angles: Array) -> Array:
         """
-        Return what stays as it is while the contacts roll, (k,) [m].
+        Return the rolling invariants of the contacts, (k,) [m].
 
             A_i = kappa_i (s_i - phi_i) - arc(arg nu_i - theta)
 
-        :param unknowns: see `ContactForces`.
-        :param normals: (k,) from the object toward the tubes.
-        :param travel: (k,) phi_i of the modules at the members' starts [m].
-        :param angles: (k,) of the normals in the object's frame before, not wrapped [rad].
+        :param unknowns: unknowns (3 + 4k,), see `ContactForces`.
+        :param normals: (k,) unit normals from the object toward the tubes.
+        :param travel: (k,) travel phi_i of the tubes at the members' starts [m].
+        :param angles: (k,) previous unwrapped angles of the normals in the object's frame [rad].
         """
         found = unwrapped(unknowns, normals, angles)
         arcs = self.body.shape.unroll(found, self.contacts.corners)
         return -self.sides * (unknowns[self.places.feet] - travel) - arcs
 
     def solve(
-        self, start: Array, wrench: Array, closure: Closure, steps: int = MAX_STEPS
+        self,
+        start: Array,
+        wrench: Array,
+        conditions: ContactConditions,
+        steps: int = MAX_STEPS,
+        coarse: float = 1.0,
     ) -> ContactForces | None:
         """
         Return the equilibrium near a start (Newton's method), or None if it is not found.
 
-        :param start: (3 + 4k,) unknowns to begin with.
+        :param start: (3 + 4k,) initial unknowns.
         :param wrench: (fx, fy, m / arm) on the object [N].
-        :param closure: what settles the equations that statics leaves open.
-        :param steps: most states that are looked at.
+        :param conditions: conditions of friction or rolling.
+        :param steps: largest number of Newton steps.
+        :param coarse: factor on the tolerances [-].
         """
         places, unknowns = self.places, start.copy()
         longest = np.full(places.size, MAX_MOVE * self.body.arm)
         longest[ANGLE] = longest[places.inclinations] = MAX_TURN
         longest[places.normal] = longest[places.friction] = np.inf
-        least = np.full(places.size, LENGTH_TOLERANCE)
+        least = np.full(places.size, coarse * LENGTH_TOLERANCE)
         for _ in range(steps):
-            residual, state = self.equations(unknowns, wrench, closure)
-            least[places.balance] = FORCE_TOLERANCE * np.abs(unknowns[places.normal]).sum()
+            residual, state = self.equations(unknowns, wrench, conditions)
+            least[places.balance] = (
+                coarse * FORCE_TOLERANCE * np.abs(unknowns[places.normal]).sum()
+            )
             # What is no number is no solution either.
             if (np.abs(residual) <= least).all():
                 folded = np.abs(unknowns[places.inclinations]).max() > MAX_INCLINATION
@@ -290,27 +300,29 @@ class ContactStatics:
         self,
         start: Array,
         wrench: Array,
-        closure: Closure,
+        conditions: ContactConditions,
         steps: int = MAX_STEPS,
         reach: float = SETTLED_MOTION,
     ) -> tuple[ContactStatics, ContactForces] | None:
         """
         Return the equilibrium near a start, and the equations with the tubes bent there.
 
-        :param start: (3 + 4k,) unknowns to begin with.
+        :param start: (3 + 4k,) initial unknowns.
         :param wrench: (fx, fy, m / arm) on the object [N].
-        :param closure: what settles the equations that statics leaves open.
-        :param steps: most states that are looked at, each time that tubes have bent.
-        :param reach: tubes are not linearised anew where nodes move by less than this [m].
-        :return: None if it is not found.
+        :param conditions: conditions of friction or rolling.
+        :param steps: largest number of Newton steps for each linearisation.
+        :param reach: largest node motion without a new linearisation [m].
+        :return: the equilibrium and the equations; None if not found.
         """
-        statics, unknowns = self, start
+        statics, unknowns, coarse = self, start, COARSE if reach == SETTLED_MOTION else 1.0
         for _ in range(MAX_BENDS):
-            state = statics.solve(unknowns, wrench, closure, steps)
+            state = statics.solve(unknowns, wrench, conditions, steps, coarse)
             if state is None:
                 return None
             if statics.bent.distance(state.loads, state.feet) <= reach:
-                return statics, state
+                if coarse > 1.0:
+                    state = statics.solve(state.unknowns, wrench, conditions, steps)
+                return None if state is None else (statics, state)
             bent = statics.bent.update(state.loads, state.feet)
             statics, unknowns = replace(statics, bent=bent), state.unknowns
         return None
@@ -320,8 +332,8 @@ def unwrapped(unknowns: Array, normals: Points, angles: Array) -> Array:
     """
     Return the angles of normals in the object's frame, within half a turn of others, (k,) [rad].
 
-    :param unknowns: see `ContactForces`.
-    :param normals: (k,) from the object toward the tubes.
+    :param unknowns: unknowns (3 + 4k,), see `ContactForces`.
+    :param normals: (k,) unit normals from the object toward the tubes.
     :param angles: (k,) others, not wrapped [rad].
     """
     own = normals * np.exp(-1j * unknowns[ANGLE])

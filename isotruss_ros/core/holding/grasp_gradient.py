@@ -237,7 +237,9 @@ def _equation_changes(grip: HeldGrip, tubes: LoadedTubes, change: Array, moved: 
     body = grip.body.moved_to(unknowns[:3])
     tubes = tubes.at(replace(grip, statics=statics, state=there, body=body))
     left = tubes.equation_rates()
-    left[places.closure] = there.jacobian[places.closure][:, places.inclinations] @ tubes.spins
+    left[places.conditions] = (
+        there.jacobian[places.conditions][:, places.inclinations] @ tubes.spins
+    )
     return there.jacobian @ change + left
 
 

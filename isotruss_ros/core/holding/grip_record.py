@@ -75,10 +75,10 @@ class GripRecord(NamedTuple):
         loads = statics.loads(self.unknowns)
         bent = statics.bent.bend(loads, self.unknowns[statics.places.feet])
         statics = replace(statics, bent=bent)
-        closure = stick(statics, anchors, travel, angles, NOTHING)
-        residual, _ = statics.equations(self.unknowns, np.zeros(3), closure)
+        conditions = stick(statics, anchors, travel, angles, NOTHING)
+        residual, _ = statics.equations(self.unknowns, np.zeros(3), conditions)
         # Dents are those of where contacts began: what they differ by stays, and so do the forces.
         statics = replace(statics, given=-residual[: 3 * len(angles)].reshape(-1, 3))
-        _, state = statics.equations(self.unknowns, np.zeros(3), closure)
+        _, state = statics.equations(self.unknowns, np.zeros(3), conditions)
         held = HeldGrip(there, body, anchors, angles, statics, state, np.zeros(3), tubes)
         return roll_grip(held, config, external_wrench)

@@ -65,10 +65,10 @@ def held_gradient(grip: HeldGrip) -> HeldGradient:
     left = tubes.equation_rates()
     # What stays as contacts roll, see `stick`: normals turn with the members.
     rolling = statics.rolling_rows(state.unknowns, state.normals)
-    left[places.closure] = rolling[:, places.inclinations] @ tubes.spins
+    left[places.conditions] = rolling[:, places.inclinations] @ tubes.spins
     travel = travel_rates(config, grip.contacts.members)
-    left[places.closure, :rollers] += statics.sides[:, None] * travel
-    left[places.closure, anchors] -= np.eye(count)
+    left[places.conditions, :rollers] += statics.sides[:, None] * travel
+    left[places.conditions, anchors] -= np.eye(count)
     change = -np.linalg.solve(grip.tangent, left)
     by_state = tubes.joints(tubes.respond(tubes.contact_rates(change)))
     members = np.eye(len(grip.members))[grip.contacts.owners].T

@@ -272,7 +272,7 @@ class HeldGrip:
     def tangent(self) -> Array:
         """Return the Jacobian of the equations with sticking contacts, (3 + 4k, 3 + 4k)."""
         state, tangent = self.state, self.state.jacobian.copy()
-        tangent[state.places.closure] = self.statics.rolling_rows(state.unknowns, state.normals)
+        tangent[state.places.conditions] = self.statics.rolling_rows(state.unknowns, state.normals)
         return tangent
 
     @functools.cached_property

@@ -188,7 +188,7 @@ class LoadedTubes:
         wrench = self._chosen[self._parameters.wrench] / np.array([[1.0], [1.0], [grip.arm]])
         # The closure depends on the normals, and on how far the pose is from where it was set; the
         # middle, which counts, has turned about the origin since.
-        closing, measured = state.jacobian[places.closure], statics.body
+        closing, measured = state.jacobian[places.conditions], statics.body
         closure = closing[:, places.inclinations] @ spins
         place = self._chosen[self._parameters.place]
         still = measured.middle - measured.center - (body.middle - body.center)
@@ -225,7 +225,7 @@ class LoadedTubes:
         give = give / axis - contacts.feet
         slope = bent.inclination_changes(by_loads + by_places.nodes) + by_places.inclined
         slope += inclined - self.spins
-        changed, _ = frame.force_changes(tangent, np.arange(len(frame.length)), nodes)
+        changed, _ = frame.force_changes(tangent, nodes)
         share = bent.share
         return TubeRates(give / share, slope / share, nodes, changed + rates + by_places.forces)
 

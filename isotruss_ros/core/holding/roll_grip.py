@@ -21,7 +21,7 @@ from isotruss_ros.core.holding.build_statics import (
 )
 from isotruss_ros.core.holding.contact_forces import PressedContacts
 from isotruss_ros.core.holding.contact_statics import (
-    Closure,
+    ContactConditions,
     ContactStatics,
     SOFTNESS,
     unwrapped,
@@ -105,10 +105,10 @@ def roll_contacts(
         normals = grip.body.turn * np.exp(1j * angles)
         statics = build_statics(config, grip.body, contacts, grip.tubes, normals)
         start = kept = start_at(statics, grip.body)
-    closure, reach = stick(statics, anchors, travel, angles, fresh), FOLLOWED_MOTION
-    settled = statics.settle(start, wrench, closure, STEPS, reach)
+    conditions, reach = stick(statics, anchors, travel, angles, fresh), FOLLOWED_MOTION
+    settled = statics.settle(start, wrench, conditions, STEPS, reach)
     if settled is None and start is not kept:
-        settled = statics.settle(kept, wrench, closure, STEPS, reach)
+        settled = statics.settle(kept, wrench, conditions, STEPS, reach)
     if settled is None:
         return None
     statics, state = settled
@@ -131,7 +131,7 @@ def roll_contacts(
 
 def stick(
     statics: ContactStatics, anchors: Array, travel: Array, angles: Array, free: Indices
-) -> Closure:
+) -> ContactConditions:
     """
     Return the conditions of rolling without slip, (17) integrated.
 

@@ -120,6 +120,29 @@ def factorize_with_condition(matrix: Array | csc_matrix) -> tuple[Factor | None,
     return factor, condition if np.isfinite(condition) else float('inf')
 
 
+#: Matrices of fewer rows than this are inverted together.
+FEW_ROWS = 13
+
+
+def invert_symmetric(matrices: Array) -> Array:
+    """
+    Return the inverses of symmetric matrices.
+
+    :param matrices: (b, n, n), most often positive definite, not singular.
+    """
+    if matrices.shape[1] < FEW_ROWS:
+        return np.linalg.inv(matrices)
+    found = np.empty_like(matrices)
+    for i, matrix in enumerate(matrices):
+        factor, indefinite = lapack.dpotrf(matrix, lower=True)
+        if indefinite:
+            found[i] = np.linalg.inv(matrix)
+            continue
+        lower, _ = lapack.dpotri(factor, lower=True, overwrite_c=True)
+        found[i] = lower + np.tril(lower, -1).T
+    return found
+
+
 #: Diagonal regularisation of constraint rows for the count of pivots, relative to the matrix [-].
 CONSTRAINT_REGULARIZATION = 1e-7
 

@@ -4,8 +4,8 @@
 """
 Planar beam-columns: the stiffness (2) of a straight member, with terms in the axial force.
 
-Of a member with the chord l, its ends turned by t = (t1, t2) against the chord, and the rest
-length l0, the axial force N makes the energy stationary,
+For a member with chord l, end rotations t = (t1, t2) against the chord, and rest length l0, the
+axial force N makes the energy stationary,
 
     U = N (l - l0) - N^2 l0 / (2 EA) + 1/4 (Ks (t1 + t2)^2 + Ka (t1 - t2)^2),
     Ks = 6 EI / l0 / (1 + phi - y/15 + 2 y^2/315),   Ka = 2 EI / l0 (1 + y/3 - y^2/45),
@@ -13,8 +13,8 @@ length l0, the axial force N makes the energy stationary,
 
 the stability functions of a Timoshenko beam (Przemieniecki, Theory of Matrix Structural Analysis,
 chapter 15), expanded to N^2. For N = 0 this is (2). The term in N is the shortening of the chord
-by bending, and the stiffness of a pulled string. A pinned end bears no moment: its turn is
-condensed.
+by bending, and the stiffness of a pulled string. The rotation of a pinned end
+is condensed.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from typing import NamedTuple
 from isotruss_ros.core.numerics.arrays import Array, Flags
 import numpy as np
 
-#: Along and across a chord, and the turns of its ends, by the displacements of these.
+#: Motions along and across a chord and rotations of its ends, by the displacements of the ends.
 CHORD = np.array(
     [[-1, 0, 0, 1, 0, 0], [0, -1, 0, 0, 1, 0], [0, 0, 1, 0, 0, 0], [0, 0, 0, 0, 0, 1]], dtype=float
 )
 
 
-#: Of a derivative along the imaginary axis.
+#: Step of complex-step derivatives.
 STEP = 1e-30
 
 
@@ -38,9 +38,9 @@ class EndForces(NamedTuple):
     """
     Forces of k bent members, with derivatives by l, t1 and t2.
 
-    :ivar pull: (k,) N [N].
-    :ivar moments: (k, 2) at start and end [N m].
-    :ivar stiffness: (k, 3, 3) of (N, M1, M2) by (l, t1, t2).
+    :ivar pull: (k,) axial forces N [N].
+    :ivar moments: (k, 2) moments at start and end [N m].
+    :ivar stiffness: (k, 3, 3) derivatives of (N, M1, M2) by (l, t1, t2).
     :ivar stressed: (k,) N, and (k,) M1 + M2, that act on the turned chord: before the step of
         Newton's method that makes the energy stationary in N as well.
     :ivar rates: (k, 3) derivatives of N, M1 and M2 by the rest lengths, the ends fixed; None
@@ -60,8 +60,8 @@ class BeamColumns:
 
     :ivar length: (k,) rest lengths l0 [m].
     :ivar stretch: (k,) l0 / EA [m/N].
-    :ivar rotary: (3, k, 2, 2) moments of the ends by their turns, by powers of N.
-    :param length: (k,) [m].
+    :ivar rotary: (3, 3, k) of M1 by t1, of M1 by t2 and of M2 by t2, by powers of N.
+    :param length: (k,) lengths [m].
     :param axial: (k,) EA [N].
     :param flexural: (k,) EI [N m^2]; zero for a bar.
     :param shear: (k,) GA [N], infinite for no shear deformation.
@@ -88,54 +88,51 @@ class BeamColumns:
         bend = np.where(bar, 1.0, flexural) / length
         slide, arm = 1.0 / shear, 0.25 * length / bend
         phi = 12.0 * bend * slide / length
-        skew = 1.0 + phi, -arm / 15.0, arm * (slide / 15.0 + 2.0 * arm / 315.0)
-        sway = 6.0 * bend * _reciprocal(*skew)
-        bow = (
-            2.0
-            * bend
-            * np.array([np.ones_like(arm), arm / 3.0, -arm * (slide / 3.0 + arm / 45.0)])
-        )
-        one_pin = 2.0 * _reciprocal(*(_reciprocal(*sway) + _reciprocal(*bow)))
-        own = np.where(pinned_start | pinned_end, one_pin, 0.5 * (sway + bow))
-        own = np.where(bar, 0.0, own)
-        both = np.where(bar | pinned_start | pinned_end, 0.0, 0.5 * (sway - bow))
-        self.rotary = np.stack(
-            [np.where(pinned_start, 0.0, own), both, both, np.where(pinned_end, 0.0, own)], axis=-1
-        ).reshape(3, -1, 2, 2)
+        third = arm / 3.0
+        skew = np.array([1.0 + phi, -0.2 * third, third * (0.2 * slide + 2.0 * arm / 105.0)])
+        bow = np.array([np.ones_like(arm), third, -arm * (slide / 3.0 + arm / 45.0)])
+        sway, bow_back = 3.0 * _reciprocal(skew), _reciprocal(bow)
+        # Of a pinned end the turn is condensed.
+        pinned = pinned_start | pinned_end
+        one_pin = 2.0 * _reciprocal(skew / 6.0 + 0.5 * bow_back)
+        own = bend * np.where(pinned, one_pin, sway + bow)
+        free = ~bar
+        shares = free & ~pinned_start, free & ~pinned, free & ~pinned_end
+        self.rotary = np.stack([own, bend * (sway - bow), own], axis=1) * np.array(shares)
 
     def evaluate(self, longer: Array, turns: Array, known: Array | None = None) -> EndForces:
         """
         Return the forces of bent members.
 
         :param longer: (k,) l - l0 [m].
-        :param turns: (k, 2) of the ends against the chord [rad].
-        :param known: (k,) N about which they are linearised; that at which the energy is
-            stationary if None. Short steps of stiff members make N err by much, so that Newton's
-            method is quicker in N, too.
+        :param turns: (k, 2) rotations of the ends against the chord [rad].
+        :param known: (k,) axial forces N of the linearisation; None: those of stationary energy. N
+            of stiff members has large errors in short steps, so N is an unknown of Newton's
+            method.
         """
-        longer = longer - self._step
-        by_power = (self.rotary @ turns[:, :, None])[..., 0]
-        straight, first, second = by_power
-        _, bowed, hardened = (by_power * turns).sum(axis=-1)
-        give = self.stretch - hardened
-        pull = (longer + 0.5 * bowed) / give if known is None else known
-        moments = straight + pull[:, None] * (first + pull[:, None] * second)
-        slope = first + 2.0 * pull[:, None] * second
-        stiffness = np.empty((len(pull), 3, 3), dtype=give.dtype)
-        stiffness[:, 0, 0] = 1.0 / give
-        stiffness[:, 0, 1:] = stiffness[:, 1:, 0] = slope / give[:, None]
-        power = pull[:, None, None]
-        stiffness[:, 1:, 1:] = self.rotary[0] + power * (self.rotary[1] + power * self.rotary[2])
-        stiffness[:, 1:, 1:] += slope[:, :, None] * stiffness[:, :1, 1:]
-        stressed = pull, moments.sum(axis=1)
+        longer, rotary, turns = longer - self._step, self.rotary, turns.T
+        straight, first, second = by_power = rotary[:, :2] * turns[0] + rotary[:, 1:] * turns[1]
+        _, bowed, hardened = (by_power * turns).sum(axis=1)
+        soft = 1.0 / (self.stretch - hardened)
+        nearest = (longer + 0.5 * bowed) * soft
+        pull = nearest if known is None else known
+        bent = pull * second
+        moments, slope = straight + pull * (first + bent), first + 2.0 * bent
+        steep = slope * soft
+        stiffness = np.empty((3, 3, len(pull)), dtype=soft.dtype)
+        stiffness[0, 0] = soft
+        stiffness[0, 1:] = stiffness[1:, 0] = steep
+        turning = rotary[0] + pull * (rotary[1] + pull * rotary[2])
+        stiffness[1, 1:], stiffness[2, 1:] = turning[:2], turning[1:]
+        stiffness[1:, 1:] += slope[:, None] * steep
+        stressed = pull, moments.sum(axis=0)
         if known is not None:
-            missing = (longer + 0.5 * bowed) / give - pull
-            pull, moments = pull + missing, moments + slope * missing[:, None]
+            pull, moments = nearest, moments + slope * (nearest - pull)
         if not self._step:
-            return EndForces(pull, moments, stiffness, stressed)
-        rates = np.column_stack([pull, moments]).imag / STEP
-        real = pull.real, moments.real, stiffness.real, tuple(each.real for each in stressed)
-        return EndForces(*real, rates)
+            return EndForces(pull, moments.T, stiffness.T, stressed)
+        rates = np.array([pull, *moments]).imag / STEP
+        real = pull.real, moments.T.real, stiffness.T.real, tuple(each.real for each in stressed)
+        return EndForces(*real, rates.T)
 
 
 def evaluate_rates(
@@ -146,14 +143,14 @@ def evaluate_rates(
     chord: Array,
 ) -> Array:
     """
-    Return how the forces (N, M1, M2) of members change while their ends stay, (k, 3).
+    Return the changes of the forces (N, M1, M2) of members with fixed ends, (k, 3).
 
-    Derivatives along the imaginary axis, which have no rounding of differences.
+    Complex-step derivatives, without rounding of differences.
 
     :param values: (k,) each: l0 [m], EA [N], EI [N m^2], GA [N].
-    :param pins: (k,) whether starts, and ends, transmit no moment.
-    :param changes: (4, k) of these values.
-    :param turns: (k, 2) of the ends against the chord [rad].
+    :param pins: (k,) masks of pinned starts and ends.
+    :param changes: (4, k) changes of these values.
+    :param turns: (k, 2) rotations of the ends against the chord [rad].
     :param chord: (k,) l - l0 [m].
     """
     length, axial, flexural, shear = (
@@ -164,22 +161,19 @@ def evaluate_rates(
     return np.column_stack([found.pull, found.moments]).imag / STEP
 
 
-def _reciprocal(constant: Array, first: Array, second: Array) -> Array:
-    """Return the first three terms (3, k) of the reciprocal of a power series."""
-    return np.array(
-        [
-            1.0 / constant,
-            -first / constant**2,
-            (first**2 - constant * second) / constant**3,
-        ]
-    )
+def _reciprocal(series: Array) -> Array:
+    """Return the first three terms (3, k) of the reciprocal of a power series (3, k)."""
+    constant, first, second = series
+    whole = 1.0 / constant
+    linear = -first * whole**2
+    return np.array([whole, linear, -(second * whole + first * linear) * whole])
 
 
 def chord_stiffness(length: Array, forces: EndForces) -> Array:
     """
-    Return the stiffness (k, 6, 6) of bent members along and across their chords.
+    Return the stiffness (k, 4, 4) of bent members by stretch and sway of chords and turns.
 
-    :param length: (k,) of the chords [m].
+    :param length: (k,) lengths of the chords [m].
     :param forces: of the members.
     """
     # By stretch, sway across and turns: t = theta - sway / l.
@@ -192,7 +186,7 @@ def chord_stiffness(length: Array, forces: EndForces) -> Array:
     core[:, 0, 1] += twist
     core[:, 1, 0] += twist
     core[:, 1, 1] += pull / length
-    return CHORD.T @ core @ CHORD
+    return core
 
 
 def local_stiffness(
@@ -205,7 +199,7 @@ def local_stiffness(
     """
     Return (2): stiffness matrices in the members' own frames (x from start to end).
 
-    :param length: (k,) [m].
+    :param length: (k,) lengths [m].
     :param axial: (k,) EA [N].
     :param flexural: (k,) EI [N m^2].
     :param shear: (k,) GA [N], infinite for no shear deformation.
@@ -216,4 +210,5 @@ def local_stiffness(
     fixed = np.zeros(np.shape(length), dtype=bool)
     columns = BeamColumns(length, axial, flexural, shear, *(pins or (fixed, fixed)))
     straight = np.zeros(np.shape(length))
-    return chord_stiffness(length, columns.evaluate(straight, np.stack([straight] * 2, axis=1)))
+    core = chord_stiffness(length, columns.evaluate(straight, np.stack([straight] * 2, axis=1)))
+    return CHORD.T @ core @ CHORD

@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-How tubes give at some places: the frame cut there, linearised about its bent state.
+Compliance of tubes at places: the frame cut there, linearised about its bent state.
 
-A place that moves along its member makes the part before it longer and the one behind it shorter;
-nothing else changes. So the response of the places is affine in loads and places, and the loads
-beside them do no more than move it.
+Motion of a place along its member lengthens the part before it and shortens the part behind it,
+without other changes. So the response of the places is affine in loads and places, and other loads
+shift it by a constant.
 """
 
 from __future__ import annotations
@@ -18,19 +18,19 @@ from typing import NamedTuple
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.statics.cut_frame import CutFrame, keep_apart
-from isotruss_ros.core.statics.frame import Frame, Tangent
+from isotruss_ros.core.statics.frame import end_forces, Frame, Tangent
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 
-#: The paper's model is the bent one under so small a share of the loads [-]: a third of it leaves
-#: rounding of 1e-9, three times of it as much of what is not linear.
+#: Share of the loads under which the bent model is the paper's [-]: a third of it has rounding of
+#: 1e-9, three times of it a nonlinear part of this size.
 LINEAR_SHARE = 1e-6
-#: Tubes are linearised anew until no node moves by more than this [m]; where a motion is
-#: followed, until none moves by more than that, which leaves less than 1e-7 m.
+#: Tubes are linearised anew until no node moves by more than this [m]: the error left is 15 /m
+#: times its square. Where a motion is followed, until none moves by more than that.
 SETTLED_MOTION, FOLLOWED_MOTION = 1e-9, 1e-4
-#: Tubes are linearised anew so often at most.
+#: Largest number of linearisations [-].
 MAX_BENDS = 8
-#: Motions of places count that much less than those of nodes [-]: by the moments in tubes.
+#: Weight of motions of places against those of nodes, by the moments in tubes [-].
 PLACE_SHARE = 0.2
 #: Cuts are no nearer to each other and to the ends of their piece of tube than this [m].
 SHORTEST_PART = 1e-3
@@ -38,12 +38,12 @@ SHORTEST_PART = 1e-3
 
 class Displaced(NamedTuple):
     """
-    Where a frame is, to begin with in another one.
+    State of a bent frame, initial guess for another one.
 
-    :ivar displacements: (n, 3) ux, uy [m], theta [rad].
-    :ivar multipliers: (c,) of the constraints.
-    :ivar loads: (k, 3) that it bears at the places, see `BentTubes`.
-    :ivar pull: (c,) axial forces of its members [N].
+    :ivar displacements: (n, 3) displacements ux, uy [m], theta [rad].
+    :ivar multipliers: (c,) multipliers of the constraints.
+    :ivar loads: (k, 3) loads at the places, see `BentTubes`.
+    :ivar pull: (c,) axial forces of the members [N].
     """
 
     displacements: Array
@@ -54,11 +54,11 @@ class Displaced(NamedTuple):
 
 class PlaceChanges(NamedTuple):
     """
-    What moves places along their members does in p cases, loads staying.
+    Changes by motion of the places along their members at constant loads, in p cases.
 
-    :ivar nodes: (n, 3, p) where nodes go [m, rad].
-    :ivar inclined: (k, p) inclinations at the places, nodes where they are [rad].
-    :ivar forces: (c, 3, p) N, M1 and M2 of the members, likewise [N], [N m].
+    :ivar nodes: (n, 3, p) motion of the nodes [m, rad].
+    :ivar inclined: (k, p) inclinations at the places with fixed nodes [rad].
+    :ivar forces: (c, 3, p) forces N, M1 and M2 of the members with fixed nodes [N], [N m].
     """
 
     nodes: Array
@@ -68,9 +68,9 @@ class PlaceChanges(NamedTuple):
 
 def straight_tubes(structure: Structure) -> BentTubes:
     """
-    Return the tubes of a robot without loads, cut nowhere.
+    Return the unloaded tubes of a robot without cuts.
 
-    :param structure: the robot's frame.
+    :param structure: frame of the robot.
     """
     return BentTubes(structure, np.zeros(0, dtype=np.intp), np.zeros(0))
 
@@ -82,15 +82,15 @@ class BentTubes:
 
     Loads are forces along and across the straight member and a moment (f_along, f_across, m) [N],
     [N m]; responses are displacements along and across it, and the inclination of the bent centre
-    line, the mean of both sides where a force puts a kink into it [m], [rad].
+    line, the mean of both sides at a kink by a force [m], [rad].
 
-    :ivar structure: the robot's frame.
-    :ivar members: (k,) the members, numbered as in `Robot.member_names`; one that has two places
-        is there twice.
-    :ivar places: (k,) where the frame is cut, from the members' starts [m].
-    :ivar stiffness: of the structure against that of the model [-].
-    :ivar linear: whether it is linear about straight tubes, as in the paper.
-    :ivar before: where the frame was; without loads if None.
+    :ivar structure: frame of the robot.
+    :ivar members: (k,) indices of the members in `Robot.member_names`; repeated for two places.
+    :ivar places: (k,) distances of the cuts from the members' starts [m].
+    :ivar stiffness: stiffness of the structure relative to the model [-].
+    :ivar linear: linear about straight tubes, as in the paper.
+    :ivar before: state of the linearisation; None: without loads.
+    :ivar shortest: smallest distance of the cuts from the ends of pieces of tube [m].
     """
 
     structure: Structure
@@ -99,10 +99,11 @@ class BentTubes:
     stiffness: float = 1.0
     linear: bool = False
     before: Displaced | None = None
+    shortest: float = SHORTEST_PART
 
     @cached_property
     def start(self) -> Points:
-        """Return the pinch points at which the members begin, (k,) x + iy [m]."""
+        """Return the pinch points at the starts of the members, (k,) x + iy [m]."""
         config = self.structure.config
         return config.points[config.robot.topology.b[self.members]]
 
@@ -120,29 +121,55 @@ class BentTubes:
 
     @cached_property
     def _cut(self) -> tuple[Frame, Array, Array]:
-        """Return the frame, (k,) which way its pieces run, and where it is cut [m]."""
+        """Return the frame, the directions (k,) of its pieces, and its cuts [m]."""
         frame = self.structure.frame
         if not len(self.members):
             return frame, self.places, self.places
         pieces, within, ahead = self.structure.locate(self.members, self.places)
-        inside = keep_apart(pieces, within, frame.length[pieces], SHORTEST_PART)
+        inside = keep_apart(pieces, within, frame.length[pieces], self.shortest)
         return CutFrame(frame, pieces, inside), ahead, self.places + ahead * (inside - within)
 
-    def bent_to(self, before: Displaced, others: BentTubes) -> BentTubes:
+    def bent_to(self, before: Displaced | None) -> BentTubes:
         """
-        Return tubes linearised about another state, with this frame where they are cut alike.
+        Return these tubes, linearised about another state.
 
-        :param before: the state.
-        :param others: the tubes, with the places where they are cut.
+        :param before: the state; None without loads.
         """
-        found = replace(others, before=before)
-        if others.structure is self.structure and np.array_equal(others.places, self.places):
-            found.__dict__['_cut'] = self._cut
+        found = replace(self, before=before)
+        found.__dict__['_cut'] = self._cut
         return found
+
+    def bent_like(self, others: BentTubes) -> BentTubes:
+        """
+        Return these tubes, linearised about the state of a similar robot.
+
+        :param others: the other tubes.
+        """
+        if others.before is None:
+            return self
+        displacements, multipliers, _, pull = others.before
+        frame, known = self.frame, others.frame
+        whole, nodes = frame.whole, displacements[: len(frame.points) - len(frame.nodes)]
+        longer = (others.structure.frame.length / self.structure.frame.length)[whole]
+        inner, middles = longer * frame.begins, longer * (frame.begins + 0.5 * frame.length)
+        own = known.interpolate(displacements, whole[frame.behind], inner[frame.behind])
+        part, _ = known.locate(whole, middles)
+        displaced = np.append(nodes, own, axis=0), multipliers, np.zeros((len(own), 3)), pull[part]
+        return self.bent_to(Displaced(*displaced))
+
+    @property
+    def ahead(self) -> Array:
+        """Return 1 for pieces of tube along their member, -1 for backward ones, (k,)."""
+        return self._cut[1]
+
+    @property
+    def cuts(self) -> Array:
+        """Return the distances of the cuts from the members' starts, (k,) [m]."""
+        return self._cut[2]
 
     @property
     def is_straight(self) -> bool:
-        """Return whether they are linearised without loads."""
+        """Return whether the tubes are linearised without loads."""
         return self.before is None
 
     @property
@@ -152,9 +179,9 @@ class BentTubes:
 
     def locate(self, members: Indices, places: Array) -> tuple[Indices, Array, Array]:
         """
-        Return the members of the cut frame that places are on, see `Structure.locate`.
+        Return the members of the cut frame at places, see `Structure.locate`.
 
-        :param members: (c,) numbers of the members.
+        :param members: (c,) indices of the members.
         :param places: (c,) distances from the members' starts [m].
         """
         piece, within, ahead = self.structure.locate(members, places)
@@ -162,7 +189,7 @@ class BentTubes:
 
     @cached_property
     def share(self) -> float:
-        """Return what share of the responses the frame has."""
+        """Return the share of the frame in the responses."""
         return LINEAR_SHARE if self.linear else 1.0
 
     @cached_property
@@ -186,7 +213,7 @@ class BentTubes:
 
     @cached_property
     def _changes(self) -> tuple[Array, Array]:
-        """Return what unit loads (3 k), places (k) and what is not in balance move (n, 3, p)."""
+        """Return the displacements (n, 3, p) by unit loads (3 k), places (k) and residual."""
         tangent, count = self.tangent, len(self.members)
         units = self._spread(np.eye(3 * count).reshape(count, 3, -1))
         known = np.zeros((count, 3)) if self.before is None else self.before.loads
@@ -199,7 +226,7 @@ class BentTubes:
 
     @property
     def _moving(self) -> slice:
-        """Return which of `_changes` are those by the places."""
+        """Return the columns of `_changes` by the places."""
         count = len(self.members)
         return slice(3 * count, 4 * count)
 
@@ -214,11 +241,9 @@ class BentTubes:
         # The part before a place becomes longer as this moves, the one behind it shorter.
         ways = np.append(self._cut[1], -self._cut[1])[:, None, None]
         rates = tangent.forces.rates[parts, :, None] * ways
-        np.add.at(
-            carried,
-            (frame.places(parts), np.tile(np.arange(count), 2)[:, None]),
-            frame.nodal_forces(tangent, parts, rates)[..., 0],
-        )
+        forces, own = frame.nodal_forces(tangent, parts, rates)[..., 0], np.arange(count)[:, None]
+        carried[frame.places[frame.before], own] = forces[:count]
+        carried[frame.places[frame.behind], own] += forces[count:]
         # A part between two places of one member has both at its ends.
         longer = (parts[:, None] == frame.before) * self._cut[1]
         longer -= (parts[:, None] == frame.behind) * self._cut[1]
@@ -228,7 +253,7 @@ class BentTubes:
 
     @cached_property
     def _parts(self) -> tuple[Indices, Indices]:
-        """Return the parts (2 k,) before all places, then behind, and which end is there."""
+        """Return the parts (2 k,) before and behind all places, and their ends there."""
         count = len(self.members)
         return np.append(self.frame.before, self.frame.behind), np.repeat([2, 1], count)
 
@@ -239,7 +264,7 @@ class BentTubes:
 
     @cached_property
     def _rows(self) -> tuple[Array, Array]:
-        """Return responses (k, 3) in the state, and their changes (k, 3, p) by `_changes`."""
+        """Return the responses (k, 3) in the state, and their changes (k, 3, p) by `_changes`."""
         frame, tangent, back = self.frame, self.tangent, self.axis.conj()
         moved, _ = self._changes
         own = tangent.displacements[frame.nodes]
@@ -261,7 +286,7 @@ class BentTubes:
 
     @cached_property
     def rates(self) -> Array:
-        """Return how the responses change with the places, (k, 3, k) [1/m]."""
+        """Return the derivatives of the responses by the places, (k, 3, k) [1/m]."""
         count = len(self.members)
         found = self._rows[1][..., self._moving].copy()
         own = np.arange(count)
@@ -285,18 +310,18 @@ class BentTubes:
         """
         Return the responses (k, 3).
 
-        :param loads: (k, 3) at the places.
-        :param places: (k,) from the members' starts [m].
+        :param loads: (k, 3) loads at the places.
+        :param places: (k,) distances from the members' starts [m].
         """
         moved = np.einsum('iajb,jb->ia', self.matrix, loads)
         return self.given + moved + self.rates @ places
 
     def distance(self, loads: Array, places: Array) -> float:
         """
-        Return how far the frame is from where it is linearised: largest motion of a node [m].
+        Return the largest motion of a node from the state of the linearisation [m].
 
-        :param loads: (k, 3) at the places.
-        :param places: (k,) from the members' starts [m].
+        :param loads: (k, 3) loads at the places.
+        :param places: (k,) distances from the members' starts [m].
         """
         ways = self._ways(loads, places)
         moved = np.abs(self._displace(ways)[0][:, :2]).max() / self.share
@@ -305,7 +330,7 @@ class BentTubes:
         return float(max(moved, slid))
 
     def _displace(self, ways: Array) -> tuple[Array, Array]:
-        """Return changes of displacements (n, 3), and how far nodes go (n, 3), see `_ways`."""
+        """Return changes of displacements (n, 3) and the motion of nodes (n, 3), see `_ways`."""
         nodes = self._changes[0] @ ways
         moved = nodes.copy()
         if self.before is not None:
@@ -315,16 +340,16 @@ class BentTubes:
         return moved, nodes
 
     def _ways(self, loads: Array, places: Array) -> Array:
-        """Return how much of each of `_changes` takes the frame to loads and places."""
+        """Return the factors of `_changes` that lead to loads and places."""
         known = 0.0 if self.before is None else self.before.loads
         return np.concatenate([(loads - known).ravel(), places - self._cut[2], [1.0]])
 
     def displace(self, loads: Array, places: Array) -> Displaced:
         """
-        Return where the frame is, as far as it is linear about its state.
+        Return the linear prediction of the state of the frame.
 
-        :param loads: (k, 3) at the places.
-        :param places: (k,) from the members' starts [m].
+        :param loads: (k, 3) loads at the places.
+        :param places: (k,) distances from the members' starts [m].
         """
         ways, tangent = self._ways(loads, places), self.tangent
         moved, nodes = self._displace(ways)
@@ -335,11 +360,11 @@ class BentTubes:
 
     def update(self, loads: Array, places: Array, structure: Structure | None = None) -> BentTubes:
         """
-        Linearise anew about where the frame is.
+        Return the tubes linearised about the predicted state.
 
-        :param loads: (k, 3) at the places.
-        :param places: (k,) from the members' starts [m].
-        :param structure: of the robot from now on; as before if None.
+        :param loads: (k, 3) loads at the places.
+        :param places: (k,) distances from the members' starts [m].
+        :param structure: new frame of the robot; None: unchanged.
         """
         return BentTubes(
             structure or self.structure,
@@ -352,11 +377,11 @@ class BentTubes:
 
     def bend(self, loads: Array, places: Array) -> BentTubes:
         """
-        Linearise anew until the frame is where loads bend it.
+        Return the tubes linearised about their equilibrium under loads.
 
-        :param loads: (k, 3) at the places.
-        :param places: (k,) from the members' starts [m].
-        :raises StructureError: it is not found.
+        :param loads: (k, 3) loads at the places.
+        :param places: (k,) distances from the members' starts [m].
+        :raises StructureError: no equilibrium is found.
         """
         bent = self
         for _ in range(MAX_BENDS):
@@ -367,11 +392,11 @@ class BentTubes:
 
     def changes(self, loads: Array, places: Array) -> tuple[Array, PlaceChanges]:
         """
-        Return how the frame changes by further loads, and as places move.
+        Return the changes of the frame by further loads and by motion of the places.
 
-        :param loads: (k, 3, p) at the places.
-        :param places: (k, p) along the members [m].
-        :return: where nodes go by loads, (n, 3, p); and what places do.
+        :param loads: (k, 3, p) loads at the places.
+        :param places: (k, p) motion of the places along the members [m].
+        :return: motion of the nodes by loads, (n, 3, p), and the changes by the places.
         """
         frame, count, found = self.frame, len(self.members), self._changes[0]
         by_loads = found[..., : 3 * count] @ loads.reshape(3 * count, -1)
@@ -383,70 +408,71 @@ class BentTubes:
 
     def inclination_changes(self, moved: Array) -> Array:
         """
-        Return how inclinations at the places change as nodes move (n, 3, p), (k, p) [rad].
+        Return the changes of the inclinations at the places by motion of the nodes, (k, p) [rad].
 
-        :param moved: (n, 3, p) ux, uy [m], theta [rad].
+        :param moved: (n, 3, p) displacements ux, uy [m], theta [rad].
         """
         return self._mean(self.frame.slope_changes(self.tangent, *self._parts, moved))
 
     def node_changes(self, loads: Array) -> Array:
         """
-        Return how the nodes of the frame move by further loads, (n, 3, p) [m, rad].
+        Return the motion of the frame's nodes by further loads, (n, 3, p) [m, rad].
 
-        :param loads: (k, 3, p) at the places.
+        :param loads: (k, 3, p) loads at the places.
         """
         count = 3 * len(self.members)
         return self._changes[0][..., :count] @ loads.reshape(count, -1) / self.share
 
     def displacements(self, loads: Array, places: Array) -> Array:
         """
-        Return where the nodes go, (n, 3), as far as they are linear about the state.
+        Return the linear prediction of the displacements of the nodes, (n, 3).
 
-        :param loads: (k, 3) at the places.
-        :param places: (k,) from the members' starts [m].
+        :param loads: (k, 3) loads at the places.
+        :param places: (k,) distances from the members' starts [m].
         """
         return self.displace(loads, places).displacements / self.share
 
     def end_forces(self, loads: Array, places: Array) -> tuple[Array, Array]:
         """
-        Return the forces of the nodes on all members, as far as they are linear about the state.
+        Return the linear prediction of the forces of the nodes on all members.
 
-        :param loads: (k, 3) at the places.
-        :param places: (k,) from the members' starts [m].
-        :return: (c, 6), see `FrameState`; and (c,) axial forces that change the moments inside.
+        :param loads: (k, 3) loads at the places.
+        :param places: (k,) distances from the members' starts [m].
+        :return: (c, 6) forces, see `FrameState`, and (c,) axial forces that change the moments
+            inside.
         """
         tangent, ways = self.tangent, self._ways(loads, places)
         changes, longer = self._force_changes(ways, self._displace(ways)[1])
-        pull = tangent.forces.pull + changes[:, 0]
-        first, second = (tangent.forces.moments + changes[:, 1:]).T
-        across = (first + second) / (tangent.length + longer)
-        ends = np.stack([-pull, across, first, pull, -across, second], axis=1)
+        pull, moments = (
+            tangent.forces.pull + changes[:, 0],
+            tangent.forces.moments + changes[:, 1:],
+        )
+        ends = end_forces(pull, moments, tangent.length + longer)
         return self.stiffness / self.share * ends, 0.0 * pull if self.linear else pull
 
     def _force_changes(self, ways: Array, nodes: Array) -> tuple[Array, Array]:
-        """Return how N, M1 and M2 of the members change (c, 3), and their chords (c,)."""
-        every = np.arange(len(self.frame.length))
-        changes, longer = self.frame.force_changes(self.tangent, every, nodes[..., None])
+        """Return the changes of N, M1 and M2 of the members (c, 3) and of their chords (c,)."""
+        changes, longer = self.frame.force_changes(self.tangent, nodes[..., None])
         changes, slid = changes[..., 0], np.tile(ways[self._moving], 2)
         np.add.at(changes, self._parts[0], self._place_rates[2] * slid[:, None])
         return changes, longer[:, 0]
 
     def section_changes(self, changes: Array) -> tuple[Array, Array, Array]:
         """
-        Return how the frame changes with sections and rest lengths as loads and places stay.
+        Return the changes of the frame by sections and rest lengths at constant loads and places.
 
-        Of the paper's model what loads do counts by their share.
+        In the paper's model the effect of loads is scaled by `LINEAR_SHARE`.
 
-        :param changes: (4, c, p) of rest length [m], EA [N], EI [N m^2] and GA [N] of the members.
-        :return: where nodes go, (n, 3, p); how inclinations change (k, p); and how N, M1 and M2
-            of the members do as the nodes stay, (c, 3, p).
+        :param changes: (4, c, p) changes of rest length [m], EA [N], EI [N m^2] and GA [N].
+        :return: motion of the nodes (n, 3, p), changes of the inclinations (k, p), and of N, M1
+            and M2 of the members with fixed nodes (c, 3, p).
         """
         frame, tangent = self.frame, self.tangent
         every = np.arange(len(frame.length))
         units = np.broadcast_to(np.eye(4)[:, None], (4, len(every), 4))
         rates = np.einsum('cfi,icp->cfp', frame.force_rates(tangent, every, units), changes)
         carried = np.zeros((3 * len(frame.points), changes.shape[2]))
-        np.subtract.at(carried, frame.places(every), frame.nodal_forces(tangent, every, rates))
+        np.subtract.at(carried, frame.places, frame.nodal_forces(tangent, every, rates))
         moved, _ = tangent.respond(carried)
         moved, (parts, end) = moved.reshape(-1, 3, changes.shape[2]), self._parts
         shear = changes[3, parts] / frame.members.shear[parts, None]

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A frame with nodes where loads act inside its members."""
+"""Frame with nodes at loads inside its members."""
 
 from __future__ import annotations
 
@@ -14,48 +14,48 @@ import numpy as np
 
 class CutFrame(Frame):
     """
-    A frame with members cut at points, which become its last nodes.
+    Frame with members cut at points, its last nodes.
 
-    The members themselves become their first parts; the others are the last members.
+    The first part of a member has its index; further parts are the last members.
 
-    :param frame: to be cut.
-    :param piece: (c,) numbers of the members with points inside.
-    :param within: (c,) distances of these from the members' starts [m].
+    :param frame: uncut frame.
+    :param piece: (c,) indices of the members with points inside.
+    :param within: (c,) distances of the points from the members' starts [m].
     """
 
     def __init__(self, frame: Frame, piece: Indices, within: Array) -> None:
         order = np.lexsort((within, piece))
-        cut = frame._pattern.cut(frame.members, frame._held, piece, order)
-        sections = (each[cut.whole] for each in frame.members[2:5])
-        members = cut.members._replace(
-            **dict(zip(('axial', 'flexural', 'shear'), sections, strict=True))
-        )
+        cut = frame.pattern.cut(frame.members, frame.held, piece, order)
+        axial, flexural, shear = (each[cut.whole] for each in frame.members[2:5])
         points = frame.points[frame.members.start[piece]] + within * frame.axis[piece]
         super().__init__(
             np.append(frame.points, points),
-            members,
+            cut.members._replace(axial=axial, flexural=flexural, shear=shear),
             cut.held,
-            [*frame._names, *map(str, cut.nodes)],
+            frame.names,
             frame.rows,
-            cut.pattern,
+            frame.pattern,
             rated=True,
         )
         self.nodes, self.before, self.behind = cut.nodes, cut.before, cut.behind
-        self.whole = cut.whole
-        self._piece, self._within = piece, within
+        self.whole, self.chains, self.places = cut.whole, cut.chains, cut.places
+        self.begins = np.append(np.zeros(len(frame.length)), within)
+        self._lengths, self._cut = frame.length, (piece[order], within[order], cut.behind[order])
 
     def locate(self, piece: Indices, within: Array) -> tuple[Indices, Array]:
         """
-        Return the parts of members that points are on, and distances (c,) from their starts [m].
+        Return the parts of members at points, and distances (c,) from their starts [m].
 
-        :param piece: (c,) numbers of the members of the frame that was cut.
+        :param piece: (c,) indices of the members of the uncut frame.
         :param within: (c,) distances from their starts [m].
         """
-        part, begin = piece.copy(), np.zeros(len(piece))
-        for i in np.argsort(self._within).tolist():
-            beyond = (piece == self._piece[i]) & (within > self._within[i])
-            part[beyond], begin[beyond] = self.behind[i], self._within[i]
-        return part, within - begin
+        whole, places, behind = self._cut
+        # In order by their member and the share of its length.
+        keys, wanted = whole + places / self._lengths[whole], piece + within / self._lengths[piece]
+        last = np.searchsorted(keys, wanted) - 1
+        beyond = (last >= 0) & (whole[last] == piece)
+        begin = np.where(beyond, places[last], 0.0)
+        return np.where(beyond, behind[last], piece), within - begin
 
 
 def keep_apart(pieces: Indices, places: Array, length: Array, shortest: float) -> Array:

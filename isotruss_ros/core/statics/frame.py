@@ -4,15 +4,16 @@
 """
 Plane frames of beam-columns, pinned or fixed to nodes, with constraints: (1) and (4).
 
-`solve` is linear about the unloaded frame, as in the paper: the first step of Newton's method, by
-which `bend` finds the equilibrium of the bent frame.
+`solve` is linear about the unloaded frame, as in the paper; `bend` finds the equilibrium of the
+bent frame by Newton's method, whose first step is `solve`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
+import itertools
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import StructureError
@@ -23,14 +24,17 @@ from isotruss_ros.core.numerics.factorization import (
     Factor,
     factorize,
     factorize_with_condition,
+    invert_symmetric,
 )
 from isotruss_ros.core.statics.beam_column import (
     BeamColumns,
+    CHORD,
     chord_stiffness,
     EndForces,
     evaluate_rates,
 )
 from isotruss_ros.core.statics.frame_pattern import (
+    Chains,
     FramePattern,
     LinearRows,
     Members,
@@ -47,17 +51,8 @@ STEP_TOLERANCE = 1e-7
 MAX_NEWTON_ITERATIONS = 20
 #: Largest ratio of displacements to the linear response [-].
 MAX_GROWTH = 3.0
-#: Which of 0, 1, x, y and -y of a direction are the entries of `directions`.
-TURN = np.array(
-    [
-        [2, 3, 0, 0, 0, 0],
-        [4, 2, 0, 0, 0, 0],
-        [0, 0, 1, 0, 0, 0],
-        [0, 0, 0, 2, 3, 0],
-        [0, 0, 0, 4, 2, 0],
-        [0, 0, 0, 0, 0, 1],
-    ]
-)
+#: Which of 0, 1, -1, x, y, -x and -y of a direction are the entries of `chord_motions`.
+MOTION = np.array([[5, 6, 0, 3, 4, 0], [4, 5, 0, 6, 3, 0], [0, 0, 1, 0, 0, 0], [0, 0, 0, 0, 0, 1]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,11 +60,12 @@ class FrameState:
     """
     The response of a frame to its loads.
 
-    :ivar displacements: (n, 3) ux, uy [m], theta [rad]; zero rotation where all is pinned.
+    :ivar displacements: (n, 3) displacements ux, uy [m], theta [rad]; zero rotation of nodes with
+        pinned members only.
     :ivar reactions: (n, 3) fx, fy [N], m [N m] of the supports on the frame; zero elsewhere.
     :ivar end_forces: (k, 6) forces of the nodes on the members, along their chords, across them
         [N] and moments [N m], at start and end.
-    :ivar multipliers: (c,) of the constraints.
+    :ivar multipliers: (c,) multipliers of the constraints.
     :ivar bowing: (k,) axial forces that change the moments inside bent members [N]; zero in the
         linear frame.
     """
@@ -81,44 +77,44 @@ class FrameState:
     bowing: Array
 
 
-class EndResponse(NamedTuple):
+class CondensedChains(NamedTuple):
     """
-    The response of a linearised frame to unit loads on the ends of k members.
+    Cut members with the displacements of their points eliminated (static condensation).
 
-    The last column is that without loads: what the state takes is not there any more.
-
-    :ivar moved: (3 n, 6 k + 1) displacements of all nodes.
-    :ivar multipliers: (c, 6 k + 1) of the constraints.
-    :ivar ends: (6 k, 6 k + 1) along and across the chord and by rotation at start and end of each.
+    :ivar chains: the members.
+    :ivar inverse: (b, 3 p, 3 p) displacements of the points by loads there, the ends held.
+    :ivar spread: (b, 3 p, 6) displacements of the points by those of the ends.
+    :ivar stiffness: (b, 3 p, 3 p) of the points.
     """
 
-    moved: Array
-    multipliers: Array
-    ends: Array
+    chains: Chains
+    inverse: Array
+    spread: Array
+    stiffness: Array
 
 
 @dataclass(frozen=True, eq=False)
 class Tangent:
     """
-    A frame linearised about displacements of its nodes, with the forces there.
+    Frame linearised about displacements of its nodes, with its forces in this state.
 
-    :ivar displacements: (n, 3) ux, uy [m], theta [rad].
-    :ivar multipliers: (c,) of the constraints.
+    :ivar displacements: (n, 3) displacements ux, uy [m], theta [rad].
+    :ivar multipliers: (c,) multipliers of the constraints.
     :ivar axis: (k,) directions of the chords.
-    :ivar length: (k,) of the chords [m].
-    :ivar forces: of the members.
-    :ivar turn: (k, 6, 6) turn displacements of the plane into those along the chords.
+    :ivar length: (k,) lengths of the chords [m].
+    :ivar forces: forces of the members.
+    :ivar motions: (k, 4, 6) stretch and sway of the chords and turns of the ends, by motions.
     :ivar stretched: (k,) l - l0 [m], and (k, 2) turns of the ends against the chords [rad].
     :ivar carried: (3 n,) loads and reactions that these displacements take [N], [N m].
-    :ivar gaps: (c,) of the constraints.
-    :ivar stiffness: (k, 6, 6) of the members along and across their chords.
+    :ivar gaps: (c,) gaps of the constraints.
+    :ivar stiffness: (k, 4, 4) of the members, by stretch and sway of the chords and turns.
     """
 
     displacements: Array
     multipliers: Array
     axis: Points
     length: Array
-    turn: Array
+    motions: Array
     stretched: tuple[Array, Array]
     forces: EndForces
     carried: Array
@@ -126,13 +122,30 @@ class Tangent:
     stiffness: Array
     _frame: Frame
     _rows: tuple[Array, Array]  # entries of the constraints, and what their turning adds
-    _kept: dict[bytes, EndResponse] = field(default_factory=dict, repr=False)
+
+    @cached_property
+    def _condensed(self) -> tuple[Array, list[CondensedChains]]:
+        """Return the stiffness (k, 6, 6) of members, cut ones by their ends, and these."""
+        matrices = self.motions.transpose(0, 2, 1) @ self.stiffness @ self.motions
+        try:
+            chains = [_condense(matrices, chain) for chain in self._frame.chains]
+        except np.linalg.LinAlgError as error:
+            raise StructureError('a loaded member has no stiffness in its bent shape') from error
+        return matrices[: self._frame.pattern.count], chains
+
+    @property
+    def chains(self) -> list[CondensedChains]:
+        """Return the cut members."""
+        return self._condensed[1]
 
     @cached_property
     def system(self) -> tuple[Array | csc_matrix, Array]:
-        """Return the matrix of (4), scaled, and the scaling (f + c,) of its rows and columns."""
-        matrices = self.turn.transpose(0, 2, 1) @ self.stiffness @ self.turn
-        return self._frame._assemble(matrices, *self._rows)
+        """
+        Return the matrix of (4), scaled, and the scaling (f + c,) of its rows and columns.
+
+        Of a cut frame the points are eliminated.
+        """
+        return self._frame._assemble(self._condensed[0], *self._rows)
 
     @cached_property
     def factor(self) -> Factor:
@@ -150,68 +163,93 @@ class Tangent:
         """
         Return displacements (3 n, p) and multipliers (c, p) of further loads.
 
-        :param loads: (3 n, p) [N], [N m].
-        :param gaps: (c, p) that the constraints are to open by.
+        :param loads: (3 n, p) loads [N], [N m].
+        :param gaps: (c, p) openings of the constraints.
         """
-        solved, scale = self._frame._pattern.solved, self.system[1][:, None]
-        free, right = len(solved), np.zeros((len(scale), loads.shape[1]))
-        right[:free], right[free:] = loads[solved], gaps
-        found = scale * self.factor.solve(scale * right)
+        borne = loads
+        if self.chains:
+            borne = loads.copy()
+            for (_, inner, ends), _, spread, _ in self.chains:
+                borne[ends] += spread.swapaxes(1, 2) @ loads[inner]
+        solved, scale = self._frame.pattern.solved, self.system[1][:, None]
+        free, right = len(solved), np.empty((len(scale), loads.shape[1]))
+        right[:free], right[free:] = borne[solved], gaps
+        right *= scale
+        found = self.factor.solve(right)
+        found *= scale
         moved = np.zeros_like(loads)
         moved[solved] = found[:free]
+        for (_, inner, ends), inverse, spread, _ in self.chains:
+            moved[inner] = inverse @ loads[inner] + spread @ moved[ends]
         return moved, found[free:]
 
-    def under_end_loads(self, members: Indices) -> EndResponse:
+    def borrow(self, other: Tangent) -> None:
         """
-        Return how the frame answers to unit loads on the ends of members; kept.
+        Use the factor of the frame in a near state.
 
-        :param members: (k,) which of the members.
+        :param other: frame linearised there.
         """
-        key = members.tobytes()
-        if key not in self._kept:
-            frame = self._frame
-            size, turn = 6 * len(members), self.turn[members]
-            places = frame.places(members).ravel()
-            loads = np.zeros((len(self.carried), size + 1))
-            columns = np.arange(size).reshape(-1, 1, 6).repeat(6, axis=1).reshape(size, 6)
-            loads[places[:, None], columns] = turn.transpose(0, 2, 1).reshape(size, 6)
-            loads[:, size] = -self.carried
-            gaps = np.zeros((len(self.gaps), size + 1))
-            gaps[:, size] = -self.gaps
-            moved, multipliers = self.respond(loads, gaps)
-            ends = turn @ moved[places].reshape(len(members), 6, size + 1)
-            self._kept[key] = EndResponse(moved, multipliers, ends.reshape(size, size + 1))
-        return self._kept[key]
+        for name in ('_condensed', 'system', 'factor', 'factored'):
+            self.__dict__[name] = getattr(other, name)
+
+    @cached_property
+    def factored(self) -> Points:
+        """Return the nodes (n,) for which the frame is factored, x + iy [m]."""
+        return self._frame.points + self.displacements @ (1.0, 1j, 0.0)
+
+    def distance(self, nodes: Points) -> float:
+        """
+        Return the largest distance of nodes, but for points inside members, from others [m].
+
+        :param nodes: (n,) the others, x + iy [m].
+        """
+        count = len(self._frame.points) - len(self._frame.nodes)
+        own = self._frame.points[:count] + self.displacements[:count] @ (1.0, 1j, 0.0)
+        return float(np.abs(own - nodes[:count]).max())
 
     @property
     def end_forces(self) -> Array:
         """Return the forces of the nodes on the members, see `FrameState`."""
-        moments, pull = self.forces.moments, self.forces.pull
-        across = moments.sum(axis=1) / self.length
-        ends = -pull, across, moments[:, 0], pull, -across, moments[:, 1]
-        return np.stack(ends, axis=1)
+        return end_forces(self.forces.pull, self.forces.moments, self.length)
+
+    def changed_forces(self, moved: Array) -> tuple[Array, Array]:
+        """
+        Return `end_forces`, and (k,) axial forces, after small displacements of the nodes.
+
+        :param moved: (n, 3) ux, uy [m], theta [rad].
+        """
+        changes, longer = self._frame.force_changes(self, moved[..., None])
+        pull, moments = (
+            self.forces.pull + changes[:, 0, 0],
+            self.forces.moments + changes[:, 1:, 0],
+        )
+        return end_forces(pull, moments, self.length + longer[:, 0]), pull
 
 
 class Frame:
     """
-    A frame; its matrix without loads is factored once.
+    Frame of beam-columns; its matrix without loads is factored once.
 
     :ivar points: (n,) nodes x + iy [m].
-    :ivar members: what connects them.
-    :ivar length: (k,) of the members [m].
+    :ivar members: members between the nodes.
+    :ivar length: (k,) lengths of the members [m].
     :ivar axis: (k,) their directions from start to end, unit vectors x + iy.
     :ivar rows: constraints on the displacements.
     :ivar whole: (k,) of which members of the frame that was cut these are parts.
-    :ivar beams: of the members between their ends, what `Beams` takes.
+    :ivar held: (n, 3) mask of ux, uy, theta fixed by supports.
+    :ivar pattern: sparsity pattern of the frame, or of the uncut one.
+    :ivar places: (k, 6) indices of the displacements of the members' ends.
+    :ivar chains: the members of the frame that was cut that are.
+    :ivar begins: (k,) where these parts begin, from the starts of the members [m].
     :ivar nodes: (c,) the nodes at which another frame was cut to become this one.
     :ivar before: (c,) the members that end at these.
     :ivar behind: (c,) the members that begin there.
     :param points: (n,) nodes x + iy [m].
-    :param members: what connects them.
-    :param held: (n, 3) which of ux, uy, theta are held by supports.
+    :param members: members between the nodes.
+    :param held: (n, 3) mask of ux, uy, theta fixed by supports.
     :param names: (n,) names of the nodes, for messages.
     :param rows: constraints on the displacements: linear ones, or on turns of spans.
-    :param pattern: of a frame with the same connections and supports; made if None.
+    :param pattern: pattern of a frame with equal connections and supports; None: computed.
     :param rated: see `BeamColumns`.
     """
 
@@ -227,22 +265,18 @@ class Frame:
     ) -> None:
         self.points = points
         self.members = members
-        self._names = names
-        self._held = held.ravel()
+        self.names = names
+        self.held = held
         self.rows = rows
         span = points[members.end] - points[members.start]
         self.length = length = np.abs(span)
         self.axis = span / length
-        self.beams = length, *members[2:6]
         self._rated = rated
-        self._pattern = pattern or FramePattern(members, held, rows)
-        self.whole = np.arange(len(length))
+        self.pattern = pattern or FramePattern(members, held, rows)
+        self.places = self.pattern.places
+        self.chains: tuple[Chains, ...] = ()
+        self.whole, self.begins = np.arange(len(length)), np.zeros(len(length))
         self.nodes = self.before = self.behind = np.zeros(0, dtype=np.intp)
-
-    @cached_property
-    def turn(self) -> Array:
-        """Return the matrices that turn displacements into those along members, (k, 6, 6)."""
-        return directions(self.axis)
 
     @cached_property
     def _columns(self) -> BeamColumns:
@@ -273,12 +307,13 @@ class Frame:
         """
         Linearise the frame about displacements.
 
-        :param displacements: (n, 3) ux, uy [m], theta [rad].
-        :param multipliers: (c,) of the constraints.
-        :param pull: (k,) axial forces N, see `BeamColumns.evaluate`; those there if None [N].
+        :param displacements: (n, 3) displacements ux, uy [m], theta [rad].
+        :param multipliers: (c,) multipliers of the constraints.
+        :param pull: (k,) axial forces N, see `BeamColumns.evaluate`; None: those in this state
+            [N].
         """
-        pattern, rows = self._pattern, self.rows
-        ends = displacements.ravel()[pattern.places]
+        rows, size = self.rows, displacements.size
+        ends = displacements.ravel()[self.places]
         apart = (ends[:, 3] - ends[:, 0] + 1j * (ends[:, 4] - ends[:, 1])) * self.axis.conj()
         span = self.length + apart
         length = np.abs(span)
@@ -287,28 +322,23 @@ class Frame:
         longer = (2.0 * self.length * apart.real + np.abs(apart) ** 2) / (length + self.length)
         stretched = longer, ends[:, 2::3] - np.angle(span)[:, None]
         forces = self._columns.evaluate(*stretched, pull)
-        local = chord_stiffness(length, forces)
-        turn = directions(axis)
+        motions = chord_motions(axis)
         values, gaps, pairs = rows.linearize(self.points, displacements, multipliers)
-        across = forces.moments.sum(axis=1) / length
-        pushed = np.zeros((len(length), 6))
-        pushed[:, 3], pushed[:, 4], pushed[:, 2::3] = forces.pull, -across, forces.moments
-        pushed[:, :2] = -pushed[:, 3:5]
-        pushed = (pushed[:, None] @ turn)[:, 0]
-        carried = np.bincount(
-            pattern.places.ravel(), pushed.ravel(), minlength=len(self._held)
-        ) + np.bincount(rows.column, values * multipliers[rows.row], minlength=len(self._held))
+        borne = -forces.moments.sum(axis=1) / length
+        pushed = (np.array([forces.pull, borne, *forces.moments.T]).T[:, None] @ motions)[:, 0]
+        carried = np.bincount(self.places.ravel(), pushed.ravel(), minlength=size)
+        carried += np.bincount(rows.column, values * multipliers[rows.row], minlength=size)
         return Tangent(
             displacements,
             multipliers,
             axis,
             length,
-            turn,
+            motions,
             stretched,
             forces,
             carried,
             gaps,
-            local,
+            chord_stiffness(length, forces),
             self,
             (values, pairs),
         )
@@ -317,12 +347,12 @@ class Frame:
         self, matrices: Array, values: Array, pairs: Array
     ) -> tuple[Array | csc_matrix, Array]:
         """Return the matrix of (4), [[S, A^T], [A, 0]], scaled, and its scaling."""
-        pattern = self._pattern
+        pattern = self.pattern
         free, size = len(pattern.solved), len(pattern.solved) + self.rows.count
         diagonal = np.bincount(
             pattern.places.ravel(),
             matrices.diagonal(axis1=1, axis2=2).ravel(),
-            minlength=len(self._held),
+            minlength=len(pattern.unknowns),
         )
         # Both directions of a node alike: what rounding leaves across a bar is no stiffness.
         diagonal[0::3] = diagonal[1::3] = np.maximum(diagonal[0::3], diagonal[1::3])
@@ -350,30 +380,32 @@ class Frame:
         values, vectors = np.linalg.eigh(dense)
         loose = np.abs(values) < np.abs(values).max() / MAX_CONDITION**0.5
         loose[np.abs(values).argmin()] = True
-        unknown = self._pattern.unknowns
+        unknown = self.pattern.unknowns
         motion = np.abs(scale[:, None] * vectors[:, loose]).max(axis=1)
         by_node = np.where(unknown >= 0, motion[unknown], 0.0).reshape(-1, 3).max(axis=1)
-        return [self._names[i] for i in np.flatnonzero(by_node > 1e-3 * by_node.max())]
+        return [self.names[i] for i in np.flatnonzero(by_node > 1e-3 * by_node.max())]
 
     def solve(self, loads: Array) -> FrameState:
         """
         Return displacements, reactions and member forces under loads, by the linear (4).
 
-        :param loads: (n, 3) fx, fy [N], m [N m] on the nodes.
+        :param loads: (n, 3) loads fx, fy [N], m [N m] on the nodes.
         :raises StructureError: the frame is a mechanism; names the nodes that move; or the loads
-            are beyond what numbers can carry.
+            overflow.
         """
-        pattern, flat = self._pattern, loads.ravel()
-        moved, multipliers = (each[:, 0] for each in self.rest.respond(flat[:, None]))
+        rest, flat = self.rest, loads.ravel()
+        moved, multipliers = (each[:, 0] for each in rest.respond(flat[:, None]))
         with np.errstate(over='ignore', invalid='ignore'):
-            end_forces = self._end_forces(moved[pattern.places])
+            motions = rest.motions @ moved[self.places][:, :, None]
+            forces = rest.stiffness @ motions
+            end_forces = (CHORD.T @ forces)[:, :, 0]
         if not np.isfinite(end_forces).all():
             raise StructureError(
                 f'loads up to {np.abs(loads).max():.3g} N: what they do is beyond all numbers; '
                 'must be smaller'
             )
-        pull = np.einsum('kji,kj->ki', self.turn, end_forces)
-        carried = np.bincount(pattern.places.ravel(), pull.ravel(), minlength=len(flat))
+        pushed = rest.motions.transpose(0, 2, 1) @ forces
+        carried = np.bincount(self.places.ravel(), pushed.ravel(), minlength=len(flat))
         values, *_ = self.rows.linearize(self.points, np.zeros_like(loads), multipliers)
         pushed = values * multipliers[self.rows.row]  # by the constraints
         carried += np.bincount(self.rows.column, pushed, minlength=len(flat))
@@ -391,14 +423,14 @@ class Frame:
         """
         Return the equilibrium of the bent frame under loads (Newton's method).
 
-        :param loads: (n, 3) fx, fy [N], m [N m] on the nodes.
-        :param start: about a state to begin with; that without loads if None.
-        :param growth: displacements are at most this many times the linear response [-].
-        :return: None where no equilibrium is found near the linear response to the loads.
+        :param loads: (n, 3) loads fx, fy [N], m [N m] on the nodes.
+        :param start: frame linearised about the initial state; None: without loads.
+        :param growth: largest ratio of the displacements to the linear response [-].
+        :return: the equilibrium; None if none is near the linear response.
         :raises StructureError: the frame is a mechanism.
         """
         tangent = self.rest if start is None else start
-        origin, reach, every = tangent.displacements, np.inf, np.arange(len(self.length))
+        origin, reach = tangent.displacements, np.inf
         for count in range(MAX_NEWTON_ITERATIONS):
             left = (loads.ravel() - tangent.carried)[:, None]
             step, multipliers = tangent.respond(left, -tangent.gaps[:, None])
@@ -409,7 +441,7 @@ class Frame:
             # What ends elsewhere than the linear response tends to is another branch.
             elif not np.abs(displacements - origin)[:, :2].max() <= growth * reach:
                 return None
-            changes, _ = self.force_changes(tangent, every, step.reshape(-1, 3, 1))
+            changes, _ = self.force_changes(tangent, step.reshape(-1, 3, 1))
             pull = tangent.forces.pull + changes[:, 0, 0]
             with np.errstate(over='ignore', invalid='ignore', divide='ignore'):
                 tangent = self.tangent(
@@ -423,26 +455,45 @@ class Frame:
         """
         Return the members that points are on, and distances (c,) from their starts [m].
 
-        :param piece: (c,) numbers of the members of the frame before it was cut.
+        :param piece: (c,) indices of the members of the uncut frame.
         :param within: (c,) distances from their starts [m].
         """
         return piece, within
 
-    def places(self, parts: Indices) -> Indices:
+    def interpolate(self, displacements: Array, piece: Indices, within: Array) -> Array:
         """
-        Return where the displacements of members' ends are among all, (p, 6).
+        Return displacements (c, 3) of points inside members, by cubic centre lines.
 
-        :param parts: (p,) which members.
+        :param displacements: (n, 3) of the nodes, ux, uy [m], theta [rad].
+        :param piece: (c,) indices of the members of the uncut frame.
+        :param within: (c,) distances from their starts [m].
         """
-        return self._pattern.places[parts]
+        part, inside = self.locate(piece, within)
+        start, end = displacements[self.members.start[part]], displacements[self.members.end[part]]
+        axis, length = self.axis[part], self.length[part]
+        first = (start[:, 0] + 1j * start[:, 1]) * axis.conj()
+        apart = (end[:, 0] + 1j * end[:, 1]) * axis.conj() - first
+        chord = length + apart
+        turned, x = np.angle(chord), inside / length
+        before, after = start[:, 2] - turned, end[:, 2] - turned
+        own = self.members
+        skew = 12.0 * own.flexural[part] / own.shear[part] / length**2
+        follows = -(2.0 - skew) / (4.0 + skew)  # of a pinned end
+        before = np.where(own.pinned_start[part], follows * after, before)
+        after = np.where(own.pinned_end[part], follows * before, after)
+        even, odd = before + after, before - after
+        bow = 0.5 * x * (1.0 - x) * (odd + (1.0 - 2.0 * x) / (1.0 + skew) * even)
+        slope = 0.5 * ((1.0 - 2.0 * x) * odd + (1.0 - 6.0 * x * (1.0 - x) / (1.0 + skew)) * even)
+        moved = axis * (first + x * apart + 1j * bow * chord)
+        return np.stack([moved.real, moved.imag, turned + slope], axis=1)
 
     def force_rates(self, tangent: Tangent, parts: Indices, changes: Array) -> Array:
         """
-        Return how (N, M1, M2) of members change as their nodes stay where they are, (p, 3, c).
+        Return the changes of (N, M1, M2) of members with fixed nodes, (p, 3, c).
 
-        :param tangent: the state.
-        :param parts: (p,) which members.
-        :param changes: (4, p, c) of their rest lengths [m], EA [N], EI [N m^2] and GA [N].
+        :param tangent: linearised frame.
+        :param parts: (p,) indices of the members.
+        :param changes: (4, p, c) changes of their rest lengths [m], EA [N], EI [N m^2] and GA [N].
         """
         own, count = self.members, changes.shape[2]
         each = parts.repeat(count)
@@ -454,16 +505,16 @@ class Frame:
 
     def nodal_forces(self, tangent: Tangent, parts: Indices, rates: Array) -> Array:
         """
-        Return what the ends of members carry more, in the plane, (p, 6, c).
+        Return the changes of the end forces of members, in the plane, (p, 6, c).
 
-        :param tangent: the state.
-        :param parts: (p,) which members.
+        :param tangent: linearised frame.
+        :param parts: (p,) indices of the members.
         :param rates: (p, 3, c) of their N, M1 and M2.
         """
         pull, first, second = rates.swapaxes(0, 1)
-        across = (first + second) / tangent.length[parts, None]
-        ends = np.stack([-pull, across, first, pull, -across, second], axis=1)
-        return tangent.turn[parts].swapaxes(1, 2) @ ends
+        borne = -(first + second) / tangent.length[parts, None]
+        ends = np.stack([pull, borne, first, second], axis=1)
+        return tangent.motions[parts].swapaxes(1, 2) @ ends
 
     def slopes(self, tangent: Tangent, parts: Indices, end: Indices) -> Array:
         """
@@ -472,8 +523,8 @@ class Frame:
         Of the section, less what the force across shears it by: (t - Q/GA) / (1 + N/GA) against
         the chord.
 
-        :param tangent: the state.
-        :param parts: (p,) which members.
+        :param tangent: linearised frame.
+        :param parts: (p,) indices of the members.
         :param end: (p,) 1 for their starts, 2 for their ends.
         """
         turned, skew, softness, _ = self._shear(tangent, parts, end)
@@ -488,13 +539,13 @@ class Frame:
         shear_rates: Array | float,
     ) -> Array:
         """
-        Return how `slopes` change with (N, M1, M2) and GA, the nodes where they are, (p, c).
+        Return the derivatives of `slopes` by (N, M1, M2) and GA with fixed nodes, (p, c).
 
-        :param tangent: the state.
-        :param parts: (p,) which members.
-        :param end: see `slopes`.
-        :param rates: (p, 3, c) of N, M1 and M2.
-        :param shear_rates: (p, c) of GA, as a share.
+        :param tangent: linearised frame.
+        :param parts: (p,) indices of the members.
+        :param end: ends, see `slopes`.
+        :param rates: (p, 3, c) changes of N, M1 and M2.
+        :param shear_rates: (p, c) relative changes of GA.
         """
         _, skew, softness, shear = (x[:, None] for x in self._shear(tangent, parts, end))
         across = tangent.forces.moments[parts].sum(axis=1)[:, None] / tangent.length[parts, None]
@@ -502,35 +553,34 @@ class Frame:
         pulled = rates[:, 0] - tangent.forces.pull[parts, None] * shear_rates
         return -(change + skew / softness * pulled) / shear / softness
 
-    def force_changes(self, tangent: Tangent, parts: Indices, moved: Array) -> tuple[Array, Array]:
+    def force_changes(self, tangent: Tangent, moved: Array) -> tuple[Array, Array]:
         """
-        Return how (N, M1, M2) of members change as the nodes move (p, 3, c), and chords (p, c).
+        Return the changes of (N, M1, M2) (k, 3, c) and chords (k, c) as the nodes move.
 
-        :param tangent: the state.
-        :param parts: (p,) which members.
-        :param moved: (n, 3, c) of all nodes.
+        :param tangent: linearised frame.
+        :param moved: (n, 3, c) displacements of all nodes.
         """
-        chords, _ = self._chord_changes(tangent, parts, moved)
-        return tangent.forces.stiffness[parts] @ chords, chords[:, 0]
+        chords, _ = self._chord_changes(tangent, slice(None), moved)
+        return tangent.forces.stiffness @ chords, chords[:, 0]
 
     def _chord_changes(
-        self, tangent: Tangent, parts: Indices, moved: Array
+        self, tangent: Tangent, parts: Indices | slice, moved: Array
     ) -> tuple[Array, Array]:
         """Return changes of (l, t1, t2) of members (p, 3, c), and turns of the chords (p, c)."""
-        ends = tangent.turn[parts] @ moved.reshape(-1, moved.shape[2])[self.places(parts)]
-        longer = ends[:, 3] - ends[:, 0]
-        turned = (ends[:, 4] - ends[:, 1]) / tangent.length[parts, None]
-        turns = np.stack([longer, ends[:, 2] - turned, ends[:, 5] - turned], axis=1)
-        return turns, turned
+        ends = moved.reshape(-1, moved.shape[2])[self.places[parts]]
+        turns = tangent.motions[parts] @ ends
+        turned = turns[:, 1] / tangent.length[parts, None]
+        turns[:, 2:] -= turned[:, None]
+        return turns[:, [0, 2, 3]], turned
 
     def slope_changes(self, tangent: Tangent, parts: Indices, end: Indices, moved: Array) -> Array:
         """
-        Return how `slopes` change as the nodes move, (p, c).
+        Return the changes of `slopes` by motion of the nodes, (p, c).
 
-        :param tangent: the state.
-        :param parts: (p,) which members.
-        :param end: see `slopes`.
-        :param moved: (n, 3, c) of all nodes.
+        :param tangent: linearised frame.
+        :param parts: (p,) indices of the members.
+        :param end: ends, see `slopes`.
+        :param moved: (n, 3, c) displacements of all nodes.
         """
         turns, turned = self._chord_changes(tangent, parts, moved)
         longer, length = turns[:, 0], tangent.length[parts, None]
@@ -558,16 +608,19 @@ class Frame:
         """
         Return whether the equilibrium is stable under the constraints.
 
-        :param tangent: there.
+        :param tangent: frame linearised there.
         """
-        return count_negative_pivots(tangent.system[0], self.rows.count) == self.rows.count
+        chains = itertools.chain.from_iterable(each.stiffness for each in tangent.chains)
+        softened = sum(count_negative_pivots(each, 0) for each in chains)
+        negative = count_negative_pivots(tangent.system[0], self.rows.count)
+        return negative + softened == self.rows.count
 
     def state(self, tangent: Tangent, loads: Array) -> FrameState:
         """
         Return the response of the bent frame.
 
-        :param tangent: in equilibrium with the loads.
-        :param loads: (n, 3) fx, fy [N], m [N m] on the nodes.
+        :param tangent: frame linearised about its equilibrium.
+        :param loads: (n, 3) loads fx, fy [N], m [N m] on the nodes.
         """
         return FrameState(
             tangent.displacements,
@@ -579,25 +632,52 @@ class Frame:
 
     def _reactions(self, missing: Array) -> Array:
         """Return the support reactions (n, 3) from the residual of the balance (3 n,)."""
-        return np.where(self._held, missing, 0.0).reshape(-1, 3)
-
-    @property
-    def _local(self) -> Array:
-        return self.rest.stiffness
-
-    def _end_forces(self, ends: Array) -> Array:
-        """Return the forces (k, 6) on the members for displacements (k, 6) in the plane."""
-        return (self._local @ (self.turn @ ends[:, :, None]))[:, :, 0]
+        return np.where(self.held.ravel(), missing, 0.0).reshape(-1, 3)
 
 
-def directions(direction: Points) -> Array:
+def end_forces(pull: Array, moments: Array, length: Array) -> Array:
     """
-    Return the rotation matrices from the plane to the members' frames.
+    Return the forces (k, 6) of the nodes on members, see `FrameState.end_forces`.
+
+    :param pull: (k,) axial forces N [N].
+    :param moments: (k, 2) moments at start and end [N m].
+    :param length: (k,) lengths of the chords [m].
+    """
+    across, (first, second) = moments.sum(axis=1) / length, moments.T
+    return np.stack([-pull, across, first, pull, -across, second], axis=1)
+
+
+def _condense(matrices: Array, chains: Chains) -> CondensedChains:
+    """
+    Eliminate the points of cut members; their first parts get the stiffness of their ends.
+
+    :param matrices: (k, 6, 6) of all parts, in the plane.
+    :param chains: the members.
+    """
+    several, count = chains.parts.shape
+    own, each = matrices[chains.parts], np.arange(count)
+    whole = np.zeros((several, count + 1, 3, count + 1, 3))
+    first, second = own[:, :, :3].swapaxes(0, 1), own[:, :, 3:].swapaxes(0, 1)
+    whole[:, each, :, each], whole[:, each, :, each + 1] = first[..., :3], first[..., 3:]
+    whole[:, each + 1, :, each] = second[..., :3]
+    whole[:, each + 1, :, each + 1] += second[..., 3:]
+    whole = whole.reshape(several, 3 * count + 3, -1)
+    inner, ends = slice(3, -3), np.array([0, 1, 2, -3, -2, -1])
+    stiffness, coupling = whole[:, inner, inner], whole[:, inner][:, :, ends]
+    inverse = invert_symmetric(stiffness)
+    spread = -inverse @ coupling
+    matrices[chains.parts[:, 0]] = whole[:, ends][:, :, ends] + coupling.swapaxes(1, 2) @ spread
+    return CondensedChains(chains, inverse, spread, stiffness)
+
+
+def chord_motions(direction: Points) -> Array:
+    """
+    Return stretch and sway of chords and turns of their ends by displacements in the plane.
 
     :param direction: (k,) unit vectors from start to end.
-    :return: (k, 6, 6), orthogonal.
+    :return: (k, 4, 6) by (ux, uy, theta) at start and end.
     """
-    values = np.zeros((len(direction), 5))
-    values[:, 1], values[:, 2], values[:, 3] = 1.0, direction.real, direction.imag
-    values[:, 4] = -direction.imag
-    return values.take(TURN, axis=1)
+    x, y = direction.real, direction.imag
+    values = np.zeros((7, len(direction)))
+    values[1], values[2], values[3:] = 1.0, -1.0, (x, y, -x, -y)
+    return values.T.take(MOTION, axis=1)

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import NamedTuple
 
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
@@ -13,12 +14,12 @@ import numpy as np
 
 class LinearRows(NamedTuple):
     """
-    Linear constraints on the displacements (ux0, uy0, theta0, ux1, ...): rows @ them = 0.
+    Homogeneous linear constraints on the displacements (ux0, uy0, theta0, ux1, ...).
 
     :ivar count: number of rows.
     :ivar row: (e,) row of each entry.
     :ivar column: (e,) column of each entry.
-    :ivar value: (e,) entries; those in one place add up.
+    :ivar value: (e,) entries; those at one place are summed.
     """
 
     count: int  # type: ignore[assignment]
@@ -43,13 +44,13 @@ class TurnRows(NamedTuple):
     """
     Constraints on rotations of spans between nodes: weighted sums are zero.
 
-    A span is a sum of nodes, each by a share; the shares of a span sum up to zero.
+    A span is a weighted sum of nodes; its shares sum to zero.
 
     :ivar count: number of rows.
-    :ivar weight: (s,) of each span in its row.
-    :ivar span: (e,) to which span a share belongs, in order.
-    :ivar share: (e,) of a node in the span.
-    :ivar node: (e,) which node.
+    :ivar weight: (s,) weight of each span in its row.
+    :ivar span: (e,) index of the span of each share, ascending.
+    :ivar share: (e,) share of a node in the span.
+    :ivar node: (e,) index of the node.
     :ivar row: (2 e,) row of each entry: by x of all shares, then by y.
     :ivar column: (2 e,) displacement of each entry.
     :ivar pairs: two of (4 h,) displacements that are bound to each other: by x and x, x and y, y
@@ -74,11 +75,11 @@ class TurnRows(NamedTuple):
         """
         Return the rows of some spans.
 
-        :param row: (s,) of each span.
-        :param weight: (s,) of it there.
-        :param span: (e,) to which span a share belongs, in order.
-        :param share: (e,) of a node in the span.
-        :param node: (e,) which node.
+        :param row: (s,) row of each span.
+        :param weight: (s,) weight of each span.
+        :param span: (e,) index of the span of each share, ascending.
+        :param share: (e,) share of a node in the span.
+        :param node: (e,) index of the node.
         """
         one, other = np.nonzero(span[:, None] == span)
         x, count = 3 * node, int(row.max()) + 1
@@ -96,7 +97,7 @@ class TurnRows(NamedTuple):
         :param points: (n,) nodes without loads, x + iy [m].
         :param displacements: (n, 3) of these.
         :param multipliers: (c,).
-        :return: entries (2 e,), gaps (c,), and what the turning of the spans adds to the stiffness
+        :return: entries (2 e,), gaps (c,), and the geometric stiffness of the spans
             under the multipliers, by `pairs` (4 h,).
         """
         moved = points + displacements @ (1.0, 1j, 0.0)
@@ -127,8 +128,8 @@ class Members(NamedTuple):
     """
     Straight members between nodes, arrays of one length k.
 
-    :ivar start: (k,) node numbers.
-    :ivar end: (k,) node numbers.
+    :ivar start: (k,) indices of the start nodes.
+    :ivar end: (k,) indices of the end nodes.
     :ivar axial: (k,) EA [N].
     :ivar flexural: (k,) EI [N m^2].
     :ivar shear: (k,) GA [N]; infinite for no shear deformation.
@@ -149,12 +150,13 @@ class FramePattern:
     """
     Sparsity pattern of frames with equal connections and supports.
 
-    :param members: what connects the nodes; their stiffness does not count.
-    :param held: (n, 3) which of ux, uy, theta are held by supports.
-    :param rows: constraints on the displacements, whose values do not count.
-    :ivar places: (k, 6) numbers of the displacements of each member's ends.
-    :ivar unknowns: (3 n,) number of each displacement among the unknowns, -1 if it is none.
-    :ivar ends: (k, 6) numbers of the unknowns of each member's ends, -1 if it is none.
+    :param members: members between the nodes, of any stiffness.
+    :param held: (n, 3) mask of ux, uy, theta fixed by supports.
+    :param rows: constraints on the displacements, of any values.
+    :ivar count: number k of members.
+    :ivar places: (k, 6) indices of the displacements of each member's ends.
+    :ivar unknowns: (3 n,) index of each displacement among the unknowns, -1 if fixed.
+    :ivar ends: (k, 6) indices of the unknowns of each member's ends, -1 if fixed.
     :ivar solved: (f,) the displacements that are unknowns.
     :ivar entries: (e,) which of the entries of all members' stiffness matrices are in that of (4).
     :ivar weights: (w,) which of the entries of the constraints are.
@@ -168,6 +170,7 @@ class FramePattern:
 
     def __init__(self, members: Members, held: Flags, rows: LinearRows | TurnRows) -> None:
         self._rows = rows
+        self.count = len(members.start)
         ends = np.stack([members.start, members.end], axis=1)
         self.places = (3 * ends[:, :, None] + np.arange(3)).reshape(-1, 6)
         free = ~held.ravel()
@@ -198,30 +201,44 @@ class FramePattern:
 
     def cut(self, members: Members, held: Flags, piece: Indices, order: Indices) -> CutPattern:
         """
-        Return the pattern of a frame cut at some points; the last ones are kept.
+        Return the pattern of a frame cut at points, cached.
 
-        :param members: what connects the nodes.
-        :param held: (3 n,) which displacements are held by supports.
-        :param piece: (c,) numbers of the members with points inside.
-        :param order: (c,) of the points along them.
+        :param members: members between the nodes.
+        :param held: (n, 3) mask of displacements fixed by supports.
+        :param piece: (c,) indices of the members with points inside.
+        :param order: (c,) order of the points along them, by member.
         """
         key = piece.tobytes() + order.tobytes()
         if key not in self._cuts:
             if len(self._cuts) >= MAX_CUTS:
                 self._cuts.clear()
-            self._cuts[key] = CutPattern.of(members, held, self._rows, piece, order)
+            self._cuts[key] = CutPattern.of(members, held, piece, order)
         return self._cuts[key]
 
 
-#: Patterns of cut frames that are kept.
+#: Number of cached patterns of cut frames [-].
 MAX_CUTS = 64
+
+
+class Chains(NamedTuple):
+    """
+    Members b that are cut at p points each, and have no end in common.
+
+    :ivar parts: (b, p + 1) from their starts to their ends.
+    :ivar inner: (b, 3 p) displacements of the points in the order of the parts.
+    :ivar ends: (b, 6) displacements of their ends.
+    """
+
+    parts: Indices
+    inner: Indices
+    ends: Indices
 
 
 class CutPattern(NamedTuple):
     """
-    What frames that are cut between the same nodes share; new nodes are their last ones.
+    Common data of frames cut between the same nodes; new nodes are the last ones.
 
-    The members themselves become their first parts; the others are the last members.
+    The first part of a member has its index; further parts are the last members.
 
     :ivar whole: (k + c,) of which members these are parts.
     :ivar members: what connects the nodes, the sections those before.
@@ -229,7 +246,8 @@ class CutPattern(NamedTuple):
     :ivar nodes: (c,) the nodes at the points.
     :ivar before: (c,) the parts that end at the points.
     :ivar behind: (c,) the parts that begin there.
-    :ivar pattern: of the frame.
+    :ivar chains: the members that are cut.
+    :ivar places: (k + c, 6) numbers of the displacements of the parts' ends.
     """
 
     whole: Indices
@@ -238,37 +256,43 @@ class CutPattern(NamedTuple):
     nodes: Indices
     before: Indices
     behind: Indices
-    pattern: FramePattern
+    chains: tuple[Chains, ...]
+    places: Indices
 
     @classmethod
-    def of(
-        cls,
-        members: Members,
-        held: Flags,
-        rows: LinearRows | TurnRows,
-        piece: Indices,
-        order: Indices,
-    ) -> CutPattern:
+    def of(cls, members: Members, held: Flags, piece: Indices, order: Indices) -> CutPattern:
         """
-        Return what frames that are cut at some points share.
+        Return the common data of frames cut at points.
 
-        :param members: of the frame before.
-        :param held: (3 n,) its supports.
-        :param rows: its constraints.
-        :param piece: (c,) numbers of the members with points inside.
-        :param order: (c,) of the points along them.
+        :param members: members of the uncut frame.
+        :param held: (n, 3) mask of its supports.
+        :param piece: (c,) indices of the members with points inside.
+        :param order: (c,) order of the points along them, by member.
         """
-        count, parts = len(piece), len(members.start)
-        whole = np.concatenate([np.arange(parts), piece])
+        parts, own = len(members.start), np.arange(len(piece))
+        whole, nodes, behind = np.append(np.arange(parts), piece), len(held) + own, parts + own
         cut = Members(*(each[whole] for each in members))
-        start, end, *_, pinned_start, pinned_end = cut
-        pinned_start[parts:] = pinned_end[parts:] = False
-        nodes, behind = len(held) // 3 + np.arange(count), parts + np.arange(count)
-        # From the far ends of the members: what is left of each is its part from its start.
-        for i in reversed(order.tolist()):
-            own, part = piece[i], behind[i]
-            start[part], end[part], pinned_end[part] = nodes[i], end[own], pinned_end[own]
-            end[own], pinned_end[own] = nodes[i], False
-        before = np.array([np.flatnonzero(end == node)[0] for node in nodes], dtype=np.intp)
-        still = np.concatenate([held, np.zeros(3 * count, dtype=bool)]).reshape(-1, 3)
-        return cls(whole, cut, still, nodes, before, behind, FramePattern(cut, still, rows))
+        cut.pinned_start[parts:] = False
+        before, found = np.empty_like(piece), []
+        for member in np.unique(piece).tolist():
+            points = order[piece[order] == member]
+            chain = np.append(member, behind[points])
+            before[points] = chain[:-1]
+            cut.start[chain[1:]] = cut.end[chain[:-1]] = nodes[points]
+            cut.end[chain[-1]], cut.pinned_end[chain[:-1]] = members.end[member], False
+            inner = (3 * nodes[points, None] + np.arange(3)).ravel()
+            both = np.array([members.start[member], members.end[member]])
+            found.append((chain, inner, (3 * both[:, None] + np.arange(3)).ravel()))
+        alike = itertools.groupby(
+            sorted(found, key=lambda each: len(each[0])), lambda each: len(each[0])
+        )
+        chains = []
+        for _, group in alike:
+            several = Chains(*map(np.array, zip(*group, strict=True)))
+            apart = len(np.unique(several.ends)) == several.ends.size
+            single = (Chains(*(each[[i]] for each in several)) for i in range(len(several.ends)))
+            chains += [several] if apart else list(single)
+        ends = np.stack([cut.start, cut.end], axis=1)
+        places = (3 * ends[:, :, None] + np.arange(3)).reshape(-1, 6)
+        still = np.append(held, np.zeros((len(piece), 3), dtype=bool), axis=0)
+        return cls(whole, cut, still, nodes, before, behind, tuple(chains), places)

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-How near inflated tubes are to wrinkling under loads.
+Utilisation of inflated tubes: bending moment over wrinkling moment.
 
 Under the gauge pressure p and a compression N the wall carries the pull p pi R^2 - N. A bending
 moment makes one side slack at M_w = (p pi R^2 - N) R / 2, where the wall begins to wrinkle; at
@@ -14,96 +14,34 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from isotruss_ros.core.numerics.arrays import Array, Indices, Points
-from isotruss_ros.core.statics.bent_tubes import BentTubes
+from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.statics.frame import Frame
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 
-#: Tubes are to bear at most this share of the moment at which they wrinkle.
+#: Largest recommended utilisation of tubes [-].
 MAX_UTILISATION = 0.8
-#: Keeps divisions by the wave of a moment defined where there is none [rad].
+#: Smallest phase of the sine of a moment [rad], for divisions.
 TINY = 1e-9
-
-
-class SectionLoads(NamedTuple):
-    """
-    What the sections of the tubes bear where it is largest.
-
-    :ivar moment: (c,) of the member, on the side of the loads where their piece begins [N m].
-    :ivar compression: (c,) there, the larger of both sides of the load [N].
-    :ivar utilisation: (m,) largest |M| / M_w of each member; infinite where compression alone
-        takes all of the pull.
-    :ivar place: (m,) where along the member that is, from its start [m].
-    """
-
-    moment: Array
-    compression: Array
-    utilisation: Array
-    place: Array
 
 
 def wrinkling_moment(pressure: float, radius: float) -> float:
     """
     Return M_w = p pi R^3 / 2 of a tube without axial force [N m].
 
-    :param pressure: p, gauge [Pa].
+    :param pressure: gauge pressure p [Pa].
     :param radius: R of the tube [m].
     """
     return 0.5 * np.pi * pressure * radius**3
 
 
-def load_sections(
-    tubes: BentTubes,
-    end_forces: Array,
-    member: Indices,
-    place: Array,
-    local: Points,
-    bow: Array | float = 0.0,
-) -> SectionLoads:
-    """
-    Return moments and compressions of the tubes, and how near to wrinkling they bring them.
-
-    Of pieces that bear loads inside, moments are largest at one of these or at an end.
-
-    :param tubes: of the robot.
-    :param end_forces: (k, 6) on all members of their frame, see `FrameState.end_forces`.
-    :param member: (c,) the members of the robot that the loads act on.
-    :param place: (c,) distance from that member's start [m].
-    :param local: (c,) the forces along + i across these members [N].
-    :param bow: (c,) distance of the bent centre lines from the chords of their pieces [m].
-    """
-    piece, within, ahead = tubes.locate(member, place)
-    along, across = ahead * local.real, ahead * local.imag
-    # At each load: all that acts on the piece between its start and there.
-    apart = within[:, None] - within
-    before = (piece[:, None] == piece) & (apart > 0.0)
-    there = end_forces[piece]
-    compression = there[:, 0] + before @ along
-    moment = there[:, 1] * within - there[:, 2] + np.where(before, apart, 0.0) @ across
-    moment -= compression * bow - before @ (along * bow)
-    larger = np.maximum(compression, compression + along)
-    pulls = np.zeros(len(end_forces))
-    if not tubes.is_straight:
-        pulls = tubes.tangent.forces.pull.copy()
-        pulls[piece] = 0.0
-    _, members, used, places = _use_pieces(tubes.structure, tubes.frame, end_forces, pulls)
-    left = _wall_pull(tubes.structure, member) - larger
-    inside = np.full(len(moment), np.inf)
-    radius = 0.5 * tubes.structure.config.robot.description.tube_diameter
-    np.divide(np.abs(moment), 0.5 * radius * left, out=inside, where=left > 0.0)
-    used, places = np.append(used, inside), np.append(places, place)
-    last = find_most_used(used, np.append(np.tile(members, 3), member))
-    return SectionLoads(ahead * moment, larger, used[last], places[last])
-
-
 class Utilisation(NamedTuple):
     """
-    How near to wrinkling loads bring the m members of a robot.
+    Utilisation of the m members of a robot under loads.
 
-    :ivar used: (m,) largest |M| / M_w of each, infinite where compression takes all of the pull.
-    :ivar place: (m,) where along the member that is, from its start [m].
-    :ivar piece: (m,) the member of the frame that it is on.
+    :ivar used: (m,) largest |M| / M_w of each; infinite if compression exceeds the pull.
+    :ivar place: (m,) its distance from the member's start [m].
+    :ivar piece: (m,) index of the frame's member there.
     :ivar kind: (m,) 0 at its start, 1 at its end, 2 inside.
     """
 
@@ -117,13 +55,13 @@ def find_utilisation(
     structure: Structure, frame: Frame, end_forces: Array, pulls: Array
 ) -> Utilisation:
     """
-    Return how near to wrinkling loads bring the members of a robot.
+    Return the utilisation of the members of a robot under loads.
 
-    Between loads the moment of a compressed piece is part of a sine, which may peak inside.
+    The moment of a compressed piece is a sine between loads, with its peak possibly inside.
 
-    :param structure: of the robot.
-    :param frame: its frame, cut where tubes bear loads.
-    :param end_forces: (k, 6) on its members, see `FrameState`.
+    :param structure: frame of the robot.
+    :param frame: frame cut at loads on tubes.
+    :param end_forces: (k, 6) forces on its members, see `FrameState`.
     :param pulls: (k,) axial forces that change the moments inside these [N].
     """
     pieces, member, used, places = _use_pieces(structure, frame, end_forces, pulls)
@@ -167,10 +105,10 @@ def _wall_pull(structure: Structure, member: Indices) -> Array:
 
 def tube_pieces(structure: Structure, frame: Frame) -> tuple[Indices, Indices]:
     """
-    Return the members of a cut frame that are tubes, and the members of the robot they are on.
+    Return the tubes among the members of a cut frame, and their members of the robot.
 
-    :param structure: of the robot.
-    :param frame: its frame, cut where tubes bear loads.
+    :param structure: frame of the robot.
+    :param frame: frame cut at loads on tubes.
     """
     first = structure.pieces[0, 0]
     pieces = np.flatnonzero(frame.whole >= first)
@@ -181,12 +119,12 @@ def use_sections(
     loads: Array | tuple[Array, ...], sections: Array, radius: float
 ) -> tuple[Array, Array]:
     """
-    Return |M| / M_w of pieces at their starts, ends and inside (3, ...), and where the last is.
+    Return |M| / M_w of pieces at start, end and inside (3, ...), and the position of the last.
 
     :param loads: moments of the sections at start and end [N m], pull of the wall [N], at these
         three places or everywhere, and pull that changes the moment inside [N]; (...) each.
     :param sections: (3, ...) length [m], EI [N m^2] and GA [N].
-    :param radius: of the tubes [m].
+    :param radius: radius of the tubes [m].
     """
     begin, end, left, pull = loads
     length, flexural, shear = sections
@@ -205,10 +143,10 @@ def use_sections(
 
 def find_most_used(used: Array, member: Indices) -> Indices:
     """
-    Return the places, one of each member, that are used most, (m,).
+    Return the place of largest utilisation of each member, (m,).
 
-    :param used: (c,) |M| / M_w at places on all members.
-    :param member: (c,) the member that each is on.
+    :param used: (c,) |M| / M_w at places of all members.
+    :param member: (c,) index of the member of each place.
     """
     order = np.lexsort((used, member))
     return order[np.flatnonzero(np.diff(member[order], append=-1))]

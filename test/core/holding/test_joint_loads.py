@@ -27,7 +27,7 @@ def test_utilisation_agrees_with_a_frame_under_the_same_loads(grasp):
     arms = -(statics.tube_radius - statics.indentation(state.normal_forces)[0]) * state.normals
     loads = np.zeros((len(frame.points), 3))
     loads[frame.nodes] = np.column_stack([push.real, push.imag, (arms.conj() * push).imag])
-    rows, fixed = frames.dense(frame.rows, frame.points), frame._held.reshape(-1, 3)
+    rows, fixed = frames.dense(frame.rows, frame.points), frame.held
     *_, ends = frames.reference(frame.points, frame.members, fixed, loads, rows)
     expected = tubes.largest_utilisation(structure, frame, ends)
     assert grasp.sections.used == pytest.approx(expected, rel=1e-5, abs=1e-8)

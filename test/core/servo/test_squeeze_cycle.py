@@ -213,16 +213,28 @@ def test_an_object_that_is_lost_stays_not_held_until_a_client_acts():
     assert command.status is Status.HALT_NOT_HELD
 
 
+def opened():
+    """Return a configuration whose members are away from the object."""
+    opening = solve_at_rest(np.zeros(3), 0.05).roller_velocities
+    return CONFIG.moved_to(CONFIG.roller_positions + 6.0 * opening)
+
+
+def test_a_start_without_a_balance_is_not_held_until_there_is_one():
+    control = SqueezeControl(SqueezeSettings(20.0, **MASSLESS))
+    for _ in range(2):
+        assert control.follow(opened(), AT_REST, 0.02) is HoldStatus.NO_BALANCE
+    assert control.belief is control.fault is None
+    assert control.follow(CONFIG, AT_REST, 0.02) is HoldStatus.HELD
+
+
 def test_a_cycle_makes_one_search_at_most_until_a_loss_is_a_fault(monkeypatch):
     control, searches = at_rest(), []
     search = grip_belief.attach_grip
     monkeypatch.setattr(
         grip_belief, 'attach_grip', lambda *a, **b: searches.append(1) or search(*a, **b)
     )
-    opening = solve_at_rest(np.zeros(3), 0.05).roller_velocities
-    opened = CONFIG.moved_to(CONFIG.roller_positions + 6.0 * opening)
     for count in (1, 2):
-        assert control.follow(opened, AT_REST, 0.02) is not HoldStatus.HELD
+        assert control.follow(opened(), AT_REST, 0.02) is not HoldStatus.HELD
         assert len(searches) == count
     assert control.fault is GripFault.NOT_HELD
 

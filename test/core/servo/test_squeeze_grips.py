@@ -68,5 +68,5 @@ def test_a_box_that_lies_on_a_face_stays_held(noise):
 def test_a_rising_target_closes_in_place(shape, angle, members, config):
     loop = loop_of(shape, angle, members, 1.2, config)
     loop.run((0.0, 0.0, 0.0), 1.5)
-    assert loop.object.grasp.squeeze == pytest.approx(loop.target, rel=1e-2)
+    assert loop.object.grasp.squeeze == pytest.approx(loop.target, rel=5e-3)
     assert loop.errors[-1] < 2e-4

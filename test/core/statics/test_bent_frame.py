@@ -156,7 +156,9 @@ def test_the_tangent_is_the_derivative_of_the_forces(rng):
     change = (ahead.carried - behind.carried) / 2e-6
     answer, _ = bent.respond(change[:, None])
     moved = np.zeros(way.size)
-    solved = frame._pattern.solved
+    solved = np.concatenate(
+        [frame.pattern.solved, *(chain.inner.ravel() for chain in frame.chains)]
+    )
     moved[solved] = way.ravel()[solved]
     # What is held moves too: its forces are what the change has beside those of the unknowns.
     still = way.ravel() - moved

@@ -216,29 +216,3 @@ def test_a_constraint_can_hold_a_mechanism():
     state = frames.frame(SQUARE, found, held, row.reshape(1, -1)).solve(loads)
     # Half goes through the upper bar, which gives 0.5/EA; its ends share that.
     np.testing.assert_allclose(state.displacements[2:, 0], [0.25e-4, -0.25e-4])
-
-
-# -- Corners of the interface --
-
-
-@given(generators())
-@examples(10)
-def test_end_forces_are_those_of_the_nodes_less_what_members_carry_inside(rng):
-    points, found, held, _ = random_case(rng)
-    frame = frames.frame(points, found, held)
-    # One of them twice: with two loads inside.
-    chosen, carried = rng.choice(len(found.start), 3), rng.normal(size=(3, 6))
-    loads = np.zeros((len(points), 3))
-    pushed = (frame.turn[chosen].transpose(0, 2, 1) @ carried[:, :, None])[:, :, 0]
-    np.add.at(loads, found.start[chosen], pushed[:, :3])
-    np.add.at(loads, found.end[chosen], pushed[:, 3:])
-    # Where all is pinned, no moment acts on anything.
-    loads[~frames.turning(found, len(points)), 2] = 0.0
-    expected = frame.solve(loads).end_forces
-    np.subtract.at(expected, chosen, carried)
-    response = frame.rest.under_end_loads(chosen)
-    moved = response.moved @ np.append(carried.ravel(), 0.0)
-    ends = frame.turn @ moved[frame.places(np.arange(len(frame.length)))][:, :, None]
-    found = (frame.rest.stiffness @ ends)[:, :, 0]
-    np.subtract.at(found, chosen, carried)
-    np.testing.assert_allclose(found, expected, atol=1e-8 * np.abs(expected).max())
