@@ -4,17 +4,14 @@
 """Tests keep to this machine, and away from each other and whatever else runs on it."""
 
 import contextlib
-import functools
 import itertools
 import os
-import pickle
 
 from hypothesis import settings
 import pytest
 
 # Before NumPy is loaded: BLAS threads that wait for each other make a busy machine crawl.
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
-from isotruss_ros.core.model import robot_file  # noqa: E402,I100
 from isotruss_ros.demo.domains import DOMAINS, lock_domain  # noqa: E402,I100
 
 # A domain that is set is where the counting begins; each worker begins elsewhere, so that the
@@ -30,11 +27,6 @@ os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
 # However busy the machine is, and the same random examples each time.
 settings.register_profile('any load', deadline=None, derandomize=True)
 settings.load_profile('any load')
-
-#: Of files that thousands of tests read again; each reader has values of its own.
-_parsed = functools.lru_cache(lambda *given: pickle.dumps(_parse_yaml(*given)))
-_parse_yaml = robot_file.parse_yaml
-robot_file.parse_yaml = lambda *given: pickle.loads(_parsed(*given))
 
 
 @contextlib.contextmanager

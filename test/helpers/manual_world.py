@@ -150,7 +150,7 @@ class World(Watched):
         self._served: set[Subscription] = set()
         self._due: dict[Timer, float] = {}
         self._goals: list[Goal] = []
-        self._topics: dict[Publisher | Subscription, str] = {}
+        self._topics = WeakKeyDictionary[Publisher | Subscription, str]()
 
     def begin(
         self, makers: Sequence[Callable[[], Node]], twist_type: type, sim_time: bool
