@@ -41,10 +41,10 @@ LENGTH_SPREAD = 0.02
 #: Largest number of steps to find the regions [-]; otherwise points are on all tubes within reach.
 MAX_STEPS = 3
 EVERYWHERE = np.array([-np.inf, np.inf])
-#: Tubes are bent until no node moves by more than this [m], at most so often: the next step would
-#: be a hundredth of it. Their compliance is computed anew where a step is not so much shorter than
-#: the one before [-].
-SETTLED_MOTION, MAX_BENDS, QUICK_SHARE = 6e-7, 12, 0.5
+#: Tubes are bent until no node moves by more than this [m], at most so often: forces are then the
+#: same to 1e-7 whatever the search began with. Their compliance is computed anew where a step is
+#: not shorter by this share than the one before [-].
+SETTLED_MOTION, MAX_BENDS, QUICK_SHARE = 1e-8, 12, 0.5
 #: Shares of the bending by the contact forces, tried in turn [-].
 BENT_SHARES = (1.0, 0.5, 0.2, 0.0)
 

@@ -45,8 +45,6 @@ from scipy.linalg import lapack
 #: Tolerances of balance, relative to the squeeze [-], and of touch [m].
 FORCE_TOLERANCE, LENGTH_TOLERANCE = 1e-10, 1e-11
 MAX_STEPS = 40
-#: Factor on these as long as tubes are linearised anew [-].
-COARSE = 1e4
 #: Largest motion in a step relative to the object's size [-] ...
 MAX_MOVE = 0.5
 #: ... and largest change of the inclination of a tube in a step, and largest inclination [rad]. A
@@ -263,7 +261,6 @@ class ContactStatics:
         wrench: Array,
         conditions: ContactConditions,
         steps: int = MAX_STEPS,
-        coarse: float = 1.0,
     ) -> ContactForces | None:
         """
         Return the equilibrium near a start (Newton's method), or None if it is not found.
@@ -272,18 +269,15 @@ class ContactStatics:
         :param wrench: (fx, fy, m / arm) on the object [N].
         :param conditions: conditions of friction or rolling.
         :param steps: largest number of Newton steps.
-        :param coarse: factor on the tolerances [-].
         """
         places, unknowns = self.places, start.copy()
         longest = np.full(places.size, MAX_MOVE * self.body.arm)
         longest[ANGLE] = longest[places.inclinations] = MAX_TURN
         longest[places.normal] = longest[places.friction] = np.inf
-        least = np.full(places.size, coarse * LENGTH_TOLERANCE)
+        least = np.full(places.size, LENGTH_TOLERANCE)
         for _ in range(steps):
             residual, state = self.equations(unknowns, wrench, conditions)
-            least[places.balance] = (
-                coarse * FORCE_TOLERANCE * np.abs(unknowns[places.normal]).sum()
-            )
+            least[places.balance] = FORCE_TOLERANCE * np.abs(unknowns[places.normal]).sum()
             # What is no number is no solution either.
             if (np.abs(residual) <= least).all():
                 folded = np.abs(unknowns[places.inclinations]).max() > MAX_INCLINATION
@@ -314,15 +308,13 @@ class ContactStatics:
         :param reach: largest node motion without a new linearisation [m].
         :return: the equilibrium and the equations; None if not found.
         """
-        statics, unknowns, coarse = self, start, COARSE if reach == SETTLED_MOTION else 1.0
+        statics, unknowns = self, start
         for _ in range(MAX_BENDS):
-            state = statics.solve(unknowns, wrench, conditions, steps, coarse)
+            state = statics.solve(unknowns, wrench, conditions, steps)
             if state is None:
                 return None
             if statics.bent.distance(state.loads, state.feet) <= reach:
-                if coarse > 1.0:
-                    state = statics.solve(state.unknowns, wrench, conditions, steps)
-                return None if state is None else (statics, state)
+                return statics, state
             bent = statics.bent.update(state.loads, state.feet)
             statics, unknowns = replace(statics, bent=bent), state.unknowns
         return None

@@ -115,7 +115,7 @@ def test_points_of_a_corner_are_as_close_as_a_budget_allows():
         assert points(int(share * count)).spacing == pytest.approx(SPACING / division)
 
 
-def test_known_contact_is_solved_once():
+def test_a_known_contact_is_solved_where_it_is_and_bent_at_most_twice():
     config, cylinder = pressed(1)
     structure, calls = structure_of(config), []
 
@@ -128,5 +128,6 @@ def test_known_contact_is_solved_once():
     found = refine_contact(*given_to)
     calls.clear()
     again = refine_contact(*given_to, previous=found)
-    assert len(calls) == 1
+    assert len(calls) <= 3
+    assert {points.spacing for points, *_ in calls} == {found.points.spacing}
     assert again.points.place[again.kept] == pytest.approx(found.points.place[found.kept])
