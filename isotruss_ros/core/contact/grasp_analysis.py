@@ -120,8 +120,8 @@ class GraspAnalysis(
 
     @cached_property
     def stiffness(self) -> Array:
+        """
         Return the stiffness of the object with sticking contacts, (3, 3) [N/m, N, N m].
-        Return the stiffness (3, 3) of the object with sticking contacts [N/m, N, N m].
 
         Wrench (fx, fy, m) per displacement (dx, dy, dtheta).
 
