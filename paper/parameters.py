@@ -47,8 +47,8 @@ def report(robot: Robot) -> Report:
         stated='A tube of 10.2 cm was tested at three pressures and three lengths, each '
         'combination five times.',
         computed='All parameters of the items below, as the paper rounds them.',
-        difference='None. Pressures are steps of 2.5 psi, lengths of 10 in, discs of Fig. 6 '
-        '5, 8 and 12 in, cylinder plus tube only to 1 mm.',
+        difference='None. Pressures are multiples of 2.5 psi and lengths multiples of 10 in. The '
+        'discs of Fig. 6 have 5, 8 and 12 in. The sum of cylinder and tube agrees only to 1 mm.',
         assumption='Sizes and rigidity of the modules, which the paper does not state.',
         tables=(_stated(), _assumed(robot)),
     )

@@ -190,12 +190,12 @@ class GripBelief:
 
     @property
     def regulated_pose(self) -> Array:
-        """Return the regulated pose (3,), with corrections filtered by two low-passes."""
+        """Return the regulated pose (3,), with corrections filtered by two low-pass filters."""
         return self.pose - self._lag[:, :3].sum(axis=0)
 
     @property
     def regulated_squeeze(self) -> float:
-        """Return the regulated squeeze, with corrections filtered by two low-passes [N]."""
+        """Return the regulated squeeze, with corrections filtered by two low-pass filters [N]."""
         return self.squeeze - float(self._lag[:, 3].sum())
 
     @property
@@ -444,10 +444,10 @@ class GripBelief:
 
     def pass_corrections(self, elapsed: float, filter_time: float) -> None:
         """
-        Propagate corrections through the two low-passes of a loop.
+        Propagate corrections through the two low-pass filters of the squeeze control.
 
         :param elapsed: time since the last call [s].
-        :param filter_time: time constant of the low-passes on the load [s].
+        :param filter_time: time constant of the low-pass filters on the load [s].
         """
         left = math.exp(-elapsed / filter_time)
         self._lag[1] += (1.0 - left) * self._lag[0]

@@ -100,8 +100,8 @@ class StateEstimator:
         """
         Use measured pressures in the model from now on, see `steady_pressures`.
 
-        :param pressures: (t,) gauge, by tube in the order of the robot file [Pa]; None for those
-            of the file.
+        :param pressures: (t,) gauge pressures of the tubes in the order of the robot file [Pa];
+            None for the pressures of the file.
         """
         self._pressures = steady_pressures(self._pressures, pressures)
 

@@ -48,7 +48,9 @@ class PressedContacts:
 
     def without(self, dropped: int) -> PressedContacts:
         """
-        Return the remaining contacts; a single end of a face extends along all of it.
+        Return the remaining contacts.
+
+        If one end of a face is removed, the extent of the other is unlimited.
 
         :param dropped: index of the removed contact.
         """
@@ -161,7 +163,7 @@ class GripResponse:
 
     @property
     def pose(self) -> Array:
-        """Return the displacement of (x, y, angle), (3, 3) [m/N, rad/N]."""
+        """Return the compliance of the pose (x, y, angle), (3, 3) [m/N, rad/N]."""
         return self.change[:POSE]
 
     @property
@@ -186,11 +188,12 @@ class GripResponse:
 
 def slip_conditions(owners: Indices, friction: float) -> Array:
     """
-    Return the margins of forces (N, T) to slip of m members, either way, or opening of k contacts.
+    Return the matrix from contact forces to margins against slip and opening.
 
     :param owners: (k,) index of the member of the grip of each contact.
     :param friction: coefficient mu.
-    :return: (2m + k, 2k) rows.
+    :return: (2m + k, 2k), by normal forces N and friction forces T of the k contacts: mu N - T of
+        m members, mu N + T of these, then N of each contact.
     """
     members = np.eye(int(owners[-1]) + 1)[owners].T
     presses, alone = friction * members, np.eye(len(owners), 2 * len(owners))

@@ -133,13 +133,13 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
     margin or stiffness.
 
     :param settled: the settled grasp.
-    :raises GraspError: the equilibrium is indifferent, or that of the paper's model.
+    :raises GraspError: the equilibrium is neutral, or that of the paper's model.
     """
     grip = settled.equilibrium
     if grip is None:
         return _lost_gradient(settled)
     if grip.response is None:
-        raise GraspError('an indifferent equilibrium has no derivatives')
+        raise GraspError('a neutral equilibrium has no derivatives')
     if grip.tubes.paper_model:
         raise GraspError('the paper model has no derivatives; must be that of bent tubes')
     parameters = GraspParameters.of(grip.config)

@@ -45,14 +45,15 @@ def held_gradient(grip: HeldGrip) -> HeldGradient:
     Return the derivatives of a held grip with sticking contacts.
 
     The equations of the equilibrium, F(y, x) = 0, give y' = -F_y^-1 F_x, see `grasp_gradient`. The
-    joints are those of the configuration, displaced by the frame under the contact forces.
+    joint positions are those of the configuration plus the displacements of the frame under the
+    contact forces.
 
     :param grip: equilibrium of the object.
-    :raises GraspError: the equilibrium is indifferent.
+    :raises GraspError: the equilibrium is neutral.
     :raises StructureError: see `structure_of`.
     """
     if grip.response is None:
-        raise GraspError('an indifferent equilibrium has no derivatives')
+        raise GraspError('a neutral equilibrium has no derivatives')
     config, state, statics = grip.config, grip.state, grip.statics
     places, parameters = state.places, GraspParameters.of(config)
     rollers, count = len(config.roller_positions), len(grip.anchors)

@@ -174,7 +174,7 @@ class HeldGrip:
         :param friction: coefficient between tube and object.
         :param more: (3,) additional wrench (fx, fy, m / arm) [N].
         :return: the margin; negative if a member slips or a contact is in tension, zero if the
-            equilibrium is indifferent.
+            equilibrium is neutral.
         """
         if self.response is None:
             return 0.0

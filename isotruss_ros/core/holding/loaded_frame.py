@@ -47,7 +47,7 @@ def lowest_frequency(grip: HeldGrip) -> float | None:
     of their pinch points, tubes half at each end of a member.
 
     :param grip: equilibrium of the object.
-    :return: the frequency; None if a mass is unknown or the equilibrium indifferent.
+    :return: the frequency; None if a mass is unknown or the equilibrium neutral.
     :raises StructureError: see `structure_of`.
     """
     body, response = grip.body, grip.response

@@ -100,10 +100,10 @@ class SettledGrasp(
     @cached_property
     def slip_margin(self) -> float:
         """
-        Return the smallest further wrench, moment over d/2, at which a member slips or opens [N].
+        Return the smallest further wrench at which a member slips or opens [N].
 
-        Negative after slip or without an equilibrium, see `LostContact`. For other shapes than
-        discs moments are divided by `ConvexObject.arm`, and each end of a face contact may open.
+        Moments are divided by d/2, for other shapes than discs by `ConvexObject.arm`. Each end of
+        a face contact may open. Negative after slip or without an equilibrium, see `LostContact`.
         """
         if self.lost is not None:
             return self.lost.slip_margin
@@ -114,7 +114,7 @@ class SettledGrasp(
         """
         Return the direction (fx, fy, m / arm) of the slip margin, a unit vector, (3,).
 
-        Zero without an equilibrium, and in an indifferent one.
+        Zero without an equilibrium, and in a neutral one.
         """
         if self.equilibrium is None or self.equilibrium.response is None:
             return np.zeros(3)

@@ -127,7 +127,8 @@ class Constraints:
         Return the entries of the matrix: gradients of rows by nodes, as complex numbers.
 
         :param points: (n,) nodes [m].
-        :return: (13m,) of members, AB, AC and BC [-], four and four; of bisection [1/m], five.
+        :return: (13m,) entries: 4m of the lengths of members, AB, AC and BC [-], their 4m
+            negatives, and 5m of the bisection rows [1/m].
         """
         m = self._topology.n_modules
         spans = self.spans(points).reshape(4, m)

@@ -191,9 +191,9 @@ def find_contacts(config: Configuration, grip: Grip) -> list[GripContact]:
 
     :param config: configuration of the robot.
     :param grip: the grip.
-    :return: one for each member, member after member; two where a face lies on it.
-    :raises GraspError: no such member; or a member does not touch the object between its ends:
-        it is off by more than a tube is thick.
+    :return: one for each member, two for a member along a face, in the order of the members.
+    :raises GraspError: no such member; or a member does not touch the object between its ends
+        within a gap or penetration of one tube diameter.
     """
     nodes = find_members(config.robot, grip.members)
     tube = config.robot.description.tube_diameter

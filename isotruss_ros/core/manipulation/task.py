@@ -150,9 +150,9 @@ class Reach(NamedTuple):
         """
         Compute the reachable twists.
 
-        :param jacobian: (3 + g, r) grip Jacobian, see `grip_jacobian`; or (k, r) of joints.
+        :param jacobian: (3 + g, r) grip Jacobian, see `grip_jacobian`; for joints (k, r).
         :param working: the working rollers.
-        :param weights: (3,) see above; (k,) ones for joints.
+        :param weights: (3,) factors, see `Reach`; for joints (k,) ones.
         """
         count, rows = len(weights), working.take(jacobian)
         rows[:count] *= weights[:, None]

@@ -168,7 +168,7 @@ class Polygon(Shape):
         return bisect.bisect_left(directions, angle) % len(facing)
 
     def point_at(self, corner: int, normal: complex) -> complex:
-        """Return the point of the arc at a corner on a tangent; see `Shape.point_at`."""
+        """Return the point of a corner's arc with a given normal; see `Shape.point_at`."""
         middle, radius = self._numbers[2][corner]
         return middle + radius * normal
 

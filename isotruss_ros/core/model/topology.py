@@ -87,9 +87,9 @@ class Topology:
     @cached_property
     def incidence(self) -> Array:
         """
-        Return the incidence matrix C, (m, r): Ldot = C phidot, which fulfils (13).
+        Return the incidence matrix C, (m, r), in Ldot = C phidot.
 
-        Its columns sum to zero over each tube.
+        The columns of C sum to zero over each tube, which gives (13).
         """
         matrix = np.zeros((self.n_modules, self.n_modules))
         members = np.arange(self.n_modules)

@@ -47,7 +47,7 @@ class Measured(NamedTuple):
         Return whether no pair can be close in another state.
 
         :param config: configuration of the robot.
-        :param grip: grip, None as in the measured state.
+        :param grip: grip in this state; False if only one of the two states has a grip.
         """
         if self.spare <= 0.0:
             return False

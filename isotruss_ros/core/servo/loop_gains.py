@@ -5,8 +5,8 @@
 Gains of the squeeze control, from the lowest natural frequency of the held object.
 
 The rollers set velocities: the loop is an integrator in front of a lightly damped structure. With
-two low-passes of time constant 1 / p on the load and the unexplained pose, and the gain p of the
-pose, one mode of the frequency omega and the damping ratio zeta is stable where
+two low-pass filters of time constant 1 / p on the load and the unexplained pose, and the gain p
+of the pose, one mode of the frequency omega and the damping ratio zeta is stable where
 
     s^3 / p^2 + 3 s^2 / p + 3 s + p omega^2 / (s^2 + 2 zeta omega s + omega^2) = 0
 
@@ -32,7 +32,7 @@ class LoopGains(NamedTuple):
     :ivar pose: gain of the pose error of the model [1/s].
     :ivar squeeze: gain of the squeeze error [1/s].
     :ivar bias: rate at which the unexplained part of the measured pose is taken over [1/s].
-    :ivar filter_time: time constant of each of the two low-passes on the load [s].
+    :ivar filter_time: time constant of each of the two low-pass filters on the load [s].
     """
 
     pose: float
@@ -43,9 +43,9 @@ class LoopGains(NamedTuple):
 
 def gains_of(gain: float) -> LoopGains:
     """
-    Return all gains for one gain p.
+    Return the gains of the squeeze control for a pose gain.
 
-    :param gain: p, positive [1/s].
+    :param gain: gain p of the pose, positive [1/s].
     """
     return LoopGains(gain, min(MAX_SQUEEZE_GAIN, gain), min(MAX_BIAS_GAIN, 0.5 * gain), 1.0 / gain)
 

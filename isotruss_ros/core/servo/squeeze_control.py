@@ -107,8 +107,8 @@ class SqueezeControl:
         """
         Use measured pressures in the model, from the next cycle on.
 
-        :param pressures: (t,) gauge, by tube in the order of the robot file [Pa]; None for those
-            of the file. See `steady_pressures`: noise would move the rollers.
+        :param pressures: (t,) gauge pressures of the tubes in the order of the robot file [Pa];
+            None for the pressures of the file. Small changes are ignored, see `steady_pressures`.
         """
         self._pressures = steady_pressures(self._pressures, pressures)
 

@@ -58,10 +58,10 @@ class Beams:
 
         :param beam: (c,) index of the beam of each point.
         :param place: (c,) distance from the start of the beam [m].
-        :return: the shape functions (c, 3, 6): along and across the beam, and the rotation of its
-            sections, by (ux, uy, theta) at start and end; and the compliance (2, c, c)
-            along and across the beams by unit forces at the points with fixed ends [m/N], zero
-            between beams.
+        :return: the shape functions (c, 3, 6) from (ux, uy, theta) at start and end to the
+            displacements along and across the beam and the rotation of its section; and the
+            compliance of the points with fixed ends of the beams, (2, c, c) along and across
+            [m/N], zero between points of different beams.
         """
         series = self.series
         shapes = sum_series((series[:, :, :3] @ self.by_ends[:, None])[beam], place)

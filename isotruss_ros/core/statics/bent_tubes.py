@@ -81,8 +81,8 @@ class BentTubes:
     The tubes of a robot at k places, linearised about a bent state.
 
     Loads are forces along and across the straight member and a moment (f_along, f_across, m) [N],
-    [N m]; responses are displacements along and across it, and the inclination of the bent centre
-    line, the mean of both sides at a kink by a force [m], [rad].
+    [N m]. Responses are displacements along and across the member [m], and the inclination of the
+    bent centre line [rad]. At the kink under a force the inclination is the mean of both sides.
 
     :ivar structure: frame of the robot.
     :ivar members: (k,) indices of the members in `Robot.member_names`; repeated for two places.

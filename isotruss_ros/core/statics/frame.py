@@ -143,7 +143,7 @@ class Tangent:
         """
         Return the matrix of (4), scaled, and the scaling (f + c,) of its rows and columns.
 
-        Of a cut frame the points are eliminated.
+        In a cut frame the displacements of the cuts are eliminated.
         """
         return self._frame._assemble(self._condensed[0], *self._rows)
 

@@ -119,12 +119,14 @@ def use_sections(
     loads: Array | tuple[Array, ...], sections: Array, radius: float
 ) -> tuple[Array, Array]:
     """
-    Return |M| / M_w of pieces at start, end and inside (3, ...), and the position of the last.
+    Return the utilisation of pieces of tube, and the position of its inner maximum.
 
-    :param loads: moments of the sections at start and end [N m], pull of the wall [N], at these
-        three places or everywhere, and pull that changes the moment inside [N]; (...) each.
+    :param loads: bending moments at start and end (...) [N m]; pull of the wall [N], (3, ...) at
+        start, end and inner maximum, or (...) if constant; axial force in the bending (...) [N].
     :param sections: (3, ...) length [m], EI [N m^2] and GA [N].
     :param radius: radius of the tubes [m].
+    :return: |M| / M_w at start, end and inner maximum (3, ...), zero without such a maximum; and
+        the distance of the maximum from the start (...) [m].
     """
     begin, end, left, pull = loads
     length, flexural, shear = sections

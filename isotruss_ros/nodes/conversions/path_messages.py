@@ -46,7 +46,7 @@ def read_object_path(
     :param turn_rate: largest angular velocity [rad/s].
     :param robot: the robot; the length of its tubes bounds the poses.
     :param smooth: spline through the poses instead of straight segments.
-    :param start: pose of the object, the start of a path with one pose.
+    :param start: present pose of the object, where a path with fewer than two poses begins.
     :raises MessageError: another frame, not finite, out of reach, or a rotation out of the plane.
     :raises PathError: see `ObjectPath`.
     """

@@ -28,10 +28,10 @@ Result = FollowRollerTrajectory.Result
 
 class TrajectoryGoalError(MessageError):
     """
-    A goal has a fault with a code of the standard.
+    A trajectory goal is invalid, with an error code of `FollowJointTrajectory`.
 
-    :ivar code: code of the result.
-    :param code: code of the result.
+    :ivar code: error code of the result.
+    :param code: error code of the result.
     :param message: the reason in words.
     """
 

@@ -126,9 +126,10 @@ class StoppableNode(Node):
 
 def catch_signals() -> list[int]:
     """
-    Return a list for the first stop signal; the second one raises.
+    Catch stop signals and return the list that gets the first one.
 
-    A KeyboardInterrupt within a conversion from C would leave rclpy as another error.
+    The second signal raises KeyboardInterrupt. The first must not: within a conversion from C,
+    rclpy would turn a KeyboardInterrupt into another error.
     """
     received: list[int] = []
 

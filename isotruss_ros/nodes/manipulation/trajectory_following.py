@@ -43,8 +43,9 @@ class TrajectoryFollowing:
     """
     Follows one trajectory at a time; twists apply again after its end.
 
-    A new trajectory replaces the current one, an empty one or any stop of the rollers ends it.
-    Trajectories do not resume. The result is the status until the next twist.
+    A new trajectory replaces the current one. An empty trajectory and any stop of the rollers end
+    the current one; trajectories do not resume. The result remains the status until the next
+    twist.
 
     :param node: subscribing node while active.
     :param servo: servo of the twists, with the measured positions and the history of commands.

@@ -81,7 +81,7 @@ def check_move(goal: MoveObject.Goal, robot: Robot, here: Pose) -> None:
 
     :param goal: goal of the action.
     :param robot: the robot.
-    :param here: start of a path with one pose.
+    :param here: present pose of the object, where a path with fewer than two poses begins.
     :raises IsotrussError: see `read_object_path`.
     """
     try:
