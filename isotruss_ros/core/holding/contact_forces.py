@@ -163,7 +163,7 @@ class GripResponse:
 
     @property
     def pose(self) -> Array:
-        """Return the compliance of the pose (x, y, angle), (3, 3) [m/N, rad/N]."""
+        """Return the compliance of x, y and angle, (3, 3) [m/N, rad/N]."""
         return self.change[:POSE]
 
     @property
