@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from isotruss_ros.calibration.beams import Beams
 from isotruss_ros.core.contact.contact import solve_contact
 from isotruss_ros.core.contact.contact_points import ContactPoints
 from isotruss_ros.core.contact.flattening import flattening
@@ -14,7 +15,6 @@ from isotruss_ros.core.contact.refinement import measure_contact
 from isotruss_ros.core.contact.surfaces import surface_of
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, Indices
-from isotruss_ros.core.statics.beam import Beams
 from isotruss_ros.core.statics.beam_column import local_stiffness
 from isotruss_ros.core.statics.section import TubeStiffness
 import numpy as np

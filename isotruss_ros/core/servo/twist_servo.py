@@ -335,10 +335,12 @@ class TwistServo:
         try:
             if status not in AT_REST or self._settings.joint is not None:
                 raise HaltError(status, 'the pose of the object is unknown')
-            received = self._inputs
-            inputs: dict[str, Any] = {'joint_states': received.rollers}
-            inputs['object_pose'] = received.pose
-            rollers, pose = require_fresh(now, self._settings.timeout, **inputs)
+            rollers, pose = require_fresh(
+                now,
+                self._settings.timeout,
+                joint_states=self._inputs.rollers,
+                object_pose=self._inputs.pose,
+            )
             config, grip, _ = self._predict(rollers, [pose], now, self.failed)
             self._regulated, known = before, squeeze.fault
             self._follow(squeeze, config, grip, rollers, pose, now)

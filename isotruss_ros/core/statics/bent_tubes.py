@@ -66,15 +66,6 @@ class PlaceChanges(NamedTuple):
     forces: Array
 
 
-def straight_tubes(structure: Structure) -> BentTubes:
-    """
-    Return the unloaded tubes of a robot without cuts.
-
-    :param structure: frame of the robot.
-    """
-    return BentTubes(structure, np.zeros(0, dtype=np.intp), np.zeros(0))
-
-
 @dataclass(frozen=True, eq=False)
 class BentTubes:
     """

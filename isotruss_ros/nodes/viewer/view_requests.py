@@ -98,16 +98,15 @@ class NodeRestart:
 
     def __init__(self, node: Node, report: Callable[[str], None]) -> None:
         self._report = report
-        self._change, self._set, self._get = (
+        self._change, self._set = (
             {name: node.create_client(kind, f'{name}/{service}') for name in (SIMULATOR, *OTHERS)}
             for kind, service in (
                 (ChangeState, 'change_state'),
                 (SetParameters, 'set_parameters'),
-                (GetParameters, 'get_parameters'),
             )
         )
-        self._squeeze = 0.0
-        self._calls = self._restart('', [], {})
+        self._get = node.create_client(GetParameters, f'{SIMULATOR}/get_parameters')
+        self._calls = self._restart('', 0.0, [], {})
 
     def restart_simulator(self, squeeze: float, plant: str = '') -> None:
         """
@@ -139,12 +138,13 @@ class NodeRestart:
             self._report(f'{what}: there is no simulator')
             return
         self._calls.close()
-        self._squeeze = squeeze
         self._report(f'{what}: sent')
-        self._calls = self._restart(what, names, values)
+        self._calls = self._restart(what, squeeze, names, values)
         make_calls(self._calls)
 
-    def _restart(self, what: str, names: list[str], values: dict[str, str]) -> Calls:
+    def _restart(
+        self, what: str, squeeze: float, names: list[str], values: dict[str, str]
+    ) -> Calls:
         # These fail if a node is already inactive or unconfigured.
         for name in reversed(names):
             yield self._transition(name, Transition.TRANSITION_DEACTIVATE)
@@ -165,15 +165,15 @@ class NodeRestart:
                     return
         rejected = ''
         if self._set[MANIPULATION].service_is_ready():
-            rejected = yield from self._restore_grip()
+            rejected = yield from self._restore_grip(squeeze)
         self._report(f'{what}: {rejected or "active"}')
 
-    def _restore_grip(self) -> Generator[Callable[[], Future], Any, str]:
+    def _restore_grip(self, squeeze: float) -> Generator[Callable[[], Future], Any, str]:
         """Give the manipulation the grip of the simulator, which a pick replaces."""
         names = [IS_FREE, *GRIP]
-        answer = yield partial(self._get[SIMULATOR].call_async, GetParameters.Request(names=names))
+        answer = yield partial(self._get.call_async, GetParameters.Request(names=names))
         is_free, *grip = answer.values
-        request = request_parameters({'squeeze_force': self._squeeze})
+        request = request_parameters({'squeeze_force': squeeze})
         if not is_free.bool_value:
             request.parameters += [
                 Parameter(name=name, value=value) for name, value in zip(GRIP, grip, strict=True)

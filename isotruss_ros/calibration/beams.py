@@ -5,7 +5,7 @@
 Displacements of sections inside straight beams.
 
 EA, EI and GA are the section stiffness (Timoshenko; an infinite GA is an Euler-Bernoulli beam).
-Displacements inside a beam are exact: a frame with loaded points anywhere needs no finer mesh.
+Displacements inside a beam are exact.
 """
 
 from __future__ import annotations
