@@ -86,9 +86,7 @@ class SettledGrasp(
 
     @property
     def friction_used(self) -> dict[str, float]:
-        """
-        Return the used share |T| / (mu N) of friction by grasping member; infinite at mu = 0.
-        """
+        """Return the used share |T| / (mu N) of friction by member; infinite for mu = 0."""
         with np.errstate(divide='ignore', invalid='ignore'):
             return self._named(
                 lambda grip: np.abs(grip.friction_forces) / (self.friction * grip.normal_forces)
