@@ -59,11 +59,11 @@ class BeamColumns:
     """
     Members that bend under loads and are straight without loads.
 
-    :ivar length: (k,) rest lengths [m].
+    :ivar length: (k,) rest lengths l0 [m].
     :ivar stretch: (k,) axial compliance l0 / EA [m/N].
     :ivar rotary: (3, 3, k) rotational stiffnesses: derivatives of M1 by t1, M1 by t2 and M2 by t2;
         each is a polynomial of degree 2 in N.
-    :param length: (k,) lengths [m].
+    :param length: (k,) rest lengths l0 [m].
     :param axial: (k,) EA [N].
     :param flexural: (k,) EI [N m^2]; zero for a bar.
     :param shear: (k,) GA [N], infinite for no shear deformation.

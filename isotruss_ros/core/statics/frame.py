@@ -157,7 +157,7 @@ class Tangent:
     @cached_property
     def factor(self) -> Factor:
         """
-        Return the factorised matrix of (4).
+        Return the factorised matrix of `system`.
 
         :raises StructureError: the structure has no stiffness in its bent shape.
         """
@@ -235,7 +235,7 @@ class Tangent:
 
 class Frame:
     """
-    Frame of beam-columns; the matrix (4) of its unloaded state is factorised once.
+    Frame of beam-columns; the matrix of its unloaded state is factorised once.
 
     :ivar points: (n,) nodes x + iy [m].
     :ivar members: members between the nodes.
@@ -256,8 +256,10 @@ class Frame:
     :param members: members between the nodes.
     :param held: (n, 3) mask of ux, uy, theta fixed by supports.
     :param names: (n,) names of the nodes for error messages.
-    :param rows: constraints on the displacements: linear ones, or on turns of spans.
-    :param pattern: pattern of a frame with equal connections and supports; None: computed.
+    :param rows: constraints on the displacements: linear ones, or constraints on rotations of
+        spans.
+    :param pattern: sparsity pattern of a frame with the same connections and supports; None:
+        computed.
     :param rated: see `BeamColumns`.
     """
 

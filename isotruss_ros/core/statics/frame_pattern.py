@@ -148,7 +148,7 @@ class Members(NamedTuple):
 
 class FramePattern:
     """
-    Sparsity pattern of (4) for all frames with the same connections and supports.
+    Sparsity pattern of all frames with the same connections and supports.
 
     :param members: members between the nodes; their stiffness has no effect.
     :param held: (n, 3) mask of ux, uy, theta fixed by supports.
