@@ -87,7 +87,7 @@ class Topology:
     @cached_property
     def incidence(self) -> Array:
         """
-        Return the incidence matrix C of Ldot = C phidot in (12), by members and rollers, (m, r).
+        Return the incidence matrix C of Ldot = C phidot, by members and rollers, (m, r).
 
         The columns of C sum to zero over each tube; (13) follows from this.
         """

@@ -54,9 +54,7 @@ class PlannedGrasp(
     slip_margin: float  #: slip margin of the free object [N]; zero if not held
     closure_margin: float  #: closure margin of the fixed object [N]; negative without closure
     required_friction: float  #: required friction of the fixed object [-]
-    max_contact_force: (
-        float  #: largest normal force of a member, on the fixed or the free object [N]
-    )
+    max_contact_force: float  #: largest normal force on the fixed or the free object [N]
     total_force: float  #: sum of normal forces on the fixed or the free object, the larger one [N]
     utilisation: float  #: largest utilisation of a member [-]; above 1, outside of the model
     nonlinearity: float  #: nonlinearity of the contact forces, see `GraspAnalysis` [-]

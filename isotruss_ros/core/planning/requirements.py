@@ -54,9 +54,7 @@ class GraspRequirements:
     min_margin: float | None = None  #: smallest `GraspAnalysis.closure_margin` [N]; None: any
     max_contact_force: float = math.inf  #: largest normal force of a member [N]
     max_total_force: float = math.inf  #: largest sum of the normal forces [N]
-    max_utilisation: float = (
-        MAX_UTILISATION  #: largest utilisation [-]; above 1, outside the model
-    )
+    max_utilisation: float = MAX_UTILISATION  #: largest utilisation of a member [-]
     min_rigidity: float = MIN_RIGIDITY  #: smallest rigidity index along the path, 1 at home
     min_length: float | None = None  #: shortest member [m]; None: that of the robot file
     max_length: float | None = None  #: longest member [m]; None: that of the robot file
