@@ -240,9 +240,9 @@ class _Search:
         names = self.structure.config.robot.member_names
         touched = ', '.join(names[i] for i in np.flatnonzero(_touched(found.spans)))
         raise SolverError(
-            f'{touched}: the bent tubes did not settle in {MAX_BENDS} steps (the last moved a node '
-            f'by {1e3 * last:.3g} mm); the object is pressed in too deeply, or the structure gives '
-            'way under it'
+            f'{touched}: the bent tubes did not settle in {MAX_BENDS} steps (the last moved a '
+            f'node by {1e3 * last:.3g} mm); the object is pressed in too deeply, or the '
+            'structure gives way under it'
         )
 
 
