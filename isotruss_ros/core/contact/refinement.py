@@ -87,7 +87,7 @@ def refine_contact(
     if not settled:
         found = search.find(SEARCH * spacing, None, estimate_contact)
         if not _touched(found.spans).any():
-            return search.find(spacing, None, solver)
+            return search.solve_everywhere()
         if budget is not None:
             # The estimate does not slide, and presses far too hard at corners.
             found = search.find(SEARCH * spacing, None, solver)
@@ -98,7 +98,7 @@ def refine_contact(
         # The search goes by tangents, which may be touched where the surface is not.
         touches = budget is None or _touched(found.spans).any()
         if not len(found.points.points) or not touches:
-            return search.find(spacing, None, solver)
+            return search.solve_everywhere()
     found = search.bend(found)
     # Whatever the search began with, the answer is the same.
     within = _within(found.points, found.spans + search.room)
@@ -176,6 +176,11 @@ class _Search:
         divided = self.budget is not None or division == _division(found, self.spacing)
         return solved, bool(fits) and divided
 
+    def solve_everywhere(self) -> SolvedContact:
+        """Solve with points on all tubes within reach, bent if they are in contact."""
+        found = self.find(self.spacing, None, self.solver)
+        return self.bend(found) if _touched(found.spans).any() else found
+
     def find(
         self,
         distance: float,
@@ -209,13 +214,16 @@ class _Search:
 
     def bend(self, found: SolvedContact) -> SolvedContact:
         """Solve at these points until the tubes are linearised about the solution."""
-        surface, last = self.surface.resolved(found.points.spacing), np.inf
+        surface, last, quick = self.surface.resolved(found.points.spacing), np.inf, True
         points, contact = found.points, found.contact
         for _ in range(MAX_BENDS):
             distance = points.distance(contact.push)
-            if distance <= SETTLED_MOTION:
+            shorter = distance <= QUICK_SHARE * last
+            # Soft structures, which give by a metre for a newton, move more by rounding of forces.
+            rounding = distance <= 100.0 * SETTLED_MOTION and not (shorter or quick)
+            if distance <= SETTLED_MOTION or rounding:
                 return found if points is found.points else self._measure(points, contact)
-            quick, last = distance <= QUICK_SHARE * last, distance
+            quick, last = shorter, distance
 
             def solve(
                 bent: BentTubes,
@@ -232,8 +240,9 @@ class _Search:
         names = self.structure.config.robot.member_names
         touched = ', '.join(names[i] for i in np.flatnonzero(_touched(found.spans)))
         raise SolverError(
-            f'{touched}: the bent tubes did not settle in {MAX_BENDS} steps; the object is '
-            'pressed in too deeply'
+            f'{touched}: the bent tubes did not settle in {MAX_BENDS} steps (the last moved a '
+            f'node by {1e3 * last:.3g} mm); the object is pressed in too deeply, or the '
+            'structure gives way under it'
         )
 
 

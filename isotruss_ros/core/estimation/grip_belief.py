@@ -521,6 +521,9 @@ class GripBelief:
         self, before: HeldGrip, grasp: HeldGrip, travel: Array, change: Array, elapsed: float
     ) -> None:
         """Identify drift, and changes of slip margin and utilisation, from the last travel."""
+        if grasp.contacts is not before.contacts:  # a step, which the next travel does not repeat
+            self.usage, self.drift = UsageLimits(grasp), np.zeros(4)
+            return
         moved = grip_jacobian(before.config, self.grip) @ travel
         pressed = grasp.squeeze - before.squeeze - self._pending[3]
         pressed -= before.squeeze_stiffness() * moved[3]
