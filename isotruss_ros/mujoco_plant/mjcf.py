@@ -36,6 +36,8 @@ import numpy as np
 
 #: Assumed masses of a joint, and of a tube segment or guide arm [kg].
 JOINT_MASS, PIECE_MASS = 0.1, 0.05
+#: Mass of a module if the robot file has none [kg].
+MODULE_MASS = 1.0
 #: Moment of inertia of light bodies [kg m^2], and viscous drag of hinges without a spring [N m s].
 INERTIA, HINGE_DRAG = 1e-3, 0.05
 #: Armature of an elastic joint over stiffness times squared time step [-]. Its oscillation is then
@@ -137,10 +139,11 @@ def _add_joints(world: ET.Element, robot: Robot, options: PlantOptions) -> list[
                 _slide(body, f'{name}:{letter}', axis, **rubs)
         bodies.append(body)
     modules = []
+    mass = robot.description.module.mass or MODULE_MASS
     for i, name in enumerate(topology.module_names):
         a, b, c = points[topology.joint[i]], points[topology.b[i]], points[topology.c[i]]
         body = ET.SubElement(bodies[topology.joint[i]], 'body', name=name)
-        _inertial(body, options.module_mass, 0.5 * (b + c) - a, 0.01)
+        _inertial(body, mass, 0.5 * (b + c) - a, 0.01)
         _hinge(body, f'{name}:turn', damping=HINGE_DRAG)
         ET.SubElement(body, 'site', name=f'{name}/C', pos=_place(c - a), size='0.01')
         for start, end, size in ((0.0, 0.5 * (b + c) - a, 0.012), (b - a, c - a, 0.02)):

@@ -24,7 +24,7 @@ import numpy as np
 RIGID_SECTION_STIFFNESS = 1e4
 #: Largest number of segments of a member [-]; more do not increase the accuracy.
 MAX_SEGMENTS = 64
-POSITIVE_OPTIONS = ('object_mass', 'module_mass', 'time_step')
+POSITIVE_OPTIONS = ('object_mass', 'time_step')
 NONNEGATIVE_OPTIONS = (
     'friction',
     'joint_drag',
@@ -71,7 +71,6 @@ class PlantOptions:
 
     friction: float = DEFAULT_FRICTION  #: coefficient of friction between tube and object [-]
     object_mass: float = 0.5  #: mass of each object [kg]
-    module_mass: float = 1.0  #: mass of each roller module [kg]
     gravity: tuple[float, float] = (0.0, 0.0)  #: gravity (x, y) in the robot's plane [m/s^2]
     time_step: float = 0.002  #: time step of the integrator [s]
     segments: int = 8  #: number of segments of a member; fewer reduce the squeeze

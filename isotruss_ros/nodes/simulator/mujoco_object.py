@@ -15,7 +15,6 @@ MAX_CYCLE_STEP = 0.1
 
 MUJOCO_SPECS = (
     FixedSpec('object_mass', 0.5, 'Mass of the object, mujoco only [kg]', (0.01, 1e3)),
-    FixedSpec('module_mass', 1.0, 'Mass of a roller module, mujoco only [kg]', (0.01, 1e3)),
     FixedSpec(
         'ground_friction',
         0.0,
@@ -50,7 +49,6 @@ def make_driven_robot(
     options = PlantOptions(
         friction=values.friction,
         object_mass=values.object_mass,
-        module_mass=values.module_mass,
         ground_friction=values.ground_friction,
     )
     longest = float('inf') if sim_time else MAX_CYCLE_STEP
