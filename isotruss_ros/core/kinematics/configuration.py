@@ -137,8 +137,7 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
         Return the configuration at other roller travel on the same branch of solutions.
 
         :param roller_positions: (r,) roller travel since home [m].
-        :param nearby: factorised matrix of a nearby configuration, for the first step and for the
-            result.
+        :param nearby: factorised matrix of a nearby configuration, for first step and result.
         :raises ConfigurationError: wrong shape or not finite; a member would have no length; or
             the straight line in roller travel passes a singular configuration or takes more than
             `MAX_CONTINUATION_STEPS` steps.
@@ -285,8 +284,7 @@ class ConfigurationTracker:
         """
         Return the configuration at measured travel, and the prediction after further travel.
 
-        The next call reuses the factorised matrix of the prediction, so each control cycle
-        factorises once.
+        The next call reuses the factorised matrix of the prediction: one factorisation a cycle.
 
         :param roller_positions: (r,) measured roller travel since home [m].
         :param travel: (r,) further roller travel [m].

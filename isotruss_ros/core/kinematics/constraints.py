@@ -204,8 +204,7 @@ def follow_branch(
     """
     Move nodes to new targets along the same branch of solutions.
 
-    A predictor takes a tangent step (12); a corrector takes modified Newton steps with few
-    factorisations.
+    The predictor is a tangent step (12), the corrector modified Newton steps.
 
     :param constraints: the robot's constraints.
     :param points: (n,) nodes that fulfil the constraints for nearby targets [m].

@@ -41,8 +41,7 @@ class Grip:
         or `DEFAULT_FRICTION`.
     :ivar corners: by member, indices of the corners in contact: one, or both ends of a face. None:
         the contacts of the planned indentation, see `contact_patch`.
-    :raises GraspError: not two or three different names, no such object, or an invalid
-        coefficient.
+    :raises GraspError: not two or three different names, or an invalid coefficient.
     """
 
     members: tuple[str, ...]

@@ -163,8 +163,7 @@ def solve_by_few_rows(
     :param even: (w, w) matrix E, see `WorkingRollers`.
     :param equality: (k, w) task J on the working rollers.
     :param rows: all rows of the limits, with bounds in the units of the program.
-    :param guess: (w,) speeds; the rows closest to their bounds at these speeds form the initial
-        set.
+    :param guess: (w,) speeds; the rows closest to their bounds are the initial set.
     :return: (w,) speeds, and the progress.
     :raises SolverError: a program was not solved.
     """

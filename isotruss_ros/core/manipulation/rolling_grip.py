@@ -41,13 +41,11 @@ class RollingGrip:
 
     :ivar config: the configuration.
     :ivar grip: the grip, with the object at its pose.
-    :ivar angles: (m,) unwrapped angles of the normals toward the members, in the object's frame
-        [rad].
+    :ivar angles: (m,) unwrapped angles of the normals in the object's frame [rad].
     :ivar owners: (k,) number of each contact's member within the grip: one contact for each
         member, or two for a face.
     :ivar corners: (k,) index of the polygon's corner in contact.
-    :ivar kept: (2, k) invariants: gaps of the object from the centre lines, and anchors along the
-        tubes [m].
+    :ivar kept: (2, k) invariants: gaps from the centre lines, and anchors along the tubes [m].
     :ivar sides: (m,) +1 for an object on the left of the member, -1 on the right.
     :ivar misfit: largest deviation from the invariants [m]: members have come closer, moved apart
         or slipped, because the rollers did not keep the contacts.
@@ -95,8 +93,7 @@ class RollingGrip:
         the pose minimises the squared deviations from the invariants, and `misfit` is the largest
         deviation.
 
-        :param config: configuration near the current one; the object rotates by less than half a
-            turn.
+        :param config: configuration nearby; the object rotates by less than half a turn.
         :raises GraspError: no such pose exists; or a member does not touch the object any more.
         """
         rolled = self._rolled(config)

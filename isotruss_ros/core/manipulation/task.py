@@ -126,8 +126,7 @@ class Reach(NamedTuple):
         twist along the directions, then the contact constraints that the rollers can violate.
     :ivar directions: (k, 3) orthonormal basis of the reachable twists.
     :ivar weights: (3,) factors from vx, vy, omega to surface speeds: 1, 1, d/2 [m].
-    :ivar opening: (g,) factors from the opening rate to the right-hand sides of the contact rows
-        [-].
+    :ivar opening: (g,) right-hand sides of the contact rows for an opening rate of 1 m/s [-].
     """
 
     working: WorkingRollers
@@ -185,8 +184,7 @@ class Task(NamedTuple):
     :ivar reach: reachable twists, with the rows of (20).
     :ivar direction: (k + g,) unit vector of the closest reachable twist, in the rows of (20).
     :ivar speed: norm of the closest reachable twist [m/s].
-    :ivar status: `OK` if it equals the commanded twist, else `UNREACHABLE`; `IDLE` without a
-        command.
+    :ivar status: `OK` for the commanded twist, else `UNREACHABLE`; `IDLE` without a command.
     :ivar free: (w,) least-cost roller speeds for the norm 1 m/s, without limits.
     :ivar velocities: (r,) least-cost speeds of all rollers for the closest reachable twist [m/s].
     """

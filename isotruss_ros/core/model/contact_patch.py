@@ -50,8 +50,7 @@ def contact_patch(
     Return one or two ends of the contact patch of a shape and a tube, counter-clockwise.
 
     :param shape: shape of the object, see `contact_body`.
-    :param normal: unit vector from the object toward the straight tube, x + iy in the object's
-        frame.
+    :param normal: unit vector toward the straight tube, x + iy in the object's frame.
     :param tube_radius: radius of the tube [m].
     :param skin: height of the straight tube's skin along the normal, from the origin of the
         object's frame [m]; infinite before the tube is pressed.

@@ -190,8 +190,7 @@ def segment_gaps(body: ConvexObject, starts: Points, ends: Points) -> SegmentGap
     """
     Return the gaps between an object and line segments, with their directions.
 
-    The gap is measured along the normal of the segment's line that points away from the object's
-    centroid.
+    A normal is perpendicular to its segment and points away from the object's centroid.
 
     :param body: the object at its pose.
     :param starts: (k,) starts of the segments, robot frame, x + iy [m].

@@ -29,10 +29,8 @@ class SurfacePoints(NamedTuple):
     Surface points nearest to given points: for each point, `point - gap * normal`.
 
     :ivar gaps: (c,) distances of the points from the surface, negative inside [m].
-    :ivar normals: (c,) outward unit normals at the nearest points, x + iy; at a corner, one normal
-        of its cone.
-    :ivar radii: (c,) radii of curvature at the nearest points [m]: 0 at a sharp corner, infinite
-        on a face.
+    :ivar normals: (c,) outward unit normals at the nearest points, x + iy; any at a corner.
+    :ivar radii: (c,) radii of curvature [m]: 0 at a sharp corner, infinite on a face.
     """
 
     gaps: Array
@@ -136,8 +134,7 @@ class Shape(ABC):
         """
         Return points (k,) of the surface with given normals [m], and their radii of curvature [m].
 
-        :param corners: (k,) index of the corner of each point. Its arc is extended beyond its
-            ends.
+        :param corners: (k,) index of each point's corner, whose arc is extended beyond its ends.
         :param normals: (k,) outward unit normals, x + iy.
         """
 

@@ -30,8 +30,7 @@ def finite_array(
     :param what: name of the values, for the error message.
     :param error: class of the exception to raise.
     :param most: largest allowed magnitude.
-    :raises IsotrussError: the values are invalid; of the given class, names the input and the
-        requirement.
+    :raises IsotrussError: the values are invalid; names the input and the requirement.
     """
     return _finite(values, (count,), what, error, most)
 
@@ -51,8 +50,7 @@ def finite_rows(
     :param what: name of the rows, for the error message.
     :param error: class of the exception to raise.
     :param most: largest allowed magnitude.
-    :raises IsotrussError: the rows are invalid; of the given class, names the input and the
-        requirement.
+    :raises IsotrussError: the rows are invalid; names the input and the requirement.
     """
     rows = np.shape(values)[:1] if hasattr(values, 'shape') else (len(values),)
     return _finite(values, (*rows, columns), what, error, most)

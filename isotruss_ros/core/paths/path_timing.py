@@ -27,8 +27,7 @@ class PathClock:
     :param duration: duration of the path [s].
     :param ramp_time: initial ramp time [s].
     :param progress_timeout: largest time without progress [s].
-    :param period: initial period of the control loop [s]; an elapsed time is clipped to two
-        periods.
+    :param period: initial period [s]; an elapsed time is clipped to two periods.
     """
 
     def __init__(

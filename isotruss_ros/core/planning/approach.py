@@ -35,8 +35,7 @@ def approach(config: Configuration, closing: Closing) -> Iterator[Configuration]
     """
     Yield the path of the grasping members toward the object, in directions of force closure.
 
-    The path begins at the current configuration. Between configurations it is linear in roller
-    travel.
+    The path begins at the current configuration and is piecewise linear in roller travel.
 
     :param config: configuration of the robot.
     :param closing: closing motion with members and object.

@@ -128,8 +128,7 @@ def find_facing(
     :param angle: half angle of the usable friction cones [rad].
     :param tube_radius: radius of the members [m].
     :param turning: weight of the members' rotation relative to the friction angle [-].
-    :return: (2,) unit vectors from the object toward the members; None if no such directions
-        exist.
+    :return: (2,) unit vectors from the object toward the members, or None.
     """
     # Directions in the object's frame, so that the contacts of one search serve the next.
     firsts = np.exp(2j * np.pi * np.arange(72) / 72)

@@ -68,8 +68,7 @@ def plan_grasps(
     :param on_progress: callback at the start of each round and after each candidate.
     :param should_stop: function that is called before each candidate, and with an executor every
         `POLL_INTERVAL`. If it returns true, the search stops with the grasps so far.
-    :param thorough: whether all candidates of a round are computed; otherwise the round ends with
-        enough grasps.
+    :param thorough: whether a round computes all candidates, or ends with enough grasps.
     :param max_rounds: largest number of rounds; a round is the last if enough grasps are found.
     :raises GraspError: unknown module or members, or an invalid seed.
     :raises StructureError: the robot cannot be analysed.

@@ -67,8 +67,7 @@ def plan_release(
     :param config: configuration of the robot.
     :param body: the object at its measured pose.
     :param members: names `t/j-k` of the two or three members that hold the object.
-    :param clearance: gap of each of these members at the end [m], positive, at most the sum of all
-        member lengths.
+    :param clearance: gap of these members at the end [m], at most the sum of all lengths.
     :param record: grip of the loop that holds the object. None, or without an equilibrium: the
         equilibrium with unknown contact history.
     :param max_turn: largest predicted rotation of the object [rad].

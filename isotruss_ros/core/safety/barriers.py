@@ -190,8 +190,7 @@ class RigidityBarrier:
     """
     Rigidity index of the configuration, see `rigidity_index`.
 
-    All singular values near the bound are included, because the order of close ones may change in
-    a step.
+    All singular values near the bound are included, because their order may change in a step.
 
     :param robot: the robot.
     :param law: law of the rigidity index [-].
