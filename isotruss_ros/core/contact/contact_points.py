@@ -11,13 +11,10 @@ from functools import cached_property
 from isotruss_ros.core.contact.flattening import Flattening
 from isotruss_ros.core.contact.surfaces import Surface
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
-from isotruss_ros.core.statics.bent_tubes import BentTubes, Displaced
+from isotruss_ros.core.statics.bent_tubes import BentTubes, Displaced, FOLLOWED_MOTION
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 
-#: Compliance is kept where nodes have moved by less than this since [m]: the errors of the steps
-#: that settle the tubes are a hundredth then.
-KEPT_MOTION = 2e-4
 #: Points are no nearer to the ends of their piece of tube than this share of their distance [-].
 SHORTEST_SHARE = 0.2
 
@@ -143,7 +140,7 @@ class ContactPoints:
         :param spacing: of the other points [m].
         """
         alike = spacing == self.spacing and np.array_equal(bent.frame.whole, self.bent.frame.whole)
-        return alike and bent.tangent.distance(self.bent.tangent.factored) <= KEPT_MOTION
+        return alike and bent.tangent.distance(self.bent.tangent.factored) <= FOLLOWED_MOTION
 
     @cached_property
     def _own(self) -> Array:

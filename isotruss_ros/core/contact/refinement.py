@@ -27,6 +27,7 @@ from isotruss_ros.core.contact.grasp_analysis import SolvedContact
 from isotruss_ros.core.contact.surfaces import Surface
 from isotruss_ros.core.errors import SolverError, StructureError
 from isotruss_ros.core.numerics.arrays import Array, Flags, Points
+from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS
 from isotruss_ros.core.statics.bent_tubes import BentTubes
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
@@ -41,10 +42,10 @@ LENGTH_SPREAD = 0.02
 #: Largest number of steps to find the regions [-]; otherwise points are on all tubes within reach.
 MAX_STEPS = 3
 EVERYWHERE = np.array([-np.inf, np.inf])
-#: Tubes are bent until no node moves by more than this [m], at most so often: forces are then the
+#: Tubes are bent until no node moves by more than this [m]: forces are then the
 #: same to 1e-7 whatever the search began with. Their compliance is computed anew where a step is
 #: not shorter by this share than the one before [-].
-SETTLED_MOTION, MAX_BENDS, QUICK_SHARE = 1e-8, 12, 0.5
+SETTLED_MOTION, QUICK_SHARE = 1e-8, 0.5
 #: Shares of the bending by the contact forces, tried in turn [-].
 BENT_SHARES = (1.0, 0.5, 0.2, 0.0)
 
@@ -209,7 +210,7 @@ class _Search:
         """Solve at these points until the linearisation agrees with the state."""
         surface, last = self.surface.resolved(found.points.spacing), np.inf
         points, contact = found.points, found.contact
-        for _ in range(MAX_BENDS):
+        for _ in range(MAX_SEARCH_STEPS):
             distance = points.distance(contact.push)
             if distance <= SETTLED_MOTION:
                 return found if points is found.points else self._measure(points, contact)
@@ -230,7 +231,7 @@ class _Search:
         names = self.structure.config.robot.member_names
         touched = ', '.join(names[i] for i in np.flatnonzero(_touched(found.spans)))
         raise SolverError(
-            f'{touched}: the bent tubes did not settle in {MAX_BENDS} steps; the object is '
+            f'{touched}: the bent tubes did not settle in {MAX_SEARCH_STEPS} steps; the object is '
             'pressed in too deeply'
         )
 

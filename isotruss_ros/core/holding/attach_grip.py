@@ -32,7 +32,6 @@ from isotruss_ros.core.holding.contact_forces import (
 from isotruss_ros.core.holding.contact_statics import (
     ContactConditions,
     ContactStatics,
-    MAX_STEPS,
     SOFTNESS,
     TubeModel,
 )
@@ -50,16 +49,18 @@ from isotruss_ros.core.model.contact_patch import contact_body
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+from isotruss_ros.core.numerics.tolerances import (
+    MAX_NEWTON_ITERATIONS,
+    MAX_SEARCH_STEPS,
+    NEGLIGIBLE_SHARE,
+)
 import numpy as np
 
-#: Largest number of Newton steps from the expected equilibrium, and largest differences from it:
-#: distance [m] and relative normal forces [-].
-FEW_STEPS, NEAR, LIKE = 5, 2e-3, 0.3
-#: Largest numbers of contact hypotheses of a quick search, and of Newton steps for each. It finds
-#: 95 of 100 equilibria of boxes of the whole search.
-QUICK_SETS, QUICK_STEPS = 2, 12
-#: Largest relative distance of a frame's origin from the middle that counts as zero [-].
-CENTERED = 1e-3
+#: Largest differences from the expected equilibrium: distance [m] and relative normal forces [-].
+NEAR, LIKE = 2e-3, 0.3
+#: Largest number of contact hypotheses of a quick search [-], each with `MAX_SEARCH_STEPS` of
+#: Newton's method. It finds 95 of 100 equilibria of boxes of the whole search.
+QUICK_SETS = 2
 
 
 def attach_grip(
@@ -97,7 +98,7 @@ def attach_grip(
     if depths[members].min() <= -config.robot.description.tube_diameter:
         raise NotHeldError(HoldStatus.NO_CONTACT)
     wrench = scaled_wrench(external_wrench, body.arm)
-    sets, steps = (QUICK_SETS, QUICK_STEPS) if quick else (None, MAX_STEPS)
+    sets, steps = (QUICK_SETS, MAX_SEARCH_STEPS) if quick else (None, MAX_NEWTON_ITERATIONS)
 
     def find(contacts: PressedContacts) -> HeldGrip | None:
         statics = build_statics(config, body, contacts, tubes)
@@ -184,7 +185,7 @@ def _find_rest(
 def _search_centered(statics: ContactStatics, wrench: Array, steps: int) -> Array | None:
     """Return initial unknowns whose equilibrium does not depend on the frame."""
     body, shape = statics.body, statics.body.shape
-    if abs(shape.centroid) <= CENTERED * body.arm:
+    if abs(shape.centroid) <= NEGLIGIBLE_SHARE * body.arm:
         return start_at(statics, body)
     pose = Pose(body.middle.real, body.middle.imag, body.pose.angle)
     centered = ConvexObject(shape.centered, pose)
@@ -224,7 +225,7 @@ def _solve_nearby(
     bent, structure = grip.statics.bent, statics.bent.structure
     if structure is not bent.structure:
         bent = bent.update(known.loads, known.feet, structure)
-    found = replace(statics, bent=bent).settle(start, wrench, conditions, FEW_STEPS)
+    found = replace(statics, bent=bent).settle(start, wrench, conditions, MAX_SEARCH_STEPS)
     if found is None:
         return None
     moved = np.abs(found[1].unknowns - start)

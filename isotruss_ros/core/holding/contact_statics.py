@@ -37,14 +37,14 @@ from isotruss_ros.core.holding.contact_forces import (
 )
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, Points
-from isotruss_ros.core.statics.bent_tubes import BentTubes, MAX_BENDS, SETTLED_MOTION
+from isotruss_ros.core.numerics.tolerances import MAX_NEWTON_ITERATIONS, MAX_SEARCH_STEPS, ROUNDING
+from isotruss_ros.core.statics.bent_tubes import BentTubes
 from isotruss_ros.core.statics.section import Pressure
 import numpy as np
 from scipy.linalg import lapack
 
-#: Tolerances of balance, relative to the squeeze [-], and of touch [m].
-FORCE_TOLERANCE, LENGTH_TOLERANCE = 1e-10, 1e-11
-MAX_STEPS = 40
+#: Tolerance of balance, relative to the squeeze [-], and of touch [m].
+EQUILIBRIUM_TOLERANCE = 1e-10
 #: Largest motion in a step relative to the object's size [-] ...
 MAX_MOVE = 0.5
 #: ... and largest change of the inclination of a tube in a step, and largest inclination [rad]. A
@@ -260,7 +260,7 @@ class ContactStatics:
         start: Array,
         wrench: Array,
         conditions: ContactConditions,
-        steps: int = MAX_STEPS,
+        steps: int = MAX_NEWTON_ITERATIONS,
     ) -> ContactForces | None:
         """
         Return the equilibrium near a start (Newton's method), or None if it is not found.
@@ -274,10 +274,10 @@ class ContactStatics:
         longest = np.full(places.size, MAX_MOVE * self.body.arm)
         longest[ANGLE] = longest[places.inclinations] = MAX_TURN
         longest[places.normal] = longest[places.friction] = np.inf
-        least = np.full(places.size, LENGTH_TOLERANCE)
+        least = np.full(places.size, EQUILIBRIUM_TOLERANCE)
         for _ in range(steps):
             residual, state = self.equations(unknowns, wrench, conditions)
-            least[places.balance] = FORCE_TOLERANCE * np.abs(unknowns[places.normal]).sum()
+            least[places.balance] = EQUILIBRIUM_TOLERANCE * np.abs(unknowns[places.normal]).sum()
             # What is no number is no solution either.
             if (np.abs(residual) <= least).all():
                 folded = np.abs(unknowns[places.inclinations]).max() > MAX_INCLINATION
@@ -295,8 +295,8 @@ class ContactStatics:
         start: Array,
         wrench: Array,
         conditions: ContactConditions,
-        steps: int = MAX_STEPS,
-        reach: float = SETTLED_MOTION,
+        steps: int = MAX_NEWTON_ITERATIONS,
+        reach: float = ROUNDING,
     ) -> tuple[ContactStatics, ContactForces] | None:
         """
         Return the equilibrium near a start, and the equations with the tubes bent there.
@@ -309,7 +309,7 @@ class ContactStatics:
         :return: the equilibrium and the equations; None if not found.
         """
         statics, unknowns = self, start
-        for _ in range(MAX_BENDS):
+        for _ in range(MAX_SEARCH_STEPS):
             state = statics.solve(unknowns, wrench, conditions, steps)
             if state is None:
                 return None

@@ -14,6 +14,7 @@ from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_grip import (
     HeldGrip,
     HoldStatus,
+    MAX_DISPLACEMENT,
     NotHeldError,
     scaled_wrench,
 )
@@ -28,9 +29,6 @@ from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.statics.section import Pressure
 import numpy as np
 from numpy.typing import ArrayLike
-
-#: Largest distance of the equilibrium from the measured pose, in tube diameters [-].
-MAX_DISPLACEMENT = 0.25
 
 
 @single_threaded

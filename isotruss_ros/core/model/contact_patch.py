@@ -16,11 +16,10 @@ from typing import NamedTuple
 
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.shapes import Shape
+from isotruss_ros.core.numerics.tolerances import NEGLIGIBLE_SHARE
 
 #: Assumed depth of objects without penetration, in tube radii [-].
 PLANNED_DEPTH = 0.02
-#: Relative difference of equal depths [-]; of such corners the nearest to the middle is used.
-TIE_TOLERANCE = 1e-6
 
 
 def contact_body(body: ConvexObject, tube_radius: float) -> ConvexObject:
@@ -71,7 +70,8 @@ def contact_patch(
             if height < least or at == corner or (short_face and abs(along) >= short):
                 break
             (near if short_face else far).append(PatchEnd(at, point, height, along))
-    tie, middle = TIE_TOLERANCE * depth, (shape.centroid * back).imag
+    # Of corners of equal depth the nearest to the middle counts first.
+    tie, middle = NEGLIGIBLE_SHARE * depth, (shape.centroid * back).imag
     ends = near + far
     highest = max(each.height for each in ends) - tie
     first = min(

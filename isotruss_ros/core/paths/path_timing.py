@@ -7,10 +7,8 @@ from __future__ import annotations
 
 import math
 
-from isotruss_ros.core.inputs import Timeline
+from isotruss_ros.core.inputs import HISTORY_DURATION, Timeline
 
-#: Length of the history of path time, the largest age of a measurement [s].
-HISTORY_DURATION = 1.0
 #: Smallest rate under limits of the robot [-]: the rest of the path may leave them.
 MIN_LIMITED_RATE = 0.1
 

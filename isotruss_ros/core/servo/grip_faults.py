@@ -8,18 +8,19 @@ from __future__ import annotations
 import enum
 import math
 
+from isotruss_ros.core.estimation.grip_belief import MAX_DEVIATIONS
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
-#: Smallest counted half-swing of the pose error: in metres [m], and in units of the noise [-].
-MIN_SWING, MIN_SWING_SIGMAS = 0.002, 4.0
-#: Longest counted half-swing: in units of pi / omega [-], and in time if omega is unknown [s].
-MAX_SWING_PHASE, MAX_SWING_TIME = 2.0, 0.5
+#: Smallest counted half-swing of the pose error [m], if noise does not reach that.
+MIN_SWING = 0.002
+#: Longest counted half-swing in units of pi / omega [-].
+MAX_SWING_PHASE = 2.0
+#: Assumed omega where it is unknown [rad/s].
+DEFAULT_FREQUENCY = 15.0
 #: Number of half-swings [-], and smallest ratio of successive ones without decay [-].
 SWING_COUNT, MIN_SWING_RATIO = 3, 0.95
-#: Time constant of the low-pass of the pose error for unknown omega, else 1 / omega [s].
-FILTER_TIME = 0.05
 
 
 class GripFault(enum.Enum):
@@ -39,8 +40,8 @@ class SwingWatch:
 
     def __init__(self, frequency: float | None = None) -> None:
         # Noise is faster than a growing oscillation, which is the lowest mode.
-        self._filter_time = 1.0 / frequency if frequency else FILTER_TIME
-        self._longest = MAX_SWING_PHASE * math.pi / frequency if frequency else MAX_SWING_TIME
+        self._filter_time = 1.0 / (frequency or DEFAULT_FREQUENCY)
+        self._longest = MAX_SWING_PHASE * math.pi * self._filter_time
         self._error = np.zeros(3)
         self.forget()
 
@@ -58,7 +59,7 @@ class SwingWatch:
         """
         passed = -math.expm1(-elapsed / self._filter_time)
         self._error = self._error + passed * (error - self._error)
-        least = max(MIN_SWING, MIN_SWING_SIGMAS * noise)
+        least = max(MIN_SWING, MAX_DEVIATIONS * noise)
         pairs = zip(self._swings, self._error.tolist(), strict=True)
         return sum(swings.update(value, elapsed, least) for swings, value in pairs) > 0
 

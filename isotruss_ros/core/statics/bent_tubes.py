@@ -17,19 +17,15 @@ from typing import NamedTuple
 
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS, NEGLIGIBLE_SHARE, ROUNDING
 from isotruss_ros.core.statics.cut_frame import CutFrame, keep_apart
 from isotruss_ros.core.statics.frame import end_forces, Frame, Tangent
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 
-#: Share of the loads under which the bent model is the paper's [-]: a third of it has rounding of
-#: 1e-9, three times of it a nonlinear part of this size.
-LINEAR_SHARE = 1e-6
-#: Tubes are linearised anew until no node moves by more than this [m]: the error left is 15 /m
-#: times its square. Where a motion is followed, until none moves by more than that.
-SETTLED_MOTION, FOLLOWED_MOTION = 1e-9, 1e-4
-#: Largest number of linearisations [-].
-MAX_BENDS = 8
+#: Where a motion is followed, tubes are linearised anew until no node moves by more than this [m],
+#: else `ROUNDING`: the error left is 15 /m times its square.
+FOLLOWED_MOTION = 1e-4
 #: Weight of motions of places against those of nodes, by the moments in tubes [-].
 PLACE_SHARE = 0.2
 #: Cuts are no nearer to each other and to the ends of their piece of tube than this [m].
@@ -181,7 +177,7 @@ class BentTubes:
     @cached_property
     def share(self) -> float:
         """Return the share of the frame in the responses."""
-        return LINEAR_SHARE if self.linear else 1.0
+        return NEGLIGIBLE_SHARE if self.linear else 1.0
 
     @cached_property
     def tangent(self) -> Tangent:
@@ -375,11 +371,11 @@ class BentTubes:
         :raises StructureError: no equilibrium is found.
         """
         bent = self
-        for _ in range(MAX_BENDS):
-            if bent.distance(loads, places) <= SETTLED_MOTION:
+        for _ in range(MAX_SEARCH_STEPS):
+            if bent.distance(loads, places) <= ROUNDING:
                 return bent
             bent = bent.update(loads, places)
-        raise StructureError(f'the bent tubes did not settle in {MAX_BENDS} steps')
+        raise StructureError(f'the bent tubes did not settle in {MAX_SEARCH_STEPS} steps')
 
     def changes(self, loads: Array, places: Array) -> tuple[Array, PlaceChanges]:
         """
@@ -452,7 +448,7 @@ class BentTubes:
         """
         Return the changes of the frame by sections and rest lengths at constant loads and places.
 
-        In the paper's model the effect of loads is scaled by `LINEAR_SHARE`.
+        In the paper's model the effect of loads is scaled by `NEGLIGIBLE_SHARE`.
 
         :param changes: (4, c, p) changes of rest length [m], EA [N], EI [N m^2] and GA [N].
         :return: motion of the nodes (n, 3, p), changes of the inclinations (k, p), and of N, M1
