@@ -13,8 +13,8 @@ from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS
 import numpy as np
 
-#: Probability of a false alarm in a comparison [-]; with some twenty independent comparisons per
-#: second one false alarm in an hour.
+#: Probability that valid measurements fail a gate or a comparison [-]. Some twenty independent
+#: comparisons per second then have one false alarm in an hour.
 FALSE_ALARM_PROBABILITY = 1.5e-5
 
 
@@ -44,7 +44,7 @@ class Belief:
 
     def spread(self, rates: Array) -> Array:
         """
-        Return the covariance of linear functions of the state, (m, m).
+        Return the covariance (m, m) of linear functions of the state.
 
         :param rates: (m, n) Jacobian of the functions.
         """
@@ -59,16 +59,16 @@ def update_belief(
     considered: int | None = None,
 ) -> Belief:
     """
-    Return the posterior of a measurement: the most probable state by Gauss-Newton steps.
+    Return the posterior of a measurement: the most probable state, by Gauss-Newton steps.
 
-    The considered state keeps its mean and variance; its uncertainty is part of that of the other
-    states (Schmidt-Kalman filter).
+    A considered state keeps its mean and variance; the other states include its uncertainty
+    (Schmidt-Kalman filter).
 
     :param prior: belief before the measurement.
     :param measured: (m,) measurement.
     :param noise: (m, m) covariance of the measurement.
-    :param expect: measurement model: returns the prediction at a state (n,).
-    :param considered: index of the considered state; None: no state.
+    :param expect: measurement model: function from a state (n,) to the prediction.
+    :param considered: index of the considered state; None: no considered state.
     """
     mean = prior.mean
     for _ in range(MAX_SEARCH_STEPS):

@@ -4,7 +4,7 @@
 """
 Rolling of a held object with the motion of the robot, with changes of its contacts.
 
-Ends of faces open and close, and a third member comes into contact.
+Ends of faces open and close, and a third member may come into contact.
 """
 
 from __future__ import annotations
@@ -53,13 +53,13 @@ def roll_grip(
     grip: HeldGrip, config: Configuration, external_wrench: Array | None = None
 ) -> HeldGrip | None:
     """
-    Return a grip in another configuration, contacts rolling without slip.
+    Return a grip in another configuration after its contacts have rolled without slip.
 
-    The end of a face opens when in tension, and closes when it would penetrate the member. A third
-    member in contact is part of the grip as long as it is in compression.
+    The end of a face opens if it is in tension, and closes if it would penetrate the member. A
+    third member is part of the grip while it is in compression.
 
     :param grip: equilibrium of the object.
-    :param config: configuration near that of the grip.
+    :param config: configuration near the configuration of the grip.
     :param external_wrench: (fx, fy, m) on the object about the origin of its frame [N, N m]; None:
         zero.
     :return: the grip; None without an equilibrium.
@@ -81,15 +81,15 @@ def roll_contacts(
     fresh: Indices = NOTHING,
 ) -> HeldGrip | None:
     """
-    Return the equilibrium with sticking contacts.
+    Return the equilibrium in another configuration with given, sticking contacts.
 
     :param grip: previous equilibrium.
-    :param config: configuration near that of the grip.
-    :param contacts: the contacts, (k,).
+    :param config: configuration near the configuration of the grip.
+    :param contacts: the k contacts.
     :param anchors: (k,) rolling invariants, see `ContactStatics.anchors` [m].
     :param angles: (k,) unwrapped angles of the normals in the object's frame [rad].
     :param wrench: (fx, fy, m / arm) on the object [N].
-    :param fresh: indices of new contacts, without friction.
+    :param fresh: indices of new contacts, which have no friction yet.
     :return: the grip; None without an equilibrium.
     """
     moved, kept = config.roller_positions - grip.config.roller_positions, grip.state.unknowns
@@ -132,15 +132,15 @@ def stick(
     statics: ContactStatics, anchors: Array, travel: Array, angles: Array, free: Indices
 ) -> ContactConditions:
     """
-    Return the conditions of rolling without slip, (17) integrated.
+    Return the conditions of rolling without slip, the integral of (17).
 
         kappa_i (s_i - phi_i) - arc(arg nu_i - theta) = A_i
 
-    :param statics: the equations.
+    :param statics: equations of equilibrium.
     :param anchors: (k,) invariants A_i, see `ContactStatics.anchors` [m].
     :param travel: (k,) travel phi_i of the tubes at the members' starts [m].
     :param angles: (k,) previous unwrapped angles of the normals in the object's frame [rad].
-    :param free: indices of new contacts, without friction.
+    :param free: indices of new contacts, which have no friction yet.
     """
     places = statics.places
 
@@ -157,7 +157,7 @@ def stick(
 
 
 def _lift_ends(grip: HeldGrip, changes: Iterator[int]) -> HeldGrip | None:
-    """Return the grip without face ends or a third member in tension."""
+    """Return the grip after removal of face ends and third members in tension."""
     found: HeldGrip | None = grip
     while found is not None:
         lifted = found.pulling
@@ -173,9 +173,9 @@ def _lift_ends(grip: HeldGrip, changes: Iterator[int]) -> HeldGrip | None:
 
 def _lay_down(grip: HeldGrip, changes: Iterator[int]) -> HeldGrip:
     """
-    Return the grip with the other end of a face after rolling beyond a corner.
+    Return the grip with the far end of a face in contact, after rolling onto the face.
 
-    The other end of a short face replaces this one; several short faces may follow each other.
+    The far end of a short face replaces the near one; several short faces may follow each other.
     """
     owners, corners = grip.contacts.owners, grip.contacts.corners
     alone = np.flatnonzero(np.bincount(owners)[owners] == 1)
@@ -195,7 +195,7 @@ def _lay_down(grip: HeldGrip, changes: Iterator[int]) -> HeldGrip:
 
 
 def _join(grip: HeldGrip) -> HeldGrip:
-    """Return the grip with a third member that has come into contact."""
+    """Return the grip with a third member if it has come into contact."""
     if len(grip.members) >= MAX_MEMBERS:
         return grip
     depths = member_depths(grip.config, grip.body)
@@ -215,7 +215,7 @@ def _join(grip: HeldGrip) -> HeldGrip:
 
 
 def _lay(grip: HeldGrip, k: int, face: Face, short: bool) -> HeldGrip | None:
-    """Return the equilibrium with the other end of a face, added or in place of a short one."""
+    """Return the equilibrium with the far end of a face, in place of the near end if short."""
     contacts, half = grip.contacts, 0.5 * face.length
     if short:
         corners = contacts.corners.copy()
@@ -235,7 +235,7 @@ def _add(
     angles: Array,
     after: float = 0.0,
 ) -> HeldGrip | None:
-    """Return the equilibrium with additional contacts, after those of the same member."""
+    """Return the equilibrium with additional contacts, ordered behind those of the same member."""
     order = np.argsort(np.append(contacts.members, others.members + after), kind='stable')
     pairs = (
         (contacts.members, others.members),
@@ -254,7 +254,7 @@ def _add(
 
 
 def _depth_in(grip: HeldGrip, number: int, depth: float) -> float:
-    """Return the depth of the object in another member with unbent tubes [m]."""
+    """Return the penetration depth of the object in another member, whose tube is linear [m]."""
     start, end = member_lines(grip.config)[[number]].T
     near, statics = segment_gaps(grip.body, start, end), grip.statics
     members = np.append(grip.contacts.members, number)
@@ -269,13 +269,14 @@ def _depth_in(grip: HeldGrip, number: int, depth: float) -> float:
 
 def with_pressures(grip: HeldGrip, pressures: Pressure | None) -> HeldGrip:
     """
-    Return a held grip with other tube pressures; `roll_grip` finds its equilibrium.
+    Return a held grip with other tube pressures; `roll_grip` must then find its equilibrium.
 
-    New tables of dents take longer than a control cycle: a loop ignores small changes as noise,
-    see `steady_pressures`.
+    New tables of dents take longer than a control cycle, so a loop ignores small changes, see
+    `steady_pressures`.
 
     :param grip: the grip.
-    :param pressures: gauge pressures [Pa], see `tube_pressures`; None: those of the robot file.
+    :param pressures: gauge pressures [Pa], see `tube_pressures`; None: the pressures of the robot
+        file.
     :raises StructureError: see `structure_of`.
     """
     if pressures == grip.tubes.pressure:
