@@ -45,7 +45,6 @@ from isotruss_ros.core.holding.held_grip import (
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.manipulation.grip import MAX_MEMBERS
-from isotruss_ros.core.model.contact_patch import contact_body
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
@@ -88,7 +87,7 @@ def attach_grip(
     :raises NotHeldError: no equilibrium near the measured pose exists.
     :raises StructureError: see `structure_of`.
     """
-    body = contact_body(body, 0.5 * config.robot.description.tube_diameter)
+    body = body.smoothed(0.5 * config.robot.description.tube_diameter)
     depths = member_depths(config, body)
     if members is None:
         count = max(int(np.count_nonzero(depths > 0.0)), 2)

@@ -146,12 +146,12 @@ class BentTubes:
         displaced = np.append(nodes, own, axis=0), multipliers, np.zeros((len(own), 3)), pull[part]
         return self.bent_to(Displaced(*displaced))
 
-    @property
+    @cached_property
     def ahead(self) -> Array:
         """Return 1 for each place (k,) on a piece of tube along its member, else -1."""
         return self._cut[1]
 
-    @property
+    @cached_property
     def cuts(self) -> Array:
         """Return the distances of the cuts from the members' starts, (k,) [m]."""
         return self._cut[2]
@@ -161,7 +161,7 @@ class BentTubes:
         """Return whether the tubes are linearised about the state without loads."""
         return self.before is None
 
-    @property
+    @cached_property
     def frame(self) -> Frame:
         """Return the frame with cuts at the places."""
         return self._cut[0]
