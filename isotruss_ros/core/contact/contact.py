@@ -27,6 +27,8 @@ from isotruss_ros.core.numerics.tolerances import (
 import numpy as np
 from scipy.linalg import lapack
 
+#: Largest number of updates of the normals [-]; of large discs they settle slowly.
+MAX_STEPS = 300
 #: Points of a flattening member are in the estimated contact if they are deeper than this share of
 #: the largest depth [-].
 CONTACT_DEPTH_SHARE = 0.7
@@ -61,7 +63,7 @@ def solve_contact(
     # Outside of the tangent at a point's foot is outside of the object: what solves the problem
     # for some normals is admissible for the next ones, which can but take less energy. These steps
     # settle therefore, if slowly; following the normals of those in contact makes them few.
-    for _ in range(MAX_NEWTON_ITERATIONS):
+    for _ in range(MAX_STEPS):
         forces, active = solve_complementarity(
             contact_points.normal_compliance(normals), gaps, active
         )
@@ -83,8 +85,7 @@ def solve_contact(
                 return ContactState(pressing.real, left, turned, displacements, radii, normal)
         normals, gaps = turned, left - (displacements * turned.conj()).real
     raise SolverError(
-        f'the contact did not settle in {MAX_NEWTON_ITERATIONS} steps; the object is pressed in '
-        'too deeply'
+        f'the contact did not settle in {MAX_STEPS} steps; the object is pressed in too deeply'
     )
 
 

@@ -43,8 +43,8 @@ from isotruss_ros.core.statics.section import Pressure
 import numpy as np
 from scipy.linalg import lapack
 
-#: Tolerance of the balance relative to the sum of normal forces [-], and of touch [m].
-EQUILIBRIUM_TOLERANCE = 1e-10
+#: Tolerances of the balance relative to the sum of normal forces [-], and of touch [m].
+FORCE_TOLERANCE, LENGTH_TOLERANCE = 1e-10, 1e-11
 #: Largest translation in a Newton step relative to the object's characteristic radius [-].
 MAX_MOVE = 0.5
 #: Largest rotation in a Newton step, and largest inclination of a tube in equilibrium [rad];
@@ -276,10 +276,10 @@ class ContactStatics:
         longest = np.full(places.size, MAX_MOVE * self.body.arm)
         longest[ANGLE] = longest[places.inclinations] = MAX_TURN
         longest[places.normal] = longest[places.friction] = np.inf
-        least = np.full(places.size, EQUILIBRIUM_TOLERANCE)
+        least = np.full(places.size, LENGTH_TOLERANCE)
         for _ in range(steps):
             residual, state = self.equations(unknowns, wrench, conditions)
-            least[places.balance] = EQUILIBRIUM_TOLERANCE * np.abs(unknowns[places.normal]).sum()
+            least[places.balance] = FORCE_TOLERANCE * np.abs(unknowns[places.normal]).sum()
             # What is no number is no solution either.
             if (np.abs(residual) <= least).all():
                 folded = np.abs(unknowns[places.inclinations]).max() > MAX_INCLINATION

@@ -23,11 +23,12 @@ from isotruss_ros.core.holding.settled_grasp import SettledGrasp
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.records import Record
-from isotruss_ros.core.numerics.tolerances import NEGLIGIBLE_SHARE
 import numpy as np
 
 #: Wrench of the finite differences along a response, relative to the squeeze [-].
 STEP = 3e-3
+#: Largest relative difference of values that count as equal [-].
+TIE = 1e-5
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -197,7 +198,7 @@ def _find_largest(values: Array) -> Indices:
     :param values: (n,) values.
     """
     largest = float(values.max())
-    return np.flatnonzero(values >= largest - NEGLIGIBLE_SHARE * abs(largest))
+    return np.flatnonzero(values >= largest - TIE * abs(largest))
 
 
 def _friction_rates(grip: HeldGrip, most: int, presses: Array, rubs: Array) -> Array:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.arrays import Array, Points
-from isotruss_ros.core.numerics.tolerances import DIFFERENCE_STEP, ROUNDING
+from isotruss_ros.core.numerics.tolerances import NEGLIGIBLE_SHARE, ROUNDING
 from isotruss_ros.core.statics.frame_rates import section_rates
 from isotruss_ros.core.statics.wrinkling import find_utilisation, use_sections
 import numpy as np
@@ -269,7 +269,7 @@ class LoadedTubes:
             (np.abs(changes) / np.abs(loads).max(axis=0)).max(axis=0),
             (np.abs(others) / sections).max(axis=0),
         )
-        small = DIFFERENCE_STEP / np.maximum(size, np.finfo(float).tiny)
+        small = NEGLIGIBLE_SHARE / np.maximum(size, np.finfo(float).tiny)
         ahead, behind = (
             np.take_along_axis(
                 use_sections(loads + step * changes, sections + step * others, radius)[0],

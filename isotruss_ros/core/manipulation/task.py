@@ -20,17 +20,13 @@ from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.model.topology import check_roller_names
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices
-from isotruss_ros.core.numerics.tolerances import (
-    COINCIDENCE,
-    EPSILON,
-    NEGLIGIBLE_SHARE,
-    ROUNDING,
-    SMALLEST_NORMAL,
-)
+from isotruss_ros.core.numerics.tolerances import COINCIDENCE, EPSILON, ROUNDING, SMALLEST_NORMAL
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import lapack
 
+#: Smallest singular value of a reachable direction [m/s at the surface for 1 m/s at the rollers].
+RANK_TOLERANCE = 1e-5
 #: Basis of all twists.
 IDENTITY = np.eye(3)
 IDENTITY.flags.writeable = False
@@ -162,17 +158,17 @@ class Reach(NamedTuple):
         # Fast path for full rank: eigenvalues of the Gram matrix replace the two singular value
         # decompositions below.
         squares = lapack.dsyev(rows.dot(rows.T), compute_v=0)[0].tolist()
-        if squares[0] > 100.0 * NEGLIGIBLE_SHARE**2 * max(1.0, squares[-1]):
+        if squares[0] > 100.0 * RANK_TOLERANCE**2 * max(1.0, squares[-1]):
             opening = np.zeros(len(grip))
             opening[:1] = 1.0
             everywhere = IDENTITY if count == 3 else np.eye(count)
             return cls(working, motion, rows, everywhere, weights, opening)
         mixed, gains, basis = np.linalg.svd(grip, full_matrices=False)
-        held = gains > NEGLIGIBLE_SHARE
+        held = gains > RANK_TOLERANCE
         kept = basis[held]
         left = task - task.dot(kept.T).dot(kept)
         directions, sizes, _ = np.linalg.svd(left, full_matrices=False)
-        reachable = directions[:, sizes > NEGLIGIBLE_SHARE].T
+        reachable = directions[:, sizes > RANK_TOLERANCE].T
         rows = np.concatenate([reachable.dot(task), kept])
         opening = mixed[:1, held].sum(axis=0) / gains[held]
         return cls(working, motion, rows, reachable, weights, opening)

@@ -17,13 +17,11 @@ COINCIDENCE = 1e-12
 #: Share of a quantity that has no consequence [-]: difference of equal values, residual of a
 #: balance, weight of a regularisation that makes a solution unique.
 NEGLIGIBLE_SHARE = 1e-6
-#: Relative step of central differences [-]: the error is its square, plus rounding over it.
-DIFFERENCE_STEP = 1e-5
 #: Largest condition number of a structure [-]; one beyond is a mechanism in double precision.
 MAX_CONDITION = 1e10
-#: Iteration cap of Newton's method and of fixed points with cheap steps [-]: of 400 random calls
-#: none took more than 29, most about five; a third of it misses one equilibrium in thirty.
-MAX_NEWTON_ITERATIONS = 30
+#: Iteration cap of Newton's method and of continuation [-]: of 400 random calls none took more
+#: than 29, most about five; a third of it misses one equilibrium in thirty.
+MAX_NEWTON_ITERATIONS = 50
 #: Cap of steps that each solve a whole problem, such as linearisations, changes of contacts or
 #: corrections of a waypoint, and of iterations that must end within a control cycle [-].
 MAX_SEARCH_STEPS = 12

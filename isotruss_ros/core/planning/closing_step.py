@@ -34,7 +34,7 @@ from isotruss_ros.core.planning.violations import RequirementError
 import numpy as np
 
 #: Largest roller travel and gap change of a step, in mean member lengths [-].
-MAX_STEP = 0.03
+MAX_STEP, MAX_GAP_STEP = 0.035, 0.027
 #: Largest rotation of a member in a step [rad].
 MAX_TURN_STEP = 0.1
 #: Weight of the rollers' motion against that of the gaps [-].
@@ -115,7 +115,7 @@ def solve_step(state: SearchState, closing: Closing, targets: Array, share: floa
     config, members = state.config, list(closing.members)
     size = share * config.robot.home.member_lengths.mean()
     matrix = (state.gaps_by_nodes @ config.node_jacobian)[members]
-    aim = np.maximum(targets - state.gaps[members], -MAX_STEP * size)
+    aim = np.maximum(targets - state.gaps[members], -MAX_GAP_STEP * size)
     if closing.facing is not None:
         turned = np.angle(closing.facing * closing.normals(config).conj())
         turned = np.clip(turned, -MAX_TURN_STEP, MAX_TURN_STEP)

@@ -20,7 +20,7 @@ from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.blas_threads import single_threaded
-from isotruss_ros.core.numerics.tolerances import ROUNDING
+from isotruss_ros.core.numerics.tolerances import NEGLIGIBLE_SHARE
 from isotruss_ros.core.planning.closing import Closing
 from isotruss_ros.core.planning.closing_step import MAX_STEP
 from isotruss_ros.core.planning.grasp_candidate import judge_candidate
@@ -85,7 +85,8 @@ def plan_grasps(
     structure_of(config)  # contradictory stiffness laws are reported here, once
     search = _Search(config, needs, executor, on_progress, should_stop)
     gap = float(object_distances(config, body).min())
-    if gap < -ROUNDING:  # there is no path to a grasp
+    length = config.robot.home.member_lengths.mean()
+    if gap < -NEGLIGIBLE_SHARE * length:  # there is no path to a grasp
         search.tally.record(Violation('free', gap, 0.0))
         return search.plan()
     for number in range(max_rounds):

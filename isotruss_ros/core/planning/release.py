@@ -33,14 +33,14 @@ from isotruss_ros.core.planning.closing import (
     GAP_TOLERANCE,
 )
 from isotruss_ros.core.planning.closing_step import press
-from isotruss_ros.core.planning.motion_in_place import (
-    hold_between,
-    squeeze_in_place,
-    SQUEEZE_TOLERANCE,
-)
+from isotruss_ros.core.planning.motion_in_place import hold_between, squeeze_in_place
 from isotruss_ros.core.planning.requirements import MIN_RIGIDITY
 from isotruss_ros.core.planning.violations import RequirementError, Violation
 import numpy as np
+
+#: Shares of the squeeze at the waypoints of the unloading [-]. The squeeze left at the last one
+#: moves the object by its share of the deflection.
+UNLOADING_SHARES = (0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.04, 0.015, 0.005, 0.002)
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,8 +119,7 @@ def _unload(
     grasp = hold_between(config, closing) if held is None else held
     if grasp.normal_forces.min() <= 0.0:
         return path, closing
-    # What is left at the last waypoint moves the object by its share of the deflection.
-    for force in grasp.squeeze * np.geomspace(1.0, SQUEEZE_TOLERANCE, 16)[1:]:
+    for force in grasp.squeeze * np.array(UNLOADING_SHARES):
         grasp = squeeze_in_place(grasp, force, closing)
         path.append(grasp.config)
     # In place: a retreat of members in contact would roll the object along.

@@ -14,8 +14,8 @@ from isotruss_ros.core.manipulation.status import RollerCommand, Status
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
-#: Largest decay rate of the margin of utilisation and of the slip margin [1/s].
-USAGE_RATE = 3.0
+#: Largest decay rates of the margin of utilisation and of the slip margin [1/s].
+UTILISATION_RATE, MARGIN_RATE = 5.0, 2.0
 #: Regularization of the normalised least mean squares [m]; shorter travel has less weight.
 LMS_REGULARIZATION = 1e-4
 
@@ -54,7 +54,7 @@ class UsageLimits:
         :param period: duration of the command [s].
         :param free: usable part of the slip margin [N].
         """
-        return self._share(1, command, period * USAGE_RATE * free, period)
+        return self._share(1, command, period * MARGIN_RATE * free, period)
 
     def limit_utilisation(
         self, command: RollerCommand, period: float, most: float
@@ -66,7 +66,7 @@ class UsageLimits:
         :param period: duration of the command [s].
         :param most: largest allowed utilisation of a tube [-].
         """
-        left = period * USAGE_RATE * (most - self._used)
+        left = period * UTILISATION_RATE * (most - self._used)
         share = self._share(0, command, left, period)
         if share == 1.0:
             return command

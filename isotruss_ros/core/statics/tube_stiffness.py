@@ -19,7 +19,7 @@ from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.model.description import RobotDescription
 from isotruss_ros.core.model.stiffness_law import Law, read_laws
 from isotruss_ros.core.numerics.arrays import Array, MAX_MAGNITUDE
-from isotruss_ros.core.numerics.tolerances import DIFFERENCE_STEP, ROUNDING
+from isotruss_ros.core.numerics.tolerances import ROUNDING
 from isotruss_ros.core.statics.section import (
     as_floats,
     broadcast_members,
@@ -30,6 +30,10 @@ from isotruss_ros.core.statics.section import (
 )
 import numpy as np
 from numpy.typing import ArrayLike
+
+#: Relative half step of central differences by length and pressure [-]. The relative error is
+#: about its square plus rounding divided by it.
+DIFFERENCE_STEP = 1e-5
 
 
 @dataclass(frozen=True)
