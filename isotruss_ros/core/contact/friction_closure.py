@@ -33,12 +33,10 @@ class FrictionClosure:
     :ivar closed: whether the residual is at most `tolerance`.
     :ivar residual: norm of the unbalanced wrench, with moments over d/2 [N].
     :ivar tolerance: largest residual of closure [N].
-    :ivar friction_forces: (k,) friction forces on the object along the tangents, counter-clockwise
-        [N].
-    :ivar required_friction: smallest coefficient of friction with closure; infinite if none
-        exists.
-    :ivar margin: largest additional wrench that friction balances in every direction [N]; negative
-        without closure.
+    :ivar friction_forces: (k,) friction on the object along the tangents, counter-clockwise [N].
+    :ivar required_friction: smallest coefficient of friction with closure, or infinite.
+    :ivar margin: largest further wrench that friction balances in every direction [N]; else
+        negative.
     """
 
     closed: bool

@@ -52,7 +52,7 @@ SPEED_TIME = 0.05
 #: Innovations in standard deviations beyond which a pose is inconsistent, as one of 60000 valid
 #: poses is, and corrections and load beyond which contacts slip [-].
 MAX_DEVIATIONS = 5.0
-#: Gauge pressure of each tube (t,) [Pa]; None: the pressures of the robot file.
+#: Gauge pressure of each tube (t,) [Pa]; None: as in the robot file.
 Pressures = tuple[float, ...] | None
 #: Indices of load, unexplained pose and delay in the state, and first index of the contacts'
 #: shifts.
@@ -78,11 +78,9 @@ class GripBelief:
     :ivar grasp: equilibrium without a load, in the current configuration.
     :ivar grip: grip whose rows of (19) predict the motion of the object, see `HeldGrip.touching`.
     :ivar load: estimated wrench (fx, fy, m / arm) on the object [N].
-    :ivar bias: (3,) unexplained pose: measured pose minus the model's, rotations times the arm
-        [m].
+    :ivar bias: (3,) unexplained pose, measured minus modelled, rotations times the arm [m].
     :ivar delay: delay of the measured poses beyond their stamps [s].
-    :ivar innovation: normalised squared innovation of the last pose, with three degrees of freedom
-        [-].
+    :ivar innovation: normalised squared innovation (3 degrees of freedom) of the last pose [-].
     :ivar drift: (4,) rates of the pose [m/s, rad/s] and of the squeeze [N/s] beyond the prediction
         by (19), in the last cycle.
     :ivar usage: limits on the use of slip margin and utilisation.
@@ -242,8 +240,7 @@ class GripBelief:
 
         :param config: configuration of the robot.
         :param elapsed: time since the last call [s].
-        :param pressures: (t,) gauge pressure of each tube [Pa]; None: the pressures of the robot
-            file.
+        :param pressures: (t,) gauge pressure of each tube [Pa]; None: as in the robot file.
         """
         before = self.grasp
         given = replace(with_pressures(before, pressures), anchors=self._anchors)
@@ -299,8 +296,7 @@ class GripBelief:
         Search the equilibrium at the estimated pose, and place the contacts by it.
 
         :param config: configuration of the robot.
-        :param pressures: (t,) gauge pressure of each tube [Pa]; None: the pressures of the robot
-            file.
+        :param pressures: (t,) gauge pressure of each tube [Pa]; None: as in the robot file.
         :return: whether an equilibrium exists.
         """
         self.searches, self._searched = self.searches + 1, self._time
@@ -322,8 +318,7 @@ class GripBelief:
         """
         Initialise the contacts by a pose, independently of load and offsets.
 
-        The contacts' shifts explain the pose where they can; the unexplained pose is the
-        remainder.
+        The contacts' shifts explain the pose if they can; the unexplained pose is the remainder.
 
         :param pose: (3,) pose of the object without load [m, rad].
         """
@@ -536,7 +531,7 @@ def attach_model(config: Configuration, grip: Grip, pressures: Pressures = None)
 
     :param config: configuration of the robot.
     :param grip: grip with the object at its measured pose.
-    :param pressures: (t,) gauge pressure of each tube [Pa]; None: the pressures of the robot file.
+    :param pressures: (t,) gauge pressure of each tube [Pa]; None: as in the robot file.
     :raises NotHeldError: no such equilibrium exists.
     :raises GraspError: the robot has no such members.
     :raises StructureError: see `structure_of`.

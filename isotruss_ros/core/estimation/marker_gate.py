@@ -43,8 +43,7 @@ def judge_markers(
     :param covariance: (2k, 2k) covariance of the innovation [m^2].
     :param by_rollers: (2k, r) derivatives of the joint positions by roller travel [-].
     :param reach: (r,) largest possible slip of each roller [m].
-    :return: (k,) mask of the consistent markers, and (r,) slip of the rollers with which they are
-        consistent [m].
+    :return: (k,) mask of the consistent markers, and (r,) slip that makes them consistent [m].
     """
     count, off = len(innovation), innovation.ravel()
     every, kept = np.ones((2, count), dtype=bool)

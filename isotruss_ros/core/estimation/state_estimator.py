@@ -115,8 +115,7 @@ class StateEstimator:
         :param deviations: (3,) standard deviations of x, y [m] and angle [rad], positive.
         :return: whether the pose was used: it is fresh and the object is held.
         :raises ConfigurationError: no configuration exists at the encoder readings.
-        :raises GraspError: the pose is not three numbers within range, or a deviation is not
-            positive.
+        :raises GraspError: the pose is not three valid numbers, or a deviation is not positive.
         """
         what = "the object's pose (x, y, angle) [m, rad]"
         pose = Pose(*finite_array(pose, 3, what, GraspError, MAX_MAGNITUDE).tolist())
@@ -149,8 +148,7 @@ class StateEstimator:
         :param deviation: standard deviation of a coordinate, positive [m].
         :return: whether at least one marker was used.
         :raises ConfigurationError: no configuration exists at the encoder readings.
-        :raises GraspError: the robot has no such joint, or the deviation is not a positive number
-            within range.
+        :raises GraspError: the robot has no such joint, or the deviation is not positive.
         """
         (deviation,) = _positive([deviation], 1, 'deviation of the markers [m]').tolist()
         names = self._robot.topology.joint_names

@@ -79,7 +79,7 @@ def attach_grip(
     :param body: the object at its measured pose.
     :param members: (m,) indices of the two or three grasping members; None: the members that the
         object overlaps, or the two nearest.
-    :param external_wrench: (fx, fy, m) on the object about the origin of its frame [N, N m]; None:
+    :param external_wrench: (fx, fy, m) on the object about its frame's origin [N, N m]; None:
         zero.
     :param tubes: model of the tubes.
     :param before: previous equilibrium; it is the initial guess if its contacts are similar.

@@ -87,8 +87,7 @@ def build_statics(
     :param body: the object at its pose.
     :param contacts: contacts of the object.
     :param tubes: model of the tubes.
-    :param normals: (k,) normals of the bent tubes, which determine the dents; None: the straight
-        tubes' normals.
+    :param normals: (k,) normals of the tubes, which determine the dents; None: straight tubes.
     :raises StructureError: see `structure_of`.
     """
     structure = structure_of(config, tubes.pressure)

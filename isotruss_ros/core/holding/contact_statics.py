@@ -92,8 +92,7 @@ class ContactStatics:
     :ivar body: the object at its measured pose.
     :ivar contacts: the k contacts.
     :ivar tube_radius: radius of the tubes [m].
-    :ivar sides: (k,) +1 for an object on the right of its member, seen from start to end; -1 on
-        the left.
+    :ivar sides: (k,) +1 for an object on the right of its member (from start to end), else -1.
     :ivar indentation: depths of the dents in the skin as functions of the normal forces.
     :ivar given: (k, 3) offsets of the equations of touch along and across [m] and of inclination
         [rad]; or one number for all.

@@ -74,8 +74,7 @@ class HeldGrip:
     """
     Equilibrium of a convex object between two or three members, with its rolling invariants.
 
-    `attach_grip` finds the equilibrium near a measured pose; `roll_grip` rolls it to another
-    configuration.
+    `attach_grip` finds it near a measured pose; `roll_grip` rolls it to another configuration.
 
     :ivar config: the configuration.
     :ivar body: the object at its pose in equilibrium.
@@ -177,8 +176,7 @@ class HeldGrip:
 
         :param friction: coefficient between tube and object.
         :param more: (3,) additional wrench (fx, fy, m / arm) [N].
-        :return: the margin; negative if a member slips or a contact pulls, zero if the equilibrium
-            is neutral.
+        :return: the margin; negative after slip or in tension, zero in a neutral equilibrium.
         """
         if self.response is None:
             return 0.0

@@ -60,7 +60,7 @@ def roll_grip(
 
     :param grip: equilibrium of the object.
     :param config: configuration near the configuration of the grip.
-    :param external_wrench: (fx, fy, m) on the object about the origin of its frame [N, N m]; None:
+    :param external_wrench: (fx, fy, m) on the object about its frame's origin [N, N m]; None:
         zero.
     :return: the grip; None without an equilibrium.
     """

@@ -29,8 +29,7 @@ class JointCommand(RollerCommand):
 
     :ivar achieved_twist: (2 k,) velocities vx, vy of k joints in the robot frame [m/s].
     :ivar joints: names of the joints.
-    :ivar reachable_dof: number of independent motions of the joints that the working rollers can
-        produce.
+    :ivar reachable_dof: number of independent motions that the working rollers can produce.
     """
 
     joints: tuple[str, ...] = ()
@@ -48,7 +47,7 @@ def check_joint(robot: Mechanism, name: str) -> None:
 
     :param robot: the robot.
     :param name: name of the joint.
-    :raises GraspError: the robot has no such joint; names the existing ones.
+    :raises GraspError: the robot has no such joint; the message names the existing joints.
     """
     names = robot.topology.joint_names
     if name not in names:
@@ -69,16 +68,16 @@ def solve_joint_velocity(
     """
     Return the least-cost (11) roller velocities for given velocities of joints.
 
-    Unreachable velocities are replaced by the closest reachable ones; at binding limits they are
-    scaled or deflected, as in `solve_twist`.
+    Unreachable velocities are replaced by the closest reachable ones. At binding limits they are
+    scaled or projected, as in `solve_twist`.
 
     :param config: configuration of the robot.
-    :param velocities: (vx, vy) by joint in the robot frame [m/s]; other joints are unconstrained.
+    :param velocities: (vx, vy) by joint in the robot frame [m/s]; other joints are free.
     :param failed: names of failed rollers, which stand still.
-    :param limits: limits in place of those of the robot file.
+    :param limits: limits instead of those of the robot file; None: those of the file.
     :param handling: behaviour at binding limits.
-    :raises GraspError: no such joint, no velocities, a velocity that is not two finite numbers, or
-        no such roller.
+    :raises GraspError: no such joint or roller, no velocities, or one that is not two finite
+        numbers.
     :raises ConfigurationError: the configuration is singular.
     :raises SolverError: a quadratic program was not solved.
     """

@@ -1,26 +1,27 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Rounding tolerances and iteration caps shared by all of the core."""
+"""Rounding tolerances and iteration limits for all of the core."""
 
 import numpy as np
 
 #: Machine epsilon of double precision [-].
 EPSILON = float(np.finfo(float).eps)
-#: Smallest normal number, a positive lower bound of divisors.
+#: Smallest normal number of double precision, a positive lower bound of divisors [-].
 SMALLEST_NORMAL = float(np.finfo(float).tiny)
 #: Bound of rounding errors of a solution, relative or at unit scale [-, m, rad].
 ROUNDING = 1e-9
-#: Distance below which points coincide [m], and relative length below which vectors vanish [-];
-#: also the last step of Newton's method, whose error is the square of it.
+#: Distance below which points coincide [m], and relative length below which vectors vanish [-]. It
+#: is also the last step of Newton's method, whose error is the square of the step.
 COINCIDENCE = 1e-12
 #: Share of a quantity that has no consequence [-]: difference of equal values, residual of a
 #: balance, weight of a regularisation that makes a solution unique.
 NEGLIGIBLE_SHARE = 1e-6
-#: Largest condition number of a structure [-]; one beyond is a mechanism in double precision.
+#: Largest condition number of a structure [-]; beyond it the structure is a mechanism in double
+#: precision.
 MAX_CONDITION = 1e10
-#: Iteration cap of Newton's method and of continuation [-]: of 400 random calls none took more
-#: than 29, most about five; a third of it misses one equilibrium in thirty.
+#: Largest number of iterations of Newton's method and of continuation [-]. Of 400 random calls
+#: none took more than 29, most about five; a third of it misses one equilibrium in thirty.
 MAX_NEWTON_ITERATIONS = 50
 #: Cap of steps that each solve a whole problem, such as linearisations, changes of contacts or
 #: corrections of a waypoint, and of iterations that must end within a control cycle [-].

@@ -4,7 +4,7 @@
 """
 Approach of the grasping members to the object, the first step of the search.
 
-The steps from the current configuration are kinematic and admissible, so that they form the path.
+The approach is kinematic. Each of its steps is admissible, so the steps form the path.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ import numpy as np
 
 #: Gap of the grasping members at the end, in tube diameters [-].
 STANDOFF = 0.06
-#: Tolerance of the rotation of the members at the end [rad].
+#: Tolerance of the members' rotation at the end of the approach [rad].
 TURN_TOLERANCE = 1e-3
 
 
 def approach(config: Configuration, closing: Closing) -> Iterator[Configuration]:
     """
-    Yield the path of the grasping members toward the object, into directions of force closure.
+    Yield the path of the grasping members toward the object, in directions of force closure.
 
-    The current configuration is the first; the path is linear in roller travel between them.
+    The path begins at the current configuration and is piecewise linear in roller travel.
 
     :param config: configuration of the robot.
-    :param closing: members and object of the closing motion.
+    :param closing: closing motion with members and object.
     :raises RequirementError: the members do not reach the object.
     :raises SolverError: a quadratic program was not solved.
     """
@@ -61,10 +61,10 @@ def approach(config: Configuration, closing: Closing) -> Iterator[Configuration]
 
 def _find_turn(config: Configuration, closing: Closing) -> tuple[float, Closing]:
     """
-    Return the missing rotation of the grasping members [rad], and the closing motion for it.
+    Return the missing rotation of the grasping members [rad], and the closing motion with it.
 
-    No rotation is needed in directions of force closure. Otherwise two members are rotated to the
-    nearest such directions.
+    Directions of force closure need no rotation. Otherwise two members are rotated to the nearest
+    directions of force closure.
     """
     normals, angle = closing.normals(config), closing.friction_angle
     radius = 0.5 * config.robot.description.tube_diameter

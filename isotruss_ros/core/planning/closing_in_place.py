@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Closing in place: increasing squeeze on a free object that remains at rest.
+Closing in place: the squeeze on a free object increases while the object is at rest.
 
-Two members face the object with force closure at first contact. Then contacts roll, by the
-mechanics of the elastic plant, and the squeeze increases while the object is at rest. A path
-computed for an object fixed to the ground would displace a free one by several centimetres.
+Two members have force closure at first contact. Then contacts roll, by the mechanics of the
+elastic plant, and the squeeze increases at constant pose of the object. A path that is computed
+for a fixed object would displace a free one by several centimetres.
 """
 
 from __future__ import annotations
@@ -33,12 +33,13 @@ from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.planning.violations import RequirementError
 import numpy as np
 
-#: Displacement of an object at rest, rotations at its characteristic radius [m].
+#: Largest displacement of an object at rest, rotations times the characteristic radius [m].
 PLACE_TOLERANCE = 1e-4
 #: Increment of the indentation between waypoints, in tube diameters [-]; the squeeze of three
-#: members at most doubles.
+#: members doubles at most.
 CLOSING_STEP = 0.12
-#: Factor on the increments from the first violated bound on [-]; the second one ends the closing.
+#: Factor on the increments after the first violation of a bound [-]; the second violation ends the
+#: closing.
 REFINEMENT = 0.34
 
 
@@ -49,7 +50,7 @@ def close_in_place(
     Yield grips with increasing squeeze until a bound is reached.
 
     :param touch: configuration in which the members touch the object.
-    :param closing: members and object of the closing motion.
+    :param closing: closing motion with members and object.
     :param needs: requirements of the grasp.
     :raises SolverError: a quadratic program, or the contact, was not solved.
     :raises StructureError: see `structure_of`.
@@ -76,7 +77,7 @@ def close_in_place(
 
 
 def _hold(touch: Configuration, closing: Closing) -> HeldGrip:
-    """Return the initial equilibrium of the object."""
+    """Return the first equilibrium of the object."""
     diameter = touch.robot.description.tube_diameter
     one, other = contact_ends(closing.body, closing.normals(touch), 0.5 * diameter)
     # Both ends of a face are to press.
@@ -86,7 +87,7 @@ def _hold(touch: Configuration, closing: Closing) -> HeldGrip:
 
 
 def _judge(grasp: HeldGrip, closing: Closing, needs: GraspRequirements) -> ClosedGrip:
-    """Return a grip with its loads; raise on slip or a violated bound."""
+    """Return a grip with its loads; raise RequirementError on slip or a violated bound."""
     _check_hold(grasp, needs.friction)
     closing.tally.analyses += 1
     moved = pose_difference(grasp.pose, closing.body.pose) * (1.0, 1.0, grasp.arm)

@@ -203,8 +203,7 @@ def local_stiffness(
     :param flexural: (k,) EI [N m^2].
     :param shear: (k,) GA [N], infinite for no shear deformation.
     :param pins: (k,) masks of pinned starts and pinned ends; None for fixed ends.
-    :return: (k, 6, 6), rows and columns (ux, uy, theta) at start and end; zero for the rotation of
-        a pinned end.
+    :return: (k, 6, 6) by (ux, uy, theta) at start and end; zero for pinned rotations.
     """
     fixed = np.zeros(np.shape(length), dtype=bool)
     columns = BeamColumns(length, axial, flexural, shear, *(pins or (fixed, fixed)))

@@ -52,10 +52,8 @@ class PlaceChanges(NamedTuple):
     Changes of the frame by p motions of the places along their members, at constant loads.
 
     :ivar nodes: (n, 3, p) motion of the nodes [m, rad].
-    :ivar inclined: (k, p) changes of the inclinations at the places while the nodes are fixed
-        [rad].
-    :ivar forces: (c, 3, p) changes of N [N], M1 and M2 [N m] of the members while the nodes are
-        fixed.
+    :ivar inclined: (k, p) changes of the inclinations at the places, nodes fixed [rad].
+    :ivar forces: (c, 3, p) changes of the members' N [N], M1 and M2 [N m], nodes fixed.
     """
 
     nodes: Array
@@ -385,8 +383,7 @@ class BentTubes:
 
         :param loads: (k, 3, p) further loads at the places.
         :param places: (k, p) motion of the places along the members [m].
-        :return: (n, 3, p) motions of the nodes by the loads, and the changes by motion of the
-            places.
+        :return: (n, 3, p) motions of the nodes by the loads, and changes by the places.
         """
         frame, count, found = self.frame, len(self.members), self._changes[0]
         by_loads = found[..., : 3 * count] @ loads.reshape(3 * count, -1)
@@ -453,8 +450,7 @@ class BentTubes:
 
         In the paper's model the effect of loads is scaled by `NEGLIGIBLE_SHARE`.
 
-        :param changes: (4, c, p) changes of the members' rest lengths [m], EA [N], EI [N m^2] and
-            GA [N].
+        :param changes: (4, c, p) changes of rest lengths [m], EA [N], EI [N m^2] and GA [N].
         :return: (n, 3, p) motions of the nodes, (k, p) changes of the inclinations at the places,
             and (c, 3, p) changes of N, M1 and M2 of the members while the nodes are fixed.
         """

@@ -94,8 +94,7 @@ class PowerLaw:
     """
     Measured end stiffnesses of a member, as power laws of pressure and length.
 
-    :param axial: axial force over displacement of a member's end at a pinch point, with the other
-        end fixed [N/m].
+    :param axial: axial force over displacement of a pinch point, the other one fixed [N/m].
     :param transverse: transverse force over displacement of a tube's end at a guide ring, with the
         other end and both end rotations fixed [N/m].
     :param rotary: moment over rotation of a tube's end at a guide ring, with its translation and

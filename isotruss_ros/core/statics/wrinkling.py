@@ -38,8 +38,7 @@ class Utilisation(NamedTuple):
     """
     Utilisation of the m members of a robot under loads.
 
-    :ivar used: (m,) largest |M| / M_w on each member; infinite if the compression exceeds the
-        pull.
+    :ivar used: (m,) largest |M| / M_w on each member; infinite if compression exceeds the pull.
     :ivar place: (m,) distance of this maximum from the member's start [m].
     :ivar piece: (m,) index of the frame's member with the maximum.
     :ivar kind: (m,) 0 if the maximum is at this member's start, 1 at its end, 2 inside.

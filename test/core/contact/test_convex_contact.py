@@ -119,31 +119,6 @@ def test_wrench_at_a_sharp_corner_is_independent_of_point_positions(angle):
         assert largest_difference(one, fine) < 0.01
 
 
-@robots.examples(10)
-@given(SEEDS)
-def test_wrenches_are_equivariant_under_the_frame_of_the_object(seed):
-    generator = np.random.default_rng(seed)
-    shape = random_shape(generator, 0.15)
-    angle = generator.uniform(-3.0, 3.0)
-    held = pressed_into(HOME, MODULE, shape, angle, 0.015)
-    if not isinstance(shape, Polygon):
-        return
-    turn, shift = np.exp(0.7j), complex(*generator.uniform(-0.1, 0.1, 2))
-    z = (shape.corners - shift) / turn
-    again = Polygon([(w.real, w.imag) for w in z], tuple(shape.radii.tolist()))
-    origin = held.center + held.turn * shift
-    moved = ConvexObject(again, (origin.real, origin.imag, angle + 0.7))
-    one, other = analyze_grasp(HOME, held), analyze_grasp(HOME, moved)
-    assert other.normal_wrench[:2] == pytest.approx(one.normal_wrench[:2], rel=1e-4, abs=1e-4)
-    force, lever = complex(*one.normal_wrench[:2]), held.center - origin
-    wanted = one.normal_wrench[2] + (lever.conjugate() * force).imag
-    assert other.normal_wrench[2] == pytest.approx(wanted, abs=2e-4 * abs(force))
-    # A load through the same point makes the same difference.
-    assert other.required_friction == pytest.approx(one.required_friction, rel=1e-2) or (
-        one.required_friction > 10.0
-    )
-
-
 def test_friction_defaults_to_that_of_the_object():
     held = pressed_into(HOME, MODULE, BOX, 0.4, 0.02)
     slippery = ConvexObject(held.shape, held.pose, friction=0.1)

@@ -158,7 +158,7 @@ def test_zeros_of_the_empty_robot_are_those_of_least_squares():
 
 
 def test_errors_of_the_empty_robot_are_as_large_as_it_says():
-    runs = [DrawnRobot(seed) for seed in range(100)]
+    runs = [DrawnRobot(seed) for seed in range(60)]
     surprises = [drawn.surprise(drawn.run(1.0)) for drawn in runs]
     low, high = scipy.stats.chi2.ppf([0.025, 0.975], 6 * len(runs)) / len(runs)
     assert low < np.mean(surprises) < high

@@ -248,7 +248,7 @@ def test_rollers_that_pass_by_the_end_have_not_arrived():
     quick = RollerTrajectory(ROBOT, [[0.0] * N, [0.04] * N], [0.0, 0.04 / MAX_SPEED])
     for late in (0, 1, 3, 7):
         # Such that the measurement is at the end to the micrometre while they go on.
-        for ahead in np.linspace(0.0, MAX_SPEED * PERIOD, 9):
+        for ahead in np.linspace(0.0, MAX_SPEED * PERIOD, 5):
             run = Run(late=late, begin=np.full(N, -ahead))
             assert run.follow(quick).failure == ''
             assert run.away(quick) <= TOLERANCE

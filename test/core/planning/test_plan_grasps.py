@@ -29,6 +29,7 @@ from isotruss_ros.core.planning.requirements import Measure
 from isotruss_ros.core.planning.seeds import find_seeds
 from isotruss_ros.core.planning.violations import violation_in_words
 from isotruss_ros.core.safety.margins import shape_margins
+from nightly import some_now
 import numpy as np
 import pytest
 
@@ -139,9 +140,10 @@ def test_the_way_stays_within_all_bounds(plans):
         assert grasp.travel == pytest.approx(ways.max())
 
 
-def test_every_small_disc_is_found_with_few_evaluations():
+@pytest.mark.parametrize('discs', some_now([SMALL[::2], SMALL]))
+def test_every_small_disc_is_found_with_few_evaluations(discs):
     evaluations = []
-    for x, y, diameter in SMALL:
+    for x, y, diameter in discs:
         body = ConvexObject.disc((x, y), diameter)
         needs = replace(NEEDS, count=1, min_margin=None)
         plan = plan_grasps(ROBOT.home, body, needs, thorough=False)
