@@ -28,7 +28,7 @@ POSITION_GAIN = 5.0
 #: imprecise drives or encoders of low resolution [m].
 TOLERANCE, SETTLING_TIME, NEAR_TOLERANCE = 2e-5, 0.1, 5e-4
 #: Largest distance of a roller from the trajectory, at its start and while its time runs [m].
-MAX_LAG = 0.01
+MAX_LAG = 5e-3
 #: Largest time without progress [s].
 PROGRESS_TIMEOUT = 3.0
 #: Largest advance of trajectory time in a cycle [s]; larger ones would cut corners.

@@ -233,7 +233,7 @@ def test_arrives_on_random_paths_from_near_their_beginning(rng):
 
 def test_rollers_that_have_arrived_rest_while_the_others_come():
     begin = np.zeros(N)
-    begin[2] = 0.009
+    begin[2] = 0.0045
     run = Run(begin=begin)
     run.follow(RollerTrajectory(ROBOT, [[0.0] * N], [0.0]))
     commands = np.array(run.commands)
