@@ -26,6 +26,8 @@ CLOCK_SKEW = 0.01
 SIMULATED_CLOCK_SKEW = 0.1
 #: Largest age of pressures [s]; they change slowly and are measured rarely.
 PRESSURE_TIMEOUT = 2.0
+#: Largest age of a measurement in a history [s].
+HISTORY_DURATION = 1.0
 #: Smallest relative change of a pressure that is not noise [-]; noise changes the squeeze by 0.1
 #: %.
 PRESSURE_CHANGE = 0.02

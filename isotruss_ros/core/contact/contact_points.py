@@ -11,13 +11,10 @@ from functools import cached_property
 from isotruss_ros.core.contact.flattening import Flattening
 from isotruss_ros.core.contact.surfaces import Surface
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
-from isotruss_ros.core.statics.bent_tubes import BentTubes, Displaced
+from isotruss_ros.core.statics.bent_tubes import BentTubes, Displaced, FOLLOWED_MOTION
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 
-#: Largest motion of a node without a new factorisation of the compliance [m]. Within it each step
-#: of the iteration for the bent tubes reduces the error a hundredfold.
-KEPT_MOTION = 2e-4
 #: Smallest distance of a point from the end of its piece of tube, relative to the spacing [-].
 SHORTEST_SHARE = 0.2
 
@@ -143,7 +140,7 @@ class ContactPoints:
         :param spacing: spacing of the other points [m].
         """
         alike = spacing == self.spacing and np.array_equal(bent.frame.whole, self.bent.frame.whole)
-        return alike and bent.tangent.distance(self.bent.tangent.factored) <= KEPT_MOTION
+        return alike and bent.tangent.distance(self.bent.tangent.factored) <= FOLLOWED_MOTION
 
     @cached_property
     def _own(self) -> Array:

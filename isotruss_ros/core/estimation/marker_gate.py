@@ -7,12 +7,10 @@ from __future__ import annotations
 
 import itertools
 
+from isotruss_ros.core.estimation.belief import FALSE_ALARM_PROBABILITY
 from isotruss_ros.core.numerics.arrays import Array, Flags
 import numpy as np
 import scipy
-
-#: Probability that a valid measurement fails the gate [-].
-GATE_PROBABILITY = 1e-4
 
 
 def passes_gate(innovation: Array, covariance: Array) -> bool:
@@ -22,7 +20,12 @@ def passes_gate(innovation: Array, covariance: Array) -> bool:
     :param innovation: (m,) measured minus predicted values.
     :param covariance: (m, m) covariance of the innovation.
     """
-    return _size(innovation, covariance) <= scipy.special.chdtri(len(innovation), GATE_PROBABILITY)
+    return _size(innovation, covariance) <= _gate(len(innovation))
+
+
+def _gate(count: int) -> float:
+    """Return the largest squared Mahalanobis distance of valid numbers (count,)."""
+    return scipy.special.chdtri(count, FALSE_ALARM_PROBABILITY)
 
 
 def judge_markers(
@@ -53,8 +56,8 @@ def judge_markers(
 
     slip = _find_slip(off, covariance, by_rollers, reach)
     left = _size(off - by_rollers @ slip, covariance)
-    explained = left <= scipy.special.chdtri(2 * count, GATE_PROBABILITY)
-    while kept.any() and size(kept) > scipy.special.chdtri(2 * kept.sum(), GATE_PROBABILITY):
+    explained = left <= _gate(2 * count)
+    while kept.any() and size(kept) > _gate(2 * int(kept.sum())):
         kept = min(kept & ~np.eye(count, dtype=bool)[kept], key=size)
     if 2 * kept.sum() < count:
         kept[:] = False

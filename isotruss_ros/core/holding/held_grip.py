@@ -28,6 +28,9 @@ from isotruss_ros.core.statics.wrinkling import find_utilisation, Utilisation
 import numpy as np
 from scipy.linalg import lapack
 
+#: Largest distance of an equilibrium from the measured pose, and largest gap of a member that a
+#: motion may close, in tube diameters [-].
+MAX_DISPLACEMENT = 0.25
 #: Largest multiple of the previous change that is extrapolated [-].
 MAX_EXTRAPOLATION = 2.0
 #: Smallest slip margin of a moving object, relative to the squeeze [-].

@@ -20,7 +20,7 @@ from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.model.topology import check_roller_names
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices
-from isotruss_ros.core.numerics.tolerances import COINCIDENCE, ROUNDING, SMALLEST_NORMAL
+from isotruss_ros.core.numerics.tolerances import COINCIDENCE, EPSILON, ROUNDING, SMALLEST_NORMAL
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import lapack
@@ -31,8 +31,6 @@ RANK_TOLERANCE = 1e-5
 #: Basis of all twists.
 IDENTITY = np.eye(3)
 IDENTITY.flags.writeable = False
-#: Largest speed of a twist in the program [m/s]; it keeps the roller speeds finite.
-MAX_TWIST_SPEED = 1e290
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,7 +230,8 @@ def find_task(reach: Reach, twist: Array, opening_rate: float = 0.0) -> Task:
     direction /= length
     speed = size * length
     free = least_cost(working.even, reach.rows, direction)
-    velocities = working.spread(free * min(speed, MAX_TWIST_SPEED))
+    # The speeds of the rollers stay finite.
+    velocities = working.spread(free * min(speed, EPSILON / SMALLEST_NORMAL))
     return Task(reach, direction, speed, status, free, velocities)
 
 

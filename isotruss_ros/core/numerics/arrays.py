@@ -13,6 +13,12 @@ Array = NDArray[np.float64]
 Points = NDArray[np.complex128]
 Indices = NDArray[np.intp]
 Flags = NDArray[np.bool_]
+#: Largest magnitude of a number from outside, and inverted the smallest positive one, in SI units;
+#: numbers beyond are mistakes, and their products overflow.
+MAX_MAGNITUDE = 1e12
+#: Largest number of entries of a list, and of characters of a text, from outside [-]; more are
+#: mistakes. Python does not print integers that are longer.
+MAX_ENTRIES = 1000
 
 
 def finite_array(

@@ -7,10 +7,8 @@ from __future__ import annotations
 
 import math
 
-from isotruss_ros.core.inputs import Timeline
+from isotruss_ros.core.inputs import HISTORY_DURATION, Timeline
 
-#: Length of the history of path time, and so the largest age of a measurement [s].
-HISTORY_DURATION = 1.0
 #: Smallest rate while limits slow the robot [-]; the next part of the path may be free of them.
 MIN_LIMITED_RATE = 0.1
 

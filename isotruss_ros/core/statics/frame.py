@@ -26,6 +26,7 @@ from isotruss_ros.core.numerics.factorization import (
     factorize_with_condition,
     invert_symmetric,
 )
+from isotruss_ros.core.numerics.tolerances import MAX_CONDITION, MAX_NEWTON_ITERATIONS, ROUNDING
 from isotruss_ros.core.statics.beam_column import (
     BeamColumns,
     CHORD,
@@ -44,11 +45,6 @@ from isotruss_ros.core.statics.frame_pattern import (
 import numpy as np
 from scipy.sparse import coo_matrix, csc_matrix
 
-#: Largest condition number of the scaled matrix of (4) [-]; beyond it the frame is a mechanism.
-MAX_CONDITION = 1e12
-#: Length of the last step of Newton's method [m]; the remaining error is rounding.
-STEP_TOLERANCE = 1e-7
-MAX_NEWTON_ITERATIONS = 20
 #: Largest ratio of the displacements to those of the linear frame [-].
 MAX_GROWTH = 3.0
 #: Index of each entry of `chord_motions` in the list (0, 1, -1, x, y, -x, -y) of a direction (x,
@@ -447,7 +443,7 @@ class Frame:
                 tangent = self.tangent(
                     displacements, tangent.multipliers + multipliers[:, 0], pull
                 )
-            if size <= STEP_TOLERANCE:
+            if size <= ROUNDING:
                 return tangent
         return None
 
