@@ -14,9 +14,10 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_msgs.msg import StateEstimate as StateEstimateMessage
 from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings, StateEstimate
-from isotruss_ros.core.estimation.state_estimator import OLDEST, StateEstimator
+from isotruss_ros.core.estimation.state_estimator import StateEstimator
 from isotruss_ros.core.inputs import (
     fresh_pressures,
+    HISTORY_DURATION,
     Input,
     InputError,
     RejectedInput,
@@ -89,8 +90,8 @@ class StateEstimatorNode(ManagedNode):
         """Create the publisher and the subscriptions."""
         self.inputs = Inputs(self, self.robot, self)
         self.inputs.keep_encoders(take=self._take_encoders)
-        self.inputs.keep_object_pose(take=self._take_pose, oldest=OLDEST)
-        self.inputs.keep_joint_markers(take=self._take_markers, oldest=OLDEST)
+        self.inputs.keep_object_pose(take=self._take_pose, oldest=HISTORY_DURATION)
+        self.inputs.keep_joint_markers(take=self._take_markers, oldest=HISTORY_DURATION)
         self.inputs.keep_tube_pressures(lambda: self.values.ambient_pressure)
         self._begin()
         self._estimates = self.create_lifecycle_publisher(

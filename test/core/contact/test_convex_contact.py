@@ -17,9 +17,10 @@ from isotruss_ros.core import (
 from isotruss_ros.core.contact.contact import solve_contact
 from isotruss_ros.core.contact.contact_points import find_contact_points
 from isotruss_ros.core.contact.flattening import flattening_of
-from isotruss_ros.core.contact.sliding_contact import GAP_TOLERANCE, solve_sliding_contact
+from isotruss_ros.core.contact.sliding_contact import solve_sliding_contact
 from isotruss_ros.core.contact.surfaces import surface_of
 from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.numerics.tolerances import ROUNDING
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
@@ -91,8 +92,8 @@ def test_gaps_and_forces_are_complementary(seed, flattening):
     state = solve(points, seen)
     assert state.forces.min() >= 0.0
     assert state.forces.sum() > 0.5
-    assert state.gaps.min() >= -GAP_TOLERANCE
-    assert np.abs(state.gaps[state.forces > 0.0]).max() <= GAP_TOLERANCE
+    assert state.gaps.min() >= -ROUNDING
+    assert np.abs(state.gaps[state.forces > 0.0]).max() <= ROUNDING
     assert state.displacements == pytest.approx(points.displacements(state.push), abs=1e-9)
     # By brute force, of the shape that the points met.
     moved = (points.skin + state.displacements - held.center) / held.turn
@@ -137,7 +138,7 @@ def test_any_shape_at_any_depth_is_solved(seed, depth, flattening):
     held = pressed_into(HOME, module, shape, generator.uniform(-3.0, 3.0), depth)
     analysis = analyze_grasp(HOME, held, paper_model=not flattening)
     assert analysis.normal_forces.min(initial=0.0) >= 0.0
-    assert analysis.gaps.min(initial=0.0) >= -GAP_TOLERANCE
+    assert analysis.gaps.min(initial=0.0) >= -ROUNDING
     stiffness = np.linalg.eigvalsh(analysis.stiffness)
     assert stiffness.min() >= -1e-9 * max(1.0, stiffness.max())
     if depth > 0.002:
@@ -165,7 +166,7 @@ def test_contacts_converge_by_damping_if_full_steps_cycle(seed):
 def test_contacts_of_polygons_wider_than_the_tube_converge_at_any_size(seed):
     held = press_polygon(seed)
     if held.arm > TUBE_RADIUS:
-        assert analyze_grasp(HOME, held).gaps.min() >= -GAP_TOLERANCE
+        assert analyze_grasp(HOME, held).gaps.min() >= -ROUNDING
 
 
 @pytest.mark.parametrize('angle', [-3.0, -1.0, 0.0, 1.0])
