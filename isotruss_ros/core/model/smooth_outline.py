@@ -129,7 +129,7 @@ class SmoothOutline(Shape):
         return self._at(pieces, angles)
 
     def _at(self, pieces: Indices, angles: Array) -> Array:
-        """Return the values (5, k) of polynomials `_pieces` at angles."""
+        """Return the values (5, k) of the polynomials `_pieces` at given angles."""
         powers = (angles - self._angles[pieces]) ** np.arange(DEGREE + 1, -1, -1)[:, None]
         return np.einsum('dpk,pk->dk', self._pieces[:, :, pieces], powers)
 
