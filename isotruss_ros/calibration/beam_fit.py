@@ -17,8 +17,7 @@ from typing import NamedTuple
 
 from isotruss_ros.calibration.law import half_widths
 from isotruss_ros.calibration.measurements import MeasurementError, MODES
-from isotruss_ros.core.model.robot_schema import MAX_MAGNITUDE
-from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.numerics.arrays import Array, Indices, MAX_MAGNITUDE
 from isotruss_ros.core.statics.beam_column import local_stiffness
 from isotruss_ros.core.statics.section import InflatableBeam, TubeStiffness
 import numpy as np

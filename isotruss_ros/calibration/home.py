@@ -16,8 +16,7 @@ from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint
 from isotruss_ros.core.model.description import RobotDescription
-from isotruss_ros.core.model.pose import MAX_DISTANCE
-from isotruss_ros.core.numerics.arrays import Array, finite_rows
+from isotruss_ros.core.numerics.arrays import Array, finite_rows, MAX_MAGNITUDE
 from isotruss_ros.core.numerics.records import Record
 import numpy as np
 
@@ -54,7 +53,7 @@ def calibrate_home(
         that does not fit, which the message names.
     """
     joints = [place for posture in postures for place in posture.joints.values()]
-    finite_rows(joints, 2, 'measured joints (x, y) [m]', MeasurementError, MAX_DISTANCE)
+    finite_rows(joints, 2, 'measured joints (x, y) [m]', MeasurementError, MAX_MAGNITUDE)
     known = {name for posture in postures for name in posture.joints}
     for name in known:
         check_joint(robot, name)

@@ -52,7 +52,7 @@ class HomeFit(NamedTuple):
     @property
     def errors(self) -> tuple[Array, Array]:
         """
-        Return the estimated errors (k, 2) of coordinates [m], and their shares (k, 2).
+        Return estimates of the coordinates' errors and of their shares in residuals, (k, 2) [m].
 
         :return: |residual| / share, and share = sqrt(1 - leverage) [-].
         """

@@ -14,8 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from isotruss_ros.calibration.measurements import Group
-from isotruss_ros.core.model.stiffness_law import MAX_STIFFNESS, MIN_STIFFNESS
-from isotruss_ros.core.numerics.arrays import Array, Flags
+from isotruss_ros.core.numerics.arrays import Array, Flags, MAX_MAGNITUDE
 import numpy as np
 from scipy.stats import f as f_distribution
 
@@ -77,7 +76,7 @@ def _slope(group: Group, inside: Flags, limit: float) -> Slope:
             f'{group.name}: no trial has two displacements in the linear range; a slope needs two',
         )
     stiffness, offsets = _fit(group, used, 1)[:2]
-    if not MIN_STIFFNESS <= stiffness <= MAX_STIFFNESS:
+    if not 1.0 / MAX_MAGNITUDE <= stiffness <= MAX_MAGNITUDE:
         return _no_slope(
             group,
             f'{group.name}: slope {stiffness:.3g}: must be positive and that of a tube; '

@@ -13,9 +13,8 @@ import math
 from pathlib import Path
 
 from isotruss_ros.core.errors import IsotrussError
-from isotruss_ros.core.model.robot_schema import MAX_MAGNITUDE
 from isotruss_ros.core.model.units import likely_unit
-from isotruss_ros.core.numerics.arrays import Array, Flags, Indices
+from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, MAX_MAGNITUDE
 import numpy as np
 
 #: Modes of a beam's end stiffness, in the order of Fig. 2.

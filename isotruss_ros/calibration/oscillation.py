@@ -8,8 +8,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from isotruss_ros.calibration.measurements import MeasurementError
-from isotruss_ros.core.model.pose import MAX_DISTANCE
-from isotruss_ros.core.numerics.arrays import Array, finite_array, finite_rows
+from isotruss_ros.core.numerics.arrays import Array, finite_array, finite_rows, MAX_MAGNITUDE
 import numpy as np
 from numpy.typing import ArrayLike
 import scipy
@@ -43,9 +42,9 @@ def fit_oscillation(times: ArrayLike, poses: ArrayLike, arm: float) -> Oscillati
     :raises MeasurementError: numbers that are not finite, too few poses, or poses without one
         damped oscillation.
     """
-    moved = finite_rows(poses, 3, 'poses (x, y, angle) [m, rad]', MeasurementError, MAX_DISTANCE)
+    moved = finite_rows(poses, 3, 'poses (x, y, angle) [m, rad]', MeasurementError, MAX_MAGNITUDE)
     at = finite_array(times, len(moved), 'times [s]', MeasurementError)
-    finite_array([arm], 1, 'arm [m]', MeasurementError, MAX_DISTANCE)
+    finite_array([arm], 1, 'arm [m]', MeasurementError, MAX_MAGNITUDE)
     if len(at) < MIN_POSES or not (np.diff(at) > 0.0).all():
         raise MeasurementError(
             f'{len(at)} poses: must be {MIN_POSES} or more, at ascending times, for an oscillation'

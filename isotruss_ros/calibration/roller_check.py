@@ -10,8 +10,7 @@ from collections.abc import Mapping
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint
-from isotruss_ros.core.model.pose import MAX_DISTANCE
-from isotruss_ros.core.numerics.arrays import finite_array, finite_rows
+from isotruss_ros.core.numerics.arrays import finite_array, finite_rows, MAX_MAGNITUDE
 import numpy as np
 
 #: Largest relative error of the travel of a correct roller [-].
@@ -37,9 +36,9 @@ def judge_roller(
     :raises MeasurementError: no joint was measured, or a number is not finite.
     """
     what = 'displacements of joints (dx, dy) [m]'
-    finite_rows(list(moved.values()), 2, what, MeasurementError, MAX_DISTANCE)
+    finite_rows(list(moved.values()), 2, what, MeasurementError, MAX_MAGNITUDE)
     what = 'travel and deviation [m]'
-    finite_array([travel, deviation], 2, what, MeasurementError, MAX_DISTANCE)
+    finite_array([travel, deviation], 2, what, MeasurementError, MAX_MAGNITUDE)
     found, turned, rest = _identify_roller(config, moved)
     farthest = max(np.hypot(*each) for each in moved.values())
     if farthest < 5.0 * deviation:

@@ -12,8 +12,7 @@ from typing import NamedTuple
 from isotruss_ros.calibration.home_fit import GATE_SIGMAS
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.model.pose import MAX_DISTANCE
-from isotruss_ros.core.numerics.arrays import finite_rows
+from isotruss_ros.core.numerics.arrays import finite_rows, MAX_MAGNITUDE
 from isotruss_ros.core.statics.deform import deform
 import numpy as np
 
@@ -64,7 +63,7 @@ def calibrate_stiffness(
     names, give = list(before), 1.0
     places = [joints[name] for joints in (under, before) for name in names]
     what = 'places of joints (x, y) [m]'
-    there = finite_rows(places, 2, what, MeasurementError, MAX_DISTANCE).reshape(2, -1, 2)
+    there = finite_rows(places, 2, what, MeasurementError, MAX_MAGNITUDE).reshape(2, -1, 2)
     moved = there[0] - there[1]
     finite_rows(list(pull.values()), 2, 'pull (fx, fy) [N]', MeasurementError, MAX_PULL)
     if not 0.0 < deviation < math.inf:

@@ -10,8 +10,6 @@ import re
 from isotruss_ros import core
 from isotruss_ros.calibration.measurements import MODES
 from isotruss_ros.calibration.pressed_tube import ClampedTube, press
-from isotruss_ros.core.statics.cut_frame import CutFrame
-from isotruss_ros.core.statics.load_path import follow_loads
 from isotruss_ros.core.statics.section import InflatableBeam
 from isotruss_ros.core.statics.structure import structure_of
 from isotruss_ros.core.statics.wrinkling import find_utilisation, wrinkling_moment
@@ -194,21 +192,6 @@ def test_the_track_bears_nothing_of_a_symmetric_push(name, results):
     left, right = (state.reactions[structure.node(joint)] for joint in 'LR')
     assert left[:2] == pytest.approx([-right[0], right[1]], abs=1e-6)
     assert left[1] == pytest.approx(0.5, abs=1e-6)
-
-
-@pytest.mark.parametrize('name', EDGES)
-def test_the_largest_load_is_that_of_a_mesh(name, results):
-    shape = results['figure_5'][name]
-    structure, frame = structure_of(shape.config), figure_5.pinned_frame(shape.config)
-    pieces = structure.pieces[2].repeat(3)
-    mesh = CutFrame(frame, pieces, frame.length[pieces] * np.tile([0.25, 0.5, 0.75], 3))
-    loads = np.zeros((len(mesh.points), 3))
-    loads[structure.node('T'), 1] = -1.0
-    # Nodes inside its legs move farther than the top.
-    path = follow_loads(mesh, loads, figure_5.MOST, 2.0 * figure_5.FARTHEST)
-    sunk = [-each.displacements[structure.node('T'), 1] for each in path.tangents]
-    expected = np.interp(shape.displacements[-1], sunk, path.factors)
-    assert shape.forces[-1] == pytest.approx(expected, rel=0.01)
 
 
 def test_tubes_wrinkle_before_the_triangle_gives_way(results):

@@ -11,13 +11,10 @@ from functools import cached_property
 from isotruss_ros.core.contact.flattening import Flattening
 from isotruss_ros.core.contact.surfaces import Surface
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
-from isotruss_ros.core.statics.bent_tubes import BentTubes, Displaced
+from isotruss_ros.core.statics.bent_tubes import BentTubes, Displaced, FOLLOWED_MOTION
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 
-#: Largest motion of a node without a new factorisation of the compliance [m]. Within it each step
-#: of the iteration for the bent tubes reduces the error a hundredfold.
-KEPT_MOTION = 2e-4
 #: Smallest distance of a point from the end of its piece of tube, relative to the spacing [-].
 SHORTEST_SHARE = 0.2
 
@@ -33,10 +30,8 @@ class ContactPoints:
     tube, one of p, and by forces inside the piece with fixed ends. The compliance is kept in these
     factors, along and across the bent members.
 
-    :ivar points: (c,) points on the centre lines, x + iy [m], by linear extrapolation to zero
-        contact forces.
-    :ivar skin: (c,) points on the skin toward the object, x + iy [m]; in the paper's model, on the
-        centre lines.
+    :ivar points: (c,) points on the centre lines, extrapolated to zero contact forces, x + iy [m].
+    :ivar skin: (c,) points on the skin toward the object; in the paper's model, `points` [m].
     :ivar member: (c,) index of the member (pinch point to pinch point) of each point.
     :ivar place: (c,) distance of each point from its member's start [m].
     :ivar spacing: length of tube that each point represents [m].
@@ -145,7 +140,7 @@ class ContactPoints:
         :param spacing: spacing of the other points [m].
         """
         alike = spacing == self.spacing and np.array_equal(bent.frame.whole, self.bent.frame.whole)
-        return alike and bent.tangent.distance(self.bent.tangent.factored) <= KEPT_MOTION
+        return alike and bent.tangent.distance(self.bent.tangent.factored) <= FOLLOWED_MOTION
 
     @cached_property
     def _own(self) -> Array:
@@ -218,8 +213,7 @@ class ContactState:
     :ivar gaps: (c,) distances of the deformed tubes from the surface, not negative [m].
     :ivar normals: (c,) outward unit normals of the surface, x + iy.
     :ivar displacements: (c,) displacements of `ContactPoints.skin`, x + iy [m].
-    :ivar radii: (c,) radius of curvature of the surface at the point nearest to each contact point
-        [m].
+    :ivar radii: (c,) radius of curvature of the surface nearest to each point [m].
     :ivar push: (c,) forces of the object on the tubes, x + iy [N].
     """
 
@@ -248,8 +242,7 @@ def find_contact_points(
         offset by the tube radius.
     :param spacing: distance of the points along the tube [m].
     :param flattening: local compliance of the tubes; None for the paper's model.
-    :param windows: (m, 2) interval of the points on each member, from its start [m]; None: no
-        limits.
+    :param windows: (m, 2) interval of points on each member, from its start [m]; None: no limits.
     :param bent: tubes in a similar bent state, at any places; None: straight tubes.
     :param known: other points of these tubes, and forces on them, x + iy [N]. Points near to them
         take over their compliance.

@@ -27,6 +27,7 @@ from isotruss_ros.core.contact.grasp_analysis import SolvedContact
 from isotruss_ros.core.contact.surfaces import Surface
 from isotruss_ros.core.errors import SolverError, StructureError
 from isotruss_ros.core.numerics.arrays import Array, Flags, Points
+from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS
 from isotruss_ros.core.statics.bent_tubes import BentTubes
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
@@ -43,10 +44,10 @@ LENGTH_SPREAD = 0.02
 #: reach.
 MAX_STEPS = 3
 EVERYWHERE = np.array([-np.inf, np.inf])
-#: Bounds of the iteration for the bent tubes: last motion of a node [m], number of steps [-], and
-#: ratio of successive motions above which the compliance is computed again [-]. The forces then
-#: depend on the initial guess by 1e-7 at most.
-SETTLED_MOTION, MAX_BENDS, QUICK_SHARE = 1e-8, 12, 0.5
+#: Bounds of the iteration for the bent tubes: last motion of a node [m], and ratio of successive
+#: motions above which the compliance is computed again [-]. The forces then depend on the initial
+#: guess by 1e-7 at most.
+SETTLED_MOTION, QUICK_SHARE = 1e-8, 0.5
 #: Shares of the bending by the contact forces, tried one after another [-].
 BENT_SHARES = (1.0, 0.5, 0.2, 0.0)
 
@@ -216,7 +217,7 @@ class _Search:
         """Solve at these points until the tubes are linearised about the solution."""
         surface, last, quick = self.surface.resolved(found.points.spacing), np.inf, True
         points, contact = found.points, found.contact
-        for _ in range(MAX_BENDS):
+        for _ in range(MAX_SEARCH_STEPS):
             distance = points.distance(contact.push)
             shorter = distance <= QUICK_SHARE * last
             # Soft structures, which give by a metre for a newton, move more by rounding of forces.
@@ -240,8 +241,8 @@ class _Search:
         names = self.structure.config.robot.member_names
         touched = ', '.join(names[i] for i in np.flatnonzero(_touched(found.spans)))
         raise SolverError(
-            f'{touched}: the bent tubes did not settle in {MAX_BENDS} steps (the last moved a '
-            f'node by {1e3 * last:.3g} mm); the object is pressed in too deeply, or the '
+            f'{touched}: the bent tubes did not settle in {MAX_SEARCH_STEPS} steps (the last '
+            f'moved a node by {1e3 * last:.3g} mm); the object is pressed in too deeply, or the '
             'structure gives way under it'
         )
 

@@ -10,7 +10,8 @@ from isotruss_ros.core import place_between, Polygon, Pose
 from isotruss_ros.core.contact import dents
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.estimation import grip_belief
-from isotruss_ros.core.estimation.slip_watch import FALSE_ALARM_PROBABILITY, SlipWatch
+from isotruss_ros.core.estimation.belief import FALSE_ALARM_PROBABILITY
+from isotruss_ros.core.estimation.slip_watch import SlipWatch
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
 from isotruss_ros.core.estimation.state_estimator import StateEstimator
 from isotruss_ros.core.holding.attach_grip import attach_grip
