@@ -191,7 +191,7 @@ class GripBelief:
         off = self._even * pose_difference(pose, self.grasp.pose)
         rates, noise = self._considered_rates.pose, np.diag(self.noise.variances)
         spread = rates @ self._considered @ rates.T + noise
-        return float(off @ np.linalg.solve(spread, off)) <= INNOVATION_GATE
+        return float(off @ np.linalg.solve(spread, off)) <= MAX_DEVIATIONS**2
 
     def joint_rates(self) -> Array:
         """Return the derivatives (2j, r) of the joints by the roller offsets at a fixed object."""
