@@ -60,14 +60,14 @@ LOAD, BIAS, DELAY, SHIFTS = slice(0, 3), slice(3, 6), 6, 7
 
 
 class _Rates(NamedTuple):
-    """Derivatives of pose (3, .) and squeeze (.,); rotations times the characteristic radius."""
+    """Derivatives of pose (3, p) and squeeze (p,); rotations times the characteristic radius."""
 
     pose: Array
     squeeze: Array
 
     @classmethod
     def zero(cls, size: int) -> _Rates:
-        """Return zero derivatives by a state (size,)."""
+        """Return zero derivatives by `size` quantities."""
         return cls(np.zeros((3, size)), np.zeros(size))
 
 
@@ -234,7 +234,7 @@ class GripBelief:
 
     @property
     def slipped(self) -> bool:
-        """Return whether corrections and load exceed noise and expected loads."""
+        """Return whether corrections and load exceed their expected spread, which means slip."""
         return self.slip_deviations > MAX_DEVIATIONS
 
     @property
@@ -504,7 +504,7 @@ class GripBelief:
         self._sensitivity[:SHIFTS] = sensitivity[:SHIFTS]
 
     def _differentiate(self, grasp: HeldGrip) -> None:
-        """Compute the derivatives by offsets at fixed contacts, and by the stiffness."""
+        """Compute the derivatives by roller offsets at fixed contacts, and by stiffness."""
         found, count = held_gradient(grasp), len(grasp.config.roller_positions)
         travel = travel_rates(grasp.config, grasp.contacts.members)
         along, anchors = grasp.statics.sides[:, None] * travel, slice(count + 4, None)

@@ -248,7 +248,7 @@ class SqueezeControl:
         self._velocity = command.scale * np.asarray(twist) - missing
 
     def _correction(self, belief: GripBelief, period: float) -> Array:
-        """Return the twist (3,) that corrects the pose error and the drift beyond (19)."""
+        """Return the twist (3,) that corrects the pose error, and the drift that (19) neglects."""
         here = belief.regulated_pose
         if self.reference is None:
             self.reference = here
