@@ -43,9 +43,6 @@ import numpy as np
 REST_TIME = 1.0
 #: Largest rate of the squeeze [N/s].
 MAX_FORCE_RATE = 10.0
-#: Indentation at which the search of a supposed equilibrium begins [m], and largest relative
-#: difference of its squeeze from the desired one [-].
-SUPPOSED_DEPTH, SUPPOSED_TOLERANCE = 0.01, 0.1
 #: Largest difference of stamps of the same pose [s].
 STAMP_TOLERANCE = 1e-3
 PRIOR = EstimatorSettings()
@@ -93,7 +90,7 @@ class SqueezeControl:
         self._velocity, self._elapsed, self._slipped = np.zeros(3), 0.0, 0.0
         self._stamp = -math.inf
         self._missed = self._supposing = False  # whether searches for an equilibrium failed
-        self._depth = SUPPOSED_DEPTH
+        self._depth = self.settings.zeros
 
     def rest(self) -> None:
         """Discard the reference; it restarts from the object's pose at the next motion."""
@@ -288,9 +285,9 @@ class SqueezeControl:
     def _is_desired(self, found: HeldGrip) -> bool:
         """Return whether a supposed squeeze is the desired one; else correct the depth."""
         share = found.squeeze / self.settings.force
-        if abs(share - 1.0) <= SUPPOSED_TOLERANCE:
+        if abs(share - 1.0) <= 2.0 * PRIOR.squeeze_error:
             return True
-        self._depth = min(self._depth / max(share, 0.25), 4.0 * SUPPOSED_DEPTH)
+        self._depth = min(self._depth / max(share, 0.25), 4.0 * self.settings.zeros)
         return False
 
     def _observe(self, belief: GripBelief, pose: Pose, age: float, elapsed: float) -> None:
