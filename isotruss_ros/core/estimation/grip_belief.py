@@ -147,6 +147,11 @@ class GripBelief:
         return self.grasp.squeeze + float(self._pending[3] + give)
 
     @property
+    def differentiated(self) -> HeldGrip:
+        """Return the equilibrium of the derivatives, within `MAX_RATE_TRAVEL` of roller travel."""
+        return self._differentiated  # type: ignore[return-value]
+
+    @property
     def squeeze_deviation(self) -> float:
         """Return the standard deviation of the squeeze, including the model error [N]."""
         own, rates = self._rates.squeeze, self._considered_rates.squeeze
@@ -176,6 +181,17 @@ class GripBelief:
         by_considered = rates / self._even[:, None] + own @ self._sensitivity
         spread = own @ self._covariance @ own.T
         return spread + by_considered @ self._considered @ by_considered.T
+
+    def explains(self, pose: Pose) -> bool:
+        """
+        Return whether offsets, stiffness and noise explain a pose without external load.
+
+        :param pose: measured pose of the object.
+        """
+        off = self._even * pose_difference(pose, self.grasp.pose)
+        rates, noise = self._considered_rates.pose, np.diag(self.noise.variances)
+        spread = rates @ self._considered @ rates.T + noise
+        return float(off @ np.linalg.solve(spread, off)) <= MAX_DEVIATIONS**2
 
     def joint_rates(self) -> Array:
         """Return the derivatives (2j, r) of the joints by the roller offsets at a fixed object."""
