@@ -126,7 +126,6 @@ class ContactPoints:
         if push is None:
             found = points_on_members(bent, self.spacing)
         else:
-            bent.tangent.borrow(self.bent.tangent)
             found = replace(self, place=bent.cuts, bent=bent)
             there, axis = _line(bent, found.move(push)[0])
             found = replace(found, axis=axis)
@@ -135,15 +134,35 @@ class ContactPoints:
         skin = found.points + (self.skin - self.points) / self.axis * found.axis
         return replace(found, skin=skin, dents=self.dents)
 
-    def is_near(self, bent: BentTubes, spacing: float) -> bool:
-        """
-        Return whether the compliance is about that of as many points at other places.
+    @property
+    def kept(self) -> float:
+        """Return the largest motion of nodes since the compliance was computed [m]."""
+        return self._apart(self.bent)
 
-        :param bent: the tubes there, linearised about another state.
+    def _apart(self, bent: BentTubes) -> float:
+        """Return the largest motion of nodes since then, in another state [m]."""
+        return float(np.abs(bent.tangent.points - self.bent.tangent.factored.points).max())
+
+    def lend(self, bent: BentTubes) -> bool:
+        """
+        Let tubes in a near state use the factored frame; return whether they do.
+
+        :param bent: the tubes, at any places.
+        """
+        alike = not bent.is_straight and bent.structure.pressures == self.bent.structure.pressures
+        near = alike and self._apart(bent) <= KEPT_MOTION
+        if near:
+            bent.tangent.borrow(self.bent.tangent)
+        return near
+
+    def is_parallel(self, bent: BentTubes, spacing: float) -> bool:
+        """
+        Return whether the points are as many as those of other tubes, with one spacing.
+
+        :param bent: the tubes there.
         :param spacing: of the other points [m].
         """
-        alike = spacing == self.spacing and np.array_equal(bent.frame.whole, self.bent.frame.whole)
-        return alike and bent.tangent.distance(self.bent.tangent.factored) <= KEPT_MOTION
+        return spacing == self.spacing and np.array_equal(bent.frame.whole, self.bent.frame.whole)
 
     @cached_property
     def _own(self) -> Array:
@@ -270,7 +289,7 @@ def find_contact_points(
     place = np.clip(foot[member] + spacing * number, 0.0, length[member])
     tubes = BentTubes(structure, member, place, shortest=SHORTEST_SHARE * spacing)
     tubes = tubes if bent is None else tubes.bent_like(bent)
-    if known is not None and known[0].is_near(tubes, spacing):
+    if known is not None and known[0].lend(tubes) and known[0].is_parallel(tubes, spacing):
         return known[0].about(tubes, known[1])
     points = points_on_members(tubes, spacing)
     if flattening is None:

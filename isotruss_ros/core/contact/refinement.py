@@ -41,10 +41,17 @@ LENGTH_SPREAD = 0.02
 #: Largest number of steps to find the regions [-]; otherwise points are on all tubes within reach.
 MAX_STEPS = 3
 EVERYWHERE = np.array([-np.inf, np.inf])
-#: Tubes are bent until no node moves by more than this [m], at most so often: forces are then the
-#: same to 1e-7 whatever the search began with. Their compliance is computed anew where a step is
-#: not shorter by this share than the one before [-].
-SETTLED_MOTION, MAX_BENDS, QUICK_SHARE = 1e-8, 12, 0.5
+#: The next motion of a node is this share of the last one [-], times the sum of this and of the
+#: motion since the compliance was computed [1/m].
+TUBE_CURVATURE = 15.0
+#: Least share of the last motion that the next one is [-]: of contact along normals of a disc, and
+#: of contact across the tubes, which turns with them.
+LEAST_RATES = (1e-3, 0.1)
+#: Tubes are bent until the next motion is less than this share of the motion of the skin [-], or
+#: less than rounding [m]: forces are then the same to 1e-7 whatever the search began with.
+SETTLED_SHARE, SETTLED_MOTION = 5e-8, 1e-12
+#: The compliance is computed anew where motions shrink by less than to this share [-].
+QUICK_RATE, MAX_BENDS = 0.1, 12
 #: Shares of the bending by the contact forces, tried in turn [-].
 BENT_SHARES = (1.0, 0.5, 0.2, 0.0)
 
@@ -209,11 +216,14 @@ class _Search:
         """Solve at these points until the linearisation agrees with the state."""
         surface, last = self.surface.resolved(found.points.spacing), np.inf
         points, contact = found.points, found.contact
+        least = LEAST_RATES[self.budget is not None]
         for _ in range(MAX_BENDS):
             distance = points.distance(contact.push)
-            if distance <= SETTLED_MOTION:
+            rate = max(TUBE_CURVATURE * (distance + points.kept), least, distance / last)
+            reach = np.abs(contact.displacements).max(initial=0.0)
+            if rate * distance <= max(SETTLED_SHARE * reach, SETTLED_MOTION):
                 return found if points is found.points else self._measure(points, contact)
-            quick, last = distance <= QUICK_SHARE * last, distance
+            quick, last = rate <= QUICK_RATE, distance
 
             def solve(
                 bent: BentTubes,
@@ -221,7 +231,7 @@ class _Search:
                 contact: ContactState = contact,
                 quick: bool = quick,
             ) -> tuple[ContactPoints, ContactState]:
-                quick = quick and points.is_near(bent, points.spacing)
+                quick = quick and points.lend(bent)
                 there = points.about(bent, contact.push if quick else None)
                 found = contact.forces, contact.normals, contact.push
                 return there, self.solver(there, surface, *found)

@@ -26,7 +26,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 #: Tolerance of closed gaps [m].
-GAP_TOLERANCE = 1e-10
+GAP_TOLERANCE = 1e-11
 #: Steepest tangent of the object against the tube, as a direction; steeper ones are turned to it.
 STEEPEST = np.exp(1j * np.deg2rad(75.0))
 #: Number of steps from one start, and of half steps of the second start [-]; 20 solve the same

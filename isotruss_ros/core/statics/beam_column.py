@@ -43,6 +43,7 @@ class EndForces(NamedTuple):
     :ivar stiffness: (k, 3, 3) derivatives of (N, M1, M2) by (l, t1, t2).
     :ivar stressed: (k,) N, and (k,) M1 + M2, that act on the turned chord: before the step of
         Newton's method that makes the energy stationary in N as well.
+    :ivar gap: (k,) elongations without forces before this step, whose forces it adds [m].
     :ivar rates: (k, 3) derivatives of N, M1 and M2 by the rest lengths, the ends fixed; None
         unless they were asked for.
     """
@@ -51,6 +52,7 @@ class EndForces(NamedTuple):
     moments: Array
     stiffness: Array
     stressed: tuple[Array, Array]
+    gap: Array
     rates: Array | None = None
 
 
@@ -125,14 +127,14 @@ class BeamColumns:
         turning = rotary[0] + pull * (rotary[1] + pull * rotary[2])
         stiffness[1, 1:], stiffness[2, 1:] = turning[:2], turning[1:]
         stiffness[1:, 1:] += slope[:, None] * steep
-        stressed = pull, moments.sum(axis=0)
+        stressed, gap = (pull, moments.sum(axis=0)), (nearest - pull) / soft
         if known is not None:
             pull, moments = nearest, moments + slope * (nearest - pull)
         if not self._step:
-            return EndForces(pull, moments.T, stiffness.T, stressed)
+            return EndForces(pull, moments.T, stiffness.T, stressed, gap)
         rates = np.array([pull, *moments]).imag / STEP
         real = pull.real, moments.T.real, stiffness.T.real, tuple(each.real for each in stressed)
-        return EndForces(*real, rates.T)
+        return EndForces(*real, gap.real, rates.T)
 
 
 def evaluate_rates(

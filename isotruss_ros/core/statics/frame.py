@@ -11,7 +11,7 @@ bent frame by Newton's method, whose first step is `solve`.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 import itertools
 from typing import NamedTuple
@@ -93,6 +93,20 @@ class CondensedChains(NamedTuple):
     stiffness: Array
 
 
+class FactoredFrame(NamedTuple):
+    """
+    The factored matrix of (4), for responses in near states as well.
+
+    :ivar factor: factor of the scaled matrix.
+    :ivar scale: (f + c,) scaling of its rows and columns.
+    :ivar points: (n,) displaced nodes, see `Tangent.points` [m].
+    """
+
+    factor: Factor
+    scale: Array
+    points: Points
+
+
 @dataclass(frozen=True, eq=False)
 class Tangent:
     """
@@ -105,7 +119,6 @@ class Tangent:
     :ivar forces: forces of the members.
     :ivar motions: (k, 4, 6) stretch and sway of the chords and turns of the ends, by motions.
     :ivar stretched: (k,) l - l0 [m], and (k, 2) turns of the ends against the chords [rad].
-    :ivar carried: (3 n,) loads and reactions that these displacements take [N], [N m].
     :ivar gaps: (c,) gaps of the constraints.
     :ivar stiffness: (k, 4, 4) of the members, by stretch and sway of the chords and turns.
     """
@@ -117,9 +130,9 @@ class Tangent:
     motions: Array
     stretched: tuple[Array, Array]
     forces: EndForces
-    carried: Array
     gaps: Array
     stiffness: Array
+    _pushed: Array  # the loads of `carried`, by the own members
     _frame: Frame
     _rows: tuple[Array, Array]  # entries of the constraints, and what their turning adds
 
@@ -148,14 +161,15 @@ class Tangent:
         return self._frame._assemble(self._condensed[0], *self._rows)
 
     @cached_property
-    def factor(self) -> Factor:
+    def factored(self) -> FactoredFrame:
         """
-        Return the factor of the matrix.
+        Return the factored matrix.
 
         :raises StructureError: the structure has no stiffness in its bent shape.
         """
+        matrix, scale = self.system
         try:
-            return factorize(self.system[0].copy())
+            return FactoredFrame(factorize(matrix.copy()), scale, self.points)
         except np.linalg.LinAlgError as error:
             raise StructureError('the structure has no stiffness in its bent shape') from error
 
@@ -171,11 +185,12 @@ class Tangent:
             borne = loads.copy()
             for (_, inner, ends), _, spread, _ in self.chains:
                 borne[ends] += spread.swapaxes(1, 2) @ loads[inner]
-        solved, scale = self._frame.pattern.solved, self.system[1][:, None]
-        free, right = len(solved), np.empty((len(scale), loads.shape[1]))
+        solved, (factor, scaling, _) = self._frame.pattern.solved, self.factored
+        free, scale = len(solved), scaling[:, None]
+        right = np.empty((len(scale), loads.shape[1]))
         right[:free], right[free:] = borne[solved], gaps
         right *= scale
-        found = self.factor.solve(right)
+        found = factor.solve(right)
         found *= scale
         moved = np.zeros_like(loads)
         moved[solved] = found[:free]
@@ -185,27 +200,49 @@ class Tangent:
 
     def borrow(self, other: Tangent) -> None:
         """
-        Use the factor of the frame in a near state.
+        Use the factor of the frame in a near state; before anything else.
 
-        :param other: frame linearised there.
+        :param other: frame linearised there, with any cuts.
         """
-        for name in ('_condensed', 'system', 'factor', 'factored'):
-            self.__dict__[name] = getattr(other, name)
+        frame, known, lender = self._frame, other._frame, other._linear
+        kept = {'factored': other.factored, '_lent': lender}
+        if np.array_equal(frame.whole, known.whole):
+            kept['_condensed'] = other._condensed
+        else:
+            alike = np.flatnonzero(frame.uncut & known.uncut)
+            own = self.motions, self.length, self.forces.stiffness
+            motions, length, stiffness = mixed = [each.copy() for each in own]
+            others = lender.motions, lender.length, lender.forces.stiffness
+            for each, another in zip(mixed, others, strict=True):
+                each[alike] = another[alike]
+            forces = self.forces._replace(stiffness=stiffness)
+            kept['_lent'] = replace(self, motions=motions, length=length, forces=forces)
+        self.__dict__.update(kept)
+
+    @property
+    def _linear(self) -> Tangent:
+        """Return the frame with the members by which `respond` is."""
+        return self.__dict__.get('_lent', self)
 
     @cached_property
-    def factored(self) -> Points:
-        """Return the nodes (n,) for which the frame is factored, x + iy [m]."""
-        return self._frame.points + self.displacements @ (1.0, 1j, 0.0)
+    def carried(self) -> Array:
+        """Return the loads and reactions (3 n,) that these displacements take [N], [N m]."""
+        if self._linear is self:
+            return self._pushed
+        # The missing elongation of a stiff member is the gap of a constraint: its force acts along
+        # the member as it is factored, or else it would move soft ones.
+        frame, gap = self._frame, self.forces.gap[:, None, None]
+        pushed = sum(
+            sign * frame.nodal_forces(each, slice(None), gap * each.forces.stiffness[:, :, :1])
+            for each, sign in ((self._linear, 1.0), (self, -1.0))
+        )
+        return self._pushed + np.bincount(frame.places.ravel(), pushed.ravel(), len(self._pushed))
 
-    def distance(self, nodes: Points) -> float:
-        """
-        Return the largest distance of nodes, but for points inside members, from others [m].
-
-        :param nodes: (n,) the others, x + iy [m].
-        """
+    @property
+    def points(self) -> Points:
+        """Return the displaced nodes (n,), but for points inside members, x + iy [m]."""
         count = len(self._frame.points) - len(self._frame.nodes)
-        own = self._frame.points[:count] + self.displacements[:count] @ (1.0, 1j, 0.0)
-        return float(np.abs(own - nodes[:count]).max())
+        return self._frame.points[:count] + self.displacements[:count] @ (1.0, 1j, 0.0)
 
     @property
     def end_forces(self) -> Array:
@@ -218,7 +255,8 @@ class Tangent:
 
         :param moved: (n, 3) ux, uy [m], theta [rad].
         """
-        changes, longer = self._frame.force_changes(self, moved[..., None])
+        # Forces of stiff members are in balance only by the stiffness of the responses.
+        changes, longer = self._frame.force_changes(self._linear, moved[..., None])
         pull, moments = (
             self.forces.pull + changes[:, 0, 0],
             self.forces.moments + changes[:, 1:, 0],
@@ -283,13 +321,23 @@ class Frame:
         return BeamColumns(self.length, *self.members[2:], rated=self._rated)
 
     @cached_property
+    def uncut(self) -> Flags:
+        """Return the mask of the members of the uncut frame that are in one part."""
+        return np.bincount(self.whole) == 1
+
+    @property
+    def straight(self) -> Tangent:
+        """Return the frame linearised without loads, not factored."""
+        return self.tangent(np.zeros((len(self.points), 3)), np.zeros(self.rows.count))
+
+    @cached_property
     def rest(self) -> Tangent:
         """
         Return the frame linearised without loads, (4).
 
         :raises StructureError: the frame is a mechanism; names the nodes that move.
         """
-        tangent = self.tangent(np.zeros((len(self.points), 3)), np.zeros(self.rows.count))
+        tangent = self.straight
         matrix, scale = tangent.system
         factor, condition = factorize_with_condition(matrix)
         if factor is None or not condition < MAX_CONDITION:
@@ -298,7 +346,7 @@ class Frame:
                 f'the structure is a mechanism: {moving} can move without resistance; '
                 'support it or connect it'
             )
-        tangent.__dict__['factor'] = factor
+        tangent.__dict__['factored'] = FactoredFrame(factor, scale, tangent.points)
         return tangent
 
     def tangent(
@@ -336,9 +384,9 @@ class Frame:
             motions,
             stretched,
             forces,
-            carried,
             gaps,
             chord_stiffness(length, forces),
+            carried,
             self,
             (values, pairs),
         )
